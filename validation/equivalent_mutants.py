@@ -50,8 +50,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     (POSED, "if len(self._batches) > 8:", "..."): SPEED,
     (
         LOOPS,
-        "self._level = float(size[0]) if np.isfinite(size[0]) else 0.0",
-        "self._level = float(size[0]) if np.isfinite(size[0]) else 1.0",
+        "self._log_scale = float(size[0]) if np.isfinite(size[0]) else 0.0",
+        "self._log_scale = float(size[0]) if np.isfinite(size[0]) else 1.0",
     ): "the determinant has a unit of its own",
     (
         LOOPS,
@@ -278,8 +278,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     **{
         (
             LOOPS,
-            "return FLOOR * max(1.0, float(self.sizes.max()))",
-            f"return FLOOR * max({least}, float(self.sizes.max()))",
+            "return FLOOR * max(1.0, float(self.characteristic_lengths.max()))",
+            f"return FLOOR * max({least}, float(self.characteristic_lengths.max()))",
         ): "rounding lies far below either"
         for least in ("0.1", "10.0")
     },

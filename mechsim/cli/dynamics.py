@@ -43,7 +43,7 @@ from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_running
 from mechsim.simulation.dynamics.free_running import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
-from mechsim.simulation.stepping import Watch
+from mechsim.simulation.stepping import Progress
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import profile_of
 from mechsim.studies.sensitivity.quantities import unit_of
@@ -191,17 +191,17 @@ def _require_room(machine: Machine, instants: int) -> None:
     require_room(what, instants, HELD * numbers, "take {most} at the most, or --method none")
 
 
-def _sections(tick: Tick, names: Sequence[str]) -> list[Watch]:
+def _sections(tick: Tick, names: Sequence[str]) -> list[Progress]:
     """Return what is told how far each of so many pieces of work has come, all of about one length."""
 
-    def watch(i: int, name: str) -> Watch:
+    def watch(i: int, name: str) -> Progress:
         return lambda done, part: tick(f"{name}, {done}", (i + part) / len(names))
 
     return [watch(i, name) for i, name in enumerate(names)]
 
 
 def _simulated(
-    machine: Machine, profile: CrankProfile, asked: DynamicsOptions, *watches: Watch
+    machine: Machine, profile: CrankProfile, asked: DynamicsOptions, *watches: Progress
 ) -> tuple[Driven | None, Verdict | None]:
     if asked.road == "none":
         return None, None

@@ -65,9 +65,9 @@ def print_promise(told: dict[str, Any] | None) -> None:
 
 def driven_promise(run: Driven | None) -> dict[str, Any] | None:
     """Return what came of the tolerance of a prescribed run as plain data; None where none was given."""
-    if run is None or run.promise is None:
+    if run is None or run.tolerance_report is None:
         return None
-    one = run.promise
+    one = run.tolerance_report
     found = {name: one.estimates.get(name, 0.0) for name in ("torque", "reactions", "halving", "balance")}
     names = {"torque": "torque", "reactions": "reactions", "halving": "halved steps"}
     parts = ", ".join(f"{words} {found[name]:.1e}" for name, words in names.items())
@@ -80,9 +80,9 @@ def driven_promise(run: Driven | None) -> dict[str, Any] | None:
 
 def free_promise(run: SteppedFreeRun | None) -> dict[str, Any] | None:
     """Return what came of the tolerance of a free run as plain data; None where none was given."""
-    if run is None or run.promise is None:
+    if run is None or run.tolerance_report is None:
         return None
-    return _promise(run, run.promise) | {"of": "rad of the crank", "by": "by halved steps"}
+    return _promise(run, run.tolerance_report) | {"of": "rad of the crank", "by": "by halved steps"}
 
 
 def _promise(run: Any, one: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 
 
-def require_alike(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
+def require_aligned(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
     """Refuse a mechanism put together with sides of a joint opposed, as a point alone lets them be.
 
     Args:

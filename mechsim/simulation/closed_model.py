@@ -16,9 +16,9 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
-from mechsim.simulation.antiparallel_axes import require_alike
-from mechsim.simulation.contact_filtering import leave_out
-from mechsim.simulation.drivers import drive_of, with_clock
+from mechsim.simulation.antiparallel_axes import require_aligned
+from mechsim.simulation.contact_filtering import exclude_contacts
+from mechsim.simulation.drivers import find_drivers, with_parameter_joint
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.changes import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
@@ -26,11 +26,11 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.recorded_motion import Track, add_sensors
-from mechsim.simulation.redundant_drivers import refusal, stuck
-from mechsim.simulation.straight_path import brought
+from mechsim.simulation.redundant_drivers import overdetermined_error, immobile_drivers
+from mechsim.simulation.straight_path import move_drivers
 
 
-class Described(Protocol):
+class HasMechanism(Protocol):
     """What has a description, as a catalogue mechanism has."""
 
     @property
@@ -54,7 +54,7 @@ class ReadModel(Protocol):
 
 
 Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
-Source = Model | Described | ReadModel
+Source = Model | HasMechanism | ReadModel
 
 NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 # turn, in [rad], by which a freedom that the crank leaves is tried
@@ -76,8 +76,8 @@ class ClosedModel:
 
     loops: ModelLoops
     track: Track
-    closed: Array
-    own: bool = field(default=False, kw_only=True)
+    qpos: Array
+    custom: bool = field(default=False, kw_only=True)
     note: str = field(default="", kw_only=True)
 
     @property
@@ -88,45 +88,45 @@ class ClosedModel:
     @property
     def angle(self) -> float:
         """Angle of the crank, or of the drivers' clock, in the closed state, in [rad]."""
-        return float(self.closed[self.loops.crank_place])
+        return float(self.qpos[self.loops.crank_address])
 
     @property
-    def touching(self) -> bool:
+    def has_contacts(self) -> bool:
         """Whether contacts act."""
         return not self.model.opt.disableflags & NO_CONTACT
 
-    def untouched(self, settled: NDArray[np.bool_]) -> "ClosedModel":
+    def without_contacts(self, settled: NDArray[np.bool_]) -> "ClosedModel":
         """Return the same without contacts among some bodies, (nbody,)."""
-        loops = self.loops.over_copy()
-        leave_out(loops.model, settled)
+        loops = self.loops.with_model_copy()
+        exclude_contacts(loops.model, settled)
         return replace(self, loops=loops)
 
-    def places(self, states: Array) -> Array:
+    def point_positions(self, states: Array) -> Array:
         """Return the places of the tracked points at n states, (n, k, 3) in [m]."""
-        return self.loops.sites(states)[:, [self.model.site(name).id for name in self.track.points]]
+        return self.loops.site_positions(states)[:, [self.model.site(name).id for name in self.track.points]]
 
     @property
     def driven_points(self) -> tuple[str, ...]:
         """The tracked points that the crank moves alone; all where there is none."""
-        settled = zip(self.track.points, self.loose, strict=True)
+        settled = zip(self.track.points, self.undetermined_points, strict=True)
         return tuple(name for name, loose in settled if not loose) or self.track.points
 
     @cached_property
-    def loose(self) -> NDArray[np.bool_]:
+    def undetermined_points(self) -> NDArray[np.bool_]:
         """Which tracked points can move with the drivers held, (k,): poses alone do not settle them."""
         loops = self.loops
-        held = loops.held(loops.linearise(self.closed[None])[1])[0]
+        held = loops.constrained_jacobian(loops.linearise(self.qpos[None])[1])[0]
         _, values, freedoms = np.linalg.svd(held)
         rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
         moves = np.zeros((len(freedoms) - rank, self.model.nv))
         moves[:, loops.free] = NUDGE * freedoms[rank:]
-        nudged = loops.moved(np.repeat(self.closed[None], len(moves), 0), moves)
-        places = self.places(np.concatenate([self.closed[None], nudged]))
+        nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
+        places = self.point_positions(np.concatenate([self.qpos[None], nudged]))
         # the second order, a nudge's square, is what a closed loop lets a point move
-        return np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.size
+        return np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.characteristic_length
 
 
-def of_source(
+def from_source(
     source: Source,
     scene: Scene | None = None,
     *,
@@ -150,12 +150,12 @@ def of_source(
         InputError: where the model cannot be read, or has no point to track.
         AssemblyError: if its loops do not close where the drivers stand at first.
     """
-    closed = _of_source(source, scene, drivers, lock, key)
-    closed.loops.passing = getattr(source, "change_point", "smooth")
+    closed = _from_source(source, scene, drivers, lock, key)
+    closed.loops.change_point = getattr(source, "change_point", "smooth")
     return closed
 
 
-def _of_source(
+def _from_source(
     source: Source,
     scene: Scene | None,
     drivers: Sequence[str] | str | None,
@@ -164,14 +164,14 @@ def _of_source(
 ) -> ClosedModel:
     read = read_model(source)
     if read is not None:
-        return _as_read(source, read, drivers)
-    model = described(source)
+        return _from_read_model(source, read, drivers)
+    model = description(source)
     spec = load(model, (scene or Scene()).under(getattr(source, "forces", None)))
     points = tracked_points(model, spec)
     if isinstance(model, Mechanism):
         programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))
-        return of_mechanism(model, spec, points, programmed=programmed)
-    return _own(spec, points, CRANK if drivers is None else drivers, holds or {}, _keyed(spec, key))
+        return from_mechanism(model, spec, points, programmed=programmed)
+    return _custom_model(spec, points, CRANK if drivers is None else drivers, holds or {}, _keyframe_qpos(spec, key))
 
 
 def read_model(source: Source) -> ReadModel | None:
@@ -182,14 +182,14 @@ def read_model(source: Source) -> ReadModel | None:
     return None
 
 
-def _as_read(source: Source, read: ReadModel, drivers: Sequence[str] | str | None) -> ClosedModel:
+def _from_read_model(source: Source, read: ReadModel, drivers: Sequence[str] | str | None) -> ClosedModel:
     """Return the model of a file that was read; where its digits let no loop close, of the mechanism meant.
 
     The mechanism is that of a source whose joints were moved until the loops close.
     """
     told, asked = read.mechanism, drivers if drivers is not None else read.mechanism.driver
     try:
-        return _own(read.spec.copy(), tuple(told.points), asked, told.locked, read.qpos)
+        return _custom_model(read.spec.copy(), tuple(told.points), asked, told.locked, read.qpos)
     except AssemblyError:
         meant = getattr(source, "mechanism", told)
         if meant is told or not isinstance(meant, Mechanism):
@@ -198,10 +198,10 @@ def _as_read(source: Source, read: ReadModel, drivers: Sequence[str] | str | Non
         "to the digits of the file its loops close in no pose: what was run is the mechanism read from it, "
         "its joints moved until they do, without the file's masses, contacts and actuators"
     )
-    return replace(of_source(meant, drivers=drivers), note=note)
+    return replace(from_source(meant, drivers=drivers), note=note)
 
 
-def _own(
+def _custom_model(
     spec: mujoco.MjSpec,
     points: tuple[str, ...],
     drivers: Sequence[str] | str,
@@ -214,17 +214,17 @@ def _own(
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
         loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)))
-        loops, begin = _begun_at(loops, _from(loops, start))
-        assert loops.drive is not None
-        stands = zip(loops.drive.names, begin[loops.drive.places].tolist(), strict=True)
+        loops, begin = _closed_at_drivers(loops, _start_qpos(loops, start))
+        assert loops.drivers is not None
+        stands = zip(loops.drivers.names, begin[loops.drivers.addresses].tolist(), strict=True)
         there = {name: value if (asked := holds.get(name)) is None else asked for name, value in stands}
-        start = brought(loops, begin, np.array([*there.values()]), "where joints are held")
-        start = np.delete(start, loops.crank_place)
+        start = move_drivers(loops, begin, np.array([*there.values()]), "where joints are held")
+        start = np.delete(start, loops.crank_address)
         lock_joints(spec, {name: there[name] for name in holds})
-    return replace(of_spec(spec, points, drivers, start=start), own=True)
+    return replace(from_spec(spec, points, drivers, start=start), custom=True)
 
 
-def _keyed(spec: mujoco.MjSpec, key: str | None) -> Array | None:
+def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
     """Return the state of a keyframe, (nq,); None where none is asked for."""
     if key is None:
         return None
@@ -236,17 +236,17 @@ def _keyed(spec: mujoco.MjSpec, key: str | None) -> Array | None:
     return model.key_qpos[names.index(key)]
 
 
-def of_mechanism(
+def from_mechanism(
     mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, programmed: bool
 ) -> ClosedModel:
     """Return the model that was generated of a mechanism; `programmed` where programs move its drivers."""
     asked = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
-    closed = of_spec(spec, points, asked, called=_called(mechanism, programmed=programmed))
+    closed = from_spec(spec, points, asked, called=_coordinate_names(mechanism, programmed=programmed))
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
     return replace(closed, track=replace(closed.track, hidden=hidden))
 
 
-def described(source: Source) -> Model:
+def description(source: Source) -> Model:
     """Return the description of what has one, and anything else that is a model as it is.
 
     Raises:
@@ -261,7 +261,7 @@ def described(source: Source) -> Model:
     return model
 
 
-def of_spec(
+def from_spec(
     spec: mujoco.MjSpec,
     points: tuple[str, ...],
     drivers: Sequence[str] | str = CRANK,
@@ -278,11 +278,11 @@ def of_spec(
         called: joint of the model -> as what it is recorded, as in `Track`.
         start: state in which it starts, (nq,); None for the reference configuration.
     """
-    track = replace(add_sensors(spec, points), called=called or {})
+    track = replace(add_sensors(spec, points), coordinates=called or {})
     loops = closed_loops(spec, drivers)
-    if loops.drive is not None:
-        loops.drive = replace(loops.drive, names=tuple(track.name(name)[0] for name in loops.drive.names))
-    loops, closed = _begun_at(loops, _from(loops, start))
+    if loops.drivers is not None:
+        loops.drivers = replace(loops.drivers, names=tuple(track.name(name)[0] for name in loops.drivers.names))
+    loops, closed = _closed_at_drivers(loops, _start_qpos(loops, start))
     return ClosedModel(loops, track, closed)
 
 
@@ -290,8 +290,8 @@ def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoop
     """Return the loops of a specification: of a crank, or of drivers that stand where the model has them."""
     if isinstance(drivers, str):
         return ModelLoops(compiled(spec), drivers)
-    model = compiled(with_clock(spec))
-    return ModelLoops(model, drive=drive_of(model, tuple(drivers)))
+    model = compiled(with_parameter_joint(spec))
+    return ModelLoops(model, drivers=find_drivers(model, tuple(drivers)))
 
 
 def _closed(loops: ModelLoops, rough: Array) -> Array:
@@ -303,27 +303,27 @@ def _closed(loops: ModelLoops, rough: Array) -> Array:
     try:
         return loops.close(rough[None])[0]
     except AssemblyError:
-        locked = () if loops.drive is None else stuck(loops, loops.linearise(rough[None])[1][0])
+        locked = () if loops.drivers is None else immobile_drivers(loops, loops.linearise(rough[None])[1][0])
         if locked:
-            raise refusal(loops, locked, 0.0) from None
+            raise overdetermined_error(loops, locked, 0.0) from None
         raise
 
 
-def _from(loops: ModelLoops, start: Array | None) -> Array:
+def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
     """Return a start of the model's own as one of the loops, which may have a clock; else the reference."""
     if start is None:
         return loops.model.qpos0.copy()
-    return start.copy() if loops.drive is None else np.insert(start, loops.crank_place, 0.0)
+    return start.copy() if loops.drivers is None else np.insert(start, loops.crank_address, 0.0)
 
 
-def _begun_at(loops: ModelLoops, rough: Array) -> tuple[ModelLoops, Array]:
+def _closed_at_drivers(loops: ModelLoops, rough: Array) -> tuple[ModelLoops, Array]:
     """Return loops whose drivers stand as in a rough state, and the closed state nearest to it, (nq,)."""
-    if loops.drive is not None:
-        loops = loops.standing(rough[loops.drive.places])
+    if loops.drivers is not None:
+        loops = loops.with_drivers_locked(rough[loops.drivers.addresses])
     return loops, _closed(loops, rough)
 
 
-def _called(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
+def _coordinate_names(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
     """Return joint of the model -> coordinate, and which of several it is; a lone crank is called so."""
     of = model_names(mechanism)
     called: dict[str, tuple[str, int | None]] = {
@@ -369,10 +369,10 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     Raises:
         AssemblyError: if the loops do not close there.
     """
-    loops, rough = guessed(mechanism, scene)
+    loops, rough = initial_guess(mechanism, scene)
     many = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
     poses = {name: pose.at(0) for name, pose in many.items()}
-    require_alike(mechanism, poses)
+    require_aligned(mechanism, poses)
     return generate(mechanism, scene, poses)
 
 
@@ -390,7 +390,7 @@ def link_poses(mechanism: Mechanism, model: mujoco.MjModel, states: Array) -> di
     return {name: Pose(places[name], turns[name]) for name in places}
 
 
-def guessed(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
+def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
     """Return the model whose links stand as the mechanism's guess has them, and its state at `start`, (nq,).
 
     The loops are not closed in that state.
@@ -399,11 +399,11 @@ def guessed(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
     if mechanism.has_crank:
         loops = closed_loops(spec, CRANK)
         rough = loops.model.qpos0.copy()
-        rough[loops.crank_place] = mechanism.start
+        rough[loops.crank_address] = mechanism.start
         return loops, rough
     loops = closed_loops(spec, mechanism.drivers)
-    assert loops.drive is not None
+    assert loops.drivers is not None
     rough = loops.model.qpos0.copy()
-    for name, place in zip(loops.drive.names, loops.drive.places, strict=True):
+    for name, place in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
         rough[place] = mechanism.counted.get(name, rough[place])
-    return loops.standing(rough[loops.drive.places]), rough
+    return loops.with_drivers_locked(rough[loops.drivers.addresses]), rough

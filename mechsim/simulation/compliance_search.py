@@ -7,15 +7,15 @@ in validation/choices/compliance.py.
 
 from collections.abc import Callable
 
-from mechsim.simulation.refine import AIM, GAIN
+from mechsim.simulation.refine import TARGET_FRACTION, MIN_GAIN
 
 # beyond these nothing falls any more: MuJoCo's own least softness, and its own softness
 HARDEST, SOFTEST = 1e-16, 1.0
 # what a compliance is changed by at least
-STEP = 100.0
+MIN_FACTOR = 100.0
 
 
-def less_left(
+def improving_compliance(
     error: Callable[[float], float], compliance: float, known: float, tolerance: float
 ) -> tuple[float, float] | None:
     """Return a compliance by which much less is left of an error, and how much; None where none was found.
@@ -26,14 +26,14 @@ def less_left(
         known: that error, in [m].
         tolerance: that it should keep, in [m].
     """
-    far = max(STEP, known / (AIM * tolerance))
+    far = max(MIN_FACTOR, known / (TARGET_FRACTION * tolerance))
     tried = {compliance}
-    for other in (compliance / far, compliance * far, compliance * STEP):
+    for other in (compliance / far, compliance * far, compliance * MIN_FACTOR):
         there = min(max(other, HARDEST), SOFTEST)
         if there in tried:
             continue
         tried.add(there)
         left = error(there)
-        if left <= tolerance or left < GAIN * known:
+        if left <= tolerance or left < MIN_GAIN * known:
             return there, left
     return None

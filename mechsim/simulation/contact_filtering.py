@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 BITS = 31
 
 
-def leave_out(model: mujoco.MjModel, settled: NDArray[np.bool_]) -> None:
+def exclude_contacts(model: mujoco.MjModel, settled: NDArray[np.bool_]) -> None:
     """Take the contacts among some bodies out of a compiled model; where its masks have no bit left, none.
 
     What they meet with of other bodies stays: each kind of their geoms takes a bit of its own, by which the

@@ -7,14 +7,14 @@ from mechsim.maths.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
 
 # states looked at before the end
-BEFORE = 20
+LAST_STATES = 20
 # part of the way to a singular pose that is near
-SINGULAR = 1e-2
-STIFF = "stiffness: nothing else was met on the way; take smaller steps, or softer loops"
+NEAR_SINGULAR = 1e-2
+STIFFNESS_MESSAGE = "stiffness: nothing else was met on the way; take smaller steps, or softer loops"
 
 
 @quiet()
-def met_last(model: mujoco.MjModel, time: Array, qpos: Array, qvel: Array) -> str:
+def limit_or_contact(model: mujoco.MjModel, time: Array, qpos: Array, qvel: Array) -> str:
     """Return the limit or the contact that was met in the last states, in words; empty where none was.
 
     Args:
@@ -24,7 +24,7 @@ def met_last(model: mujoco.MjModel, time: Array, qpos: Array, qvel: Array) -> st
         qvel: (n, nv).
     """
     data = mujoco.MjData(model)
-    for i in range(max(0, len(time) - BEFORE), len(time)):
+    for i in range(max(0, len(time) - LAST_STATES), len(time)):
         data.qpos[:], data.qvel[:] = qpos[i], qvel[i]
         mujoco.mj_forward(model, data)
         if int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT) in data.efc_type[: data.nefc].tolist():
@@ -43,7 +43,7 @@ def near_singular(time: Array, distance: Array) -> str:
         distance: how far each is from a singular pose, (n,), 0 to about 1.
     """
     at = int(np.argmin(distance)) if len(distance) else 0
-    if not len(distance) or not distance[at] < SINGULAR:
+    if not len(distance) or not distance[at] < NEAR_SINGULAR:
         return ""
     return f"a singular pose: at {time[at]:.4g} s the loops are within {distance[at]:.1g} of one"
 

@@ -15,21 +15,21 @@ from mechsim.model.motion import Motion
 from mechsim.model.outcome import PLACE, Outcome
 from mechsim.model.work_size import require_steps
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.divergence_cause import STIFF, met_last, near_singular
+from mechsim.simulation.divergence_cause import STIFFNESS_MESSAGE, limit_or_contact, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
-from mechsim.simulation.passed_change_points import passed, require_told, undecided, where
+from mechsim.simulation.passed_change_points import passed_change_points, require_regular_start, undecided_note, change_points_text
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_point_motion import held_off, mended
 from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Steps, Watch, step, unwatched
-from mechsim.simulation.stiffest_element import stiffest_part
+from mechsim.simulation.stepping import Steps, Progress, step, no_progress
+from mechsim.simulation.stiffest_element import stiffness_cause
 from mechsim.simulation.undetermined_dofs import (
     require_path_within_limits,
     require_within_limits,
-    told_floating,
+    floating_bodies_note,
 )
 
 # instants recorded a turn where nothing else is asked
@@ -70,7 +70,7 @@ class DrivenRun:
     profile: CrankProfile
     start: tuple[Array, Array]
     samples: int | None = None
-    watch: Watch = unwatched
+    progress: Progress = no_progress
     total: int | None = None
     ending: str = ""
     budget: ProcessorBudget | None = None
@@ -81,7 +81,7 @@ class DrivenRun:
         return 1.0 if self.profile.steady else min(1.0, self.profile.turns)
 
     @property
-    def fewest(self) -> int:
+    def min_steps(self) -> int:
         """Steps in a cycle of which fewer are taken as so many: for the motion's shape and its records."""
         least = max(self.profile.least, self.samples or 0)
         return int(np.ceil(least * self.cycle / self.profile.turns - 1e-9))
@@ -90,13 +90,13 @@ class DrivenRun:
         """Return the motion stepped in time, and its outcome by a tolerance in [m]; None is `PLACE`."""
         steps, motion = self._stepped(settings)
         outcome: Outcome = "met"
-        broken, estimate, elsewhere = self._broken(steps, motion), np.inf, False
+        broken, estimate, elsewhere = self._failure(steps, motion), np.inf, False
         if not broken:
             states = steps.states.qpos
             errors, places = pose_errors(self.closed, motion, states)
             estimate = float(errors.max())
             elsewhere = in_another_assembly(self.closed, motion, states, errors, places)
-        tolerance = allowed(self.closed, motion) if tolerance is None else tolerance
+        tolerance = default_tolerance(self.closed, motion) if tolerance is None else tolerance
         if broken:
             outcome, motion = "diverged", replace(motion, broken=broken)
         elif elsewhere:
@@ -116,11 +116,11 @@ class DrivenRun:
             note=self._note(),
         )
 
-    def tried(self, settings: Settings) -> Array:
+    def errors_by_turn(self, settings: Settings) -> Array:
         """Return the worst distance from the solved poses in each turn, (turns,) in [m]; inf if it broke."""
         steps, motion = self._stepped(settings)
         turns = max(1, round(self.profile.turns))
-        if self._broken(steps, motion):
+        if self._failure(steps, motion):
             return np.full(turns, np.inf)
         errors, _ = pose_errors(self.closed, motion, steps.states.qpos)
         if not np.isfinite(errors).all():
@@ -128,25 +128,25 @@ class DrivenRun:
         of = np.minimum(turns * steps.states.time // (self.profile.duration * (1.0 + 1e-9)), turns - 1)
         return np.array([errors[of == turn].max() for turn in range(turns)])
 
-    def first(self, turns: float) -> "DrivenRun":
+    def over_first_turns(self, turns: float) -> "DrivenRun":
         """Return the run over the first turns; over all of them where it has no more, or is not steady.
 
         Over all of it, too, where programs drive it: no part stands for another.
         """
-        if not self.profile.steady or self.profile.turns <= turns or self.closed.loops.drive is not None:
+        if not self.profile.steady or self.profile.turns <= turns or self.closed.loops.drivers is not None:
             return self
         (start,), (speed,), _ = self.profile.state(np.zeros(1))
         return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
 
     def _note(self) -> str:
         """Return what is to be said of a stepped run, in sentences; nothing where there is nothing."""
-        changed = CHANGED + (TOUCHING if self.closed.touching else UNTOUCHED)
-        said = (self.closed.note, changed if self.closed.own else "", self._meetings(), self.ending)
+        changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
+        said = (self.closed.note, changed if self.closed.custom else "", self._change_points_note(), self.ending)
         return "; ".join(one for one in said if one)
 
-    def _meetings(self) -> str:
+    def _change_points_note(self) -> str:
         """Return where two assemblies meet on the motion, in one sentence; nothing where none do."""
-        return undecided(self.closed.loops, passed(self.closed, self.profile))
+        return undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
 
     def require_decided(self) -> None:
         """Refuse a motion of which no dynamics decide how it begins or goes on.
@@ -155,23 +155,23 @@ class DrivenRun:
             InputError: where it is to fold, for links would have to jump in speed.
             AssemblyError: where it begins at a pose in which two assemblies meet.
         """
-        loops, met = self.closed.loops, passed(self.closed, self.profile)
-        require_told(loops, met, float(self.profile.state(np.zeros(1))[0][0]))
-        if met and loops.passing == "branch":
+        loops, met = self.closed.loops, passed_change_points(self.closed, self.profile)
+        require_regular_start(loops, met, float(self.profile.state(np.zeros(1))[0][0]))
+        if met and loops.change_point == "branch":
             raise InputError(
-                f"{loops.name} is to fold at {where(loops, met)}, where its links would jump "
+                f"{loops.name} is to fold at {change_points_text(loops, met)}, where its links would jump "
                 "in speed, which no stepped motion does; run it by pose, or let it go on smoothly"
             )
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
-        loops = self.closed.loops.over_copy()
+        loops = self.closed.loops.with_model_copy()
         total, stride = self._counts(settings)
-        steps = step(loops, settings, self.profile, self.start, total, stride, watch=self._watched)
+        steps = step(loops, settings, self.profile, self.start, total, stride, watch=self._report_progress)
         return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
 
-    def _watched(self, done: str, part: float) -> None:
+    def _report_progress(self, done: str, part: float) -> None:
         """Report how far a run has come; end it where the budget is spent."""
-        self.watch(done, part)
+        self.progress(done, part)
         if self.budget is not None and part < 1.0:
             self.budget.require_left(done)
 
@@ -193,25 +193,25 @@ class DrivenRun:
         loops, states = self.closed.loops, steps.states
         distance = loops.conditioning(loops.linearise(states.qpos)[1])
         seen = near_singular(states.time, distance)
-        seen = seen or met_last(self.closed.model, states.time, states.qpos, states.qvel)
+        seen = seen or limit_or_contact(self.closed.model, states.time, states.qpos, states.qvel)
         if seen:
             return seen
-        run = loops.over_copy()
+        run = loops.with_model_copy()
         replace(steps.settings, compliance=1.0).apply(run, steps.timestep)  # weights are then inertia
-        return stiffest_part(run.model) or STIFF
+        return stiffness_cause(run.model) or STIFFNESS_MESSAGE
 
-    def _broken(self, steps: Steps, motion: Motion) -> str:
+    def _failure(self, steps: Steps, motion: Motion) -> str:
         """Return in one sentence why a run is none; nothing where it is one."""
         if steps.diverged:
             return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s, by {self._cause(steps)}"
         meant = self.profile.state(steps.states.time)[0]
         what: list[tuple[str, Array, Array, float, str]] = [("the crank", motion.angle, meant, LOST, "rad")]
         loops = self.closed.loops
-        if loops.drive is not None:
-            bounds = np.where(loops.drive.slides, LOST * loops.size, LOST)
-            driven = steps.states.qpos[:, loops.drive.places].T
-            units = np.where(loops.drive.slides, "m", "rad")
-            what = [*zip(loops.drive.names, driven, loops.drive.law(meant)[0], bounds, units, strict=True)]
+        if loops.drivers is not None:
+            bounds = np.where(loops.drivers.slides, LOST * loops.characteristic_length, LOST)
+            driven = steps.states.qpos[:, loops.drivers.addresses].T
+            units = np.where(loops.drivers.slides, "m", "rad")
+            what = [*zip(loops.drivers.names, driven, loops.drivers.law(meant)[0], bounds, units, strict=True)]
         for name, value, wanted, bound, unit in what:
             lost = np.abs(value - wanted) > bound
             if lost.any():
@@ -230,22 +230,22 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
         AssemblyError: where the crank cannot make all of it.
     """
     angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
-    qpos = follow.follow(closed.loops, closed.closed, angle)[:1]
+    qpos = follow.follow(closed.loops, closed.qpos, angle)[:1]
     return qpos[0], closed.loops.tangent(closed.loops.linearise(qpos)[1])[0] * speed[0]
 
 
-def allowed(closed: ClosedModel, motion: Motion) -> float:
+def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
     """Return the bound on the places of a motion's points where none is asked for, in [m]."""
     extent = half_extent(motion.points[name].position for name in closed.driven_points)
-    return max(PLACE * extent, CLOSED * closed.loops.size)
+    return max(PLACE * extent, CLOSED * closed.loops.characteristic_length)
 
 
-def solved(
+def solved_run(
     closed: ClosedModel,
     profile: CrankProfile,
     samples: int | None,
     tolerance: float | None = None,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> Run:
     """Return a crank motion with every pose solved by itself; a tolerance of None is `PLACE`.
 
@@ -259,7 +259,7 @@ def solved(
         # between two samples it may go where it cannot
         first_state(closed, profile)
     begin = clock.perf_counter()
-    qpos, path = follow.followed(closed.loops, closed.closed, angle)
+    qpos, path = follow.followed(closed.loops, closed.qpos, angle)
     seconds = clock.perf_counter() - begin
     require_path_within_limits(closed, angle)
     require_within_limits(closed, qpos)
@@ -274,7 +274,7 @@ def solved(
     motion = mended(motion, closed.loops, closed.track, qpos, near, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
-    tolerance = allowed(closed, motion) if tolerance is None else tolerance
+    tolerance = default_tolerance(closed, motion) if tolerance is None else tolerance
     return Run(
         motion=motion,
         outcome="met" if estimate <= tolerance else "missed",
@@ -284,7 +284,7 @@ def solved(
         seconds=seconds,
         settings=None,
         method="pose",
-        note="; ".join(filter(None, (closed.note, told_floating(closed)))),
+        note="; ".join(filter(None, (closed.note, floating_bodies_note(closed)))),
     )
 
 
@@ -292,7 +292,7 @@ def _require_held(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
     """Refuse poses at which the loops hold so little that nothing says how they go on."""
     lost = loops.conditioning(jacobian) < HELD_LEAST
     if lost.any():
-        where = loops.said(float(angle[np.argmax(lost)]))
+        where = loops.driver_text(float(angle[np.argmax(lost)]))
         raise AssemblyError(
             f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; nothing "
             "says there how they go on; keep away from it"

@@ -11,13 +11,13 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 
 # the clock's hinge and body in a model
-CLOCK = "mechsim:clock"
+PARAMETER_JOINT = "mechsim:clock"
 # angles of the clock (n,) in [rad] -> drivers' values and first two derivatives by it, (drivers, n) each
 Law = Callable[[Array], tuple[Array, Array, Array]]
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drivers:
     """The driven coordinates of a model under a clock.
 
     Attributes:
@@ -30,30 +30,30 @@ class Drive:
     """
 
     names: tuple[str, ...]
-    places: NDArray[np.intp]
+    addresses: NDArray[np.intp]
     dofs: NDArray[np.intp]
     slides: NDArray[np.bool_]
     law: Law
-    said: Callable[[float], str]
+    text: Callable[[float], str]
 
-    def under(self, law: Law, said: Callable[[float], str]) -> "Drive":
+    def with_law(self, law: Law, said: Callable[[float], str]) -> "Drivers":
         """Return the same drivers under another law."""
-        return replace(self, law=law, said=said)
+        return replace(self, law=law, text=said)
 
-    def standing(self, values: Array) -> "Drive":
+    def locked_at(self, values: Array) -> "Drivers":
         """Return drivers that stand where they are, at values (k,), or (k, n) for n states."""
-        return self.under(*_standing(self.names, values))
+        return self.with_law(*_constant_law(self.names, values))
 
 
-def with_clock(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+def with_parameter_joint(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return a copy of a specification with a clock: a hinge beside everything, under no force."""
     spec = spec.copy()
-    body = spec.worldbody.add_body(name=CLOCK, gravcomp=0.0)
+    body = spec.worldbody.add_body(name=PARAMETER_JOINT, gravcomp=0.0)
     body.explicitinertial = True
     # a body that is nothing to the others, but no MuJoCo zero
     body.mass, body.inertia = 1e-9, np.full(3, 1e-12)
     body.add_joint(
-        name=CLOCK,
+        name=PARAMETER_JOINT,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=(0.0, 0.0, 1.0),
         pos=(0.0, 0.0, 0.0),
@@ -70,7 +70,7 @@ def with_clock(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     return spec
 
 
-def drive_of(model: mujoco.MjModel, names: tuple[str, ...]) -> Drive:
+def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
     """Return the drivers of those names, standing where the model has them.
 
     Raises:
@@ -83,18 +83,18 @@ def drive_of(model: mujoco.MjModel, names: tuple[str, ...]) -> Drive:
     }
     for name in names:
         if name not in single:
-            known = ", ".join(one for one in single if one and one != CLOCK)
+            known = ", ".join(one for one in single if one and one != PARAMETER_JOINT)
             raise InputError(
                 f"the model has no hinge or slide called {name!r} to drive (it has {known or 'none'})"
             )
     joints = np.array([single[name] for name in names], dtype=np.intp)
     places = model.jnt_qposadr[joints].astype(np.intp)
     slides = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE)
-    law, said = _standing(names, model.qpos0[places])
-    return Drive(names, places, model.jnt_dofadr[joints].astype(np.intp), slides, law, said)
+    law, said = _constant_law(names, model.qpos0[places])
+    return Drivers(names, places, model.jnt_dofadr[joints].astype(np.intp), slides, law, said)
 
 
-def _standing(names: tuple[str, ...], values: Array) -> tuple[Law, Callable[[float], str]]:
+def _constant_law(names: tuple[str, ...], values: Array) -> tuple[Law, Callable[[float], str]]:
     values = np.asarray(values, dtype=np.float64).reshape(len(names), -1)
 
     def law(angle: Array) -> tuple[Array, Array, Array]:

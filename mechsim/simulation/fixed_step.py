@@ -27,7 +27,7 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
     Raises:
         InputError: for a step that is too long or too short for the motion, or that does not fit the records.
     """
-    profile, laws = run.profile, run.closed.loops.drive is not None
+    profile, laws = run.profile, run.closed.loops.drivers is not None
     steps = check_step(timestep, profile, "a cycle of the motion laws" if laws else "a turn of the crank")
     total = int(np.floor(profile.duration / timestep + WHOLE))
     require_steps(

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.simulation.loop_constraints import Coupled, Sum
+from mechsim.simulation.loop_constraints import CouplingConstraint, Sum
 
 
-def chained(couplings: Sequence[Coupled], driven: Sequence[int]) -> list[Coupled]:
+def chained(couplings: Sequence[CouplingConstraint], driven: Sequence[int]) -> list[CouplingConstraint]:
     """Return the couplings of one coordinate each that follow from driven freedoms, in their order."""
-    known, chain, waiting = {*driven}, list[Coupled](), list(couplings)
+    known, chain, waiting = {*driven}, list[CouplingConstraint](), list(couplings)
     while True:
         found = next((one for one in waiting if _follows(one, known)), None)
         if found is None:
@@ -24,13 +24,13 @@ def chained(couplings: Sequence[Coupled], driven: Sequence[int]) -> list[Coupled
         known.add(int(found.left.dofs[0]))
 
 
-def _follows(coupling: Coupled, known: set[int]) -> bool:
+def _follows(coupling: CouplingConstraint, known: set[int]) -> bool:
     if coupling.right is None or len(coupling.left.dofs) != 1 or int(coupling.left.dofs[0]) in known:
         return False
     return {int(dof) for dof in coupling.right.dofs} <= known
 
 
-def rates(chain: Sequence[Coupled], values: dict[int, Array], speeds: dict[int, Array]) -> dict[int, Array]:
+def rates(chain: Sequence[CouplingConstraint], values: dict[int, Array], speeds: dict[int, Array]) -> dict[int, Array]:
     """Return the rates of all coordinates of a chain, freedom -> (n,).
 
     Args:
@@ -41,8 +41,8 @@ def rates(chain: Sequence[Coupled], values: dict[int, Array], speeds: dict[int, 
     values, speeds = dict(values), dict(speeds)
     for one in chain:
         assert one.right is not None
-        weight, place, dof = float(one.left.weights[0]), int(one.left.places[0]), int(one.left.dofs[0])
-        wanted, slope = one.curve(_sum(one.right, values))
+        weight, place, dof = float(one.left.weights[0]), int(one.left.addresses[0]), int(one.left.dofs[0])
+        wanted, slope = one.evaluate(_sum(one.right, values))
         values[place] = one.left.zeros[0] + wanted / weight
         right = sum(w * speeds[int(of)] for of, w in zip(one.right.dofs, one.right.weights, strict=True))
         speeds[dof] = np.asarray(slope * right / weight)
@@ -50,5 +50,5 @@ def rates(chain: Sequence[Coupled], values: dict[int, Array], speeds: dict[int, 
 
 
 def _sum(side: Sum, values: dict[int, Array]) -> Array:
-    parts = zip(side.places, side.zeros, side.weights, strict=True)
+    parts = zip(side.addresses, side.zeros, side.weights, strict=True)
     return np.sum([weight * (values[int(place)] - zero) for place, zero, weight in parts], axis=0)

@@ -8,12 +8,12 @@ import numpy as np
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.programs import Programs
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.straight_path import brought
+from mechsim.simulation.straight_path import move_drivers
 
 Closed = TypeVar("Closed", bound=ClosedModel)
 
 
-def clock_of(programs: Programs) -> CrankProfile:
+def parameter_profile(programs: Programs) -> CrankProfile:
     """Return the profile of the clock, whose turns count the steps and records of a run.
 
     Where the programs turn round more often than their clock does, or not once, `fastest` is as if it did.
@@ -21,7 +21,7 @@ def clock_of(programs: Programs) -> CrankProfile:
     return replace(programs.clock, fastest=programs.fastest)
 
 
-def begun(closed: Closed, programs: Programs) -> Closed:
+def at_initial_state(closed: Closed, programs: Programs) -> Closed:
     """Return a model whose drivers stand, as yet, under programs, in the state in which these begin.
 
     The drivers go there straight, all at once, and the assembly is kept.
@@ -29,9 +29,9 @@ def begun(closed: Closed, programs: Programs) -> Closed:
     Raises:
         AssemblyError: where the loops do not close on the way.
     """
-    loops, drive = closed.loops, closed.loops.drive
+    loops, drive = closed.loops, closed.loops.drivers
     assert drive is not None
     there = np.array([programs.first[name] for name in drive.names])
-    start = brought(loops, closed.closed, there, "where the programs begin")
-    under = loops.under(programs.by_clock, lambda angle: f"{angle / programs.pace:.6g} s")
-    return replace(closed, loops=under, closed=under.close(start[None])[0])
+    start = move_drivers(loops, closed.qpos, there, "where the programs begin")
+    under = loops.with_law(programs.by_clock, lambda angle: f"{angle / programs.pace:.6g} s")
+    return replace(closed, loops=under, qpos=under.close(start[None])[0])

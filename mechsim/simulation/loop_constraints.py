@@ -40,7 +40,7 @@ class FramePair:
     bodies: tuple[int, int]
     local: tuple[Array, Array]
 
-    def apart(self, first: Array, second: Array) -> tuple[Array, Array]:
+    def rotation_error(self, first: Array, second: Array) -> tuple[Array, Array]:
         """Return by what the first frame is turned against the second, at rotations of both bodies.
 
         Args:
@@ -56,7 +56,7 @@ class FramePair:
         half = np.sqrt(np.maximum(1.0 + np.trace(turned, axis1=1, axis2=2), HALF_TURN)) / 2.0
         twice = turned[:, [2, 0, 1], [1, 2, 0]] - turned[:, [1, 2, 0], [2, 0, 1]]
         vector = twice / (2.0 * half[:, None])
-        rate = half[:, None, None] * np.eye(3) - _crossing(vector) / 2.0
+        rate = half[:, None, None] * np.eye(3) - _cross_matrix(vector) / 2.0
         return vector, rate @ np.swapaxes(frame, 1, 2)
 
 
@@ -64,18 +64,18 @@ class FramePair:
 class Sum:
     """A weighted sum of coordinates, each counted from the model's reference configuration, (k,) each."""
 
-    places: NDArray[np.intp]
+    addresses: NDArray[np.intp]
     dofs: NDArray[np.intp]
     zeros: Array
     weights: Array
 
-    def of(self, qpos: Array) -> Array:
+    def value(self, qpos: Array) -> Array:
         """Return the sum at states (n, nq), (n,)."""
-        return (qpos[:, self.places] - self.zeros) @ self.weights
+        return (qpos[:, self.addresses] - self.zeros) @ self.weights
 
 
 @dataclass(frozen=True, slots=True)
-class Coupled:
+class CouplingConstraint:
     """One sum of coordinates is a polynomial of another: of a `joint` constraint, or of fixed tendons.
 
     Attributes:
@@ -88,46 +88,46 @@ class Coupled:
     left: Sum
     right: Sum | None
     coefficients: Array
-    number: int
-    _curve: tuple[np.polynomial.Polynomial, ...] = field(init=False, repr=False)
+    equality: int
+    _polynomials: tuple[np.polynomial.Polynomial, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         curve = np.polynomial.Polynomial(self.coefficients)
-        object.__setattr__(self, "_curve", (curve, curve.deriv(1), curve.deriv(2)))
+        object.__setattr__(self, "_polynomials", (curve, curve.deriv(1), curve.deriv(2)))
 
     @property
-    def bends(self) -> bool:
+    def nonlinear(self) -> bool:
         """Whether the polynomial is no straight line."""
         return self.right is not None and bool(np.any(self.coefficients[2:]))
 
-    def curve(self, right: Array) -> tuple[Array, Array]:
+    def evaluate(self, right: Array) -> tuple[Array, Array]:
         """Return the polynomial and its slope at values of the right side."""
-        return self._curve[0](right), self._curve[1](right)
+        return self._polynomials[0](right), self._polynomials[1](right)
 
-    def wanted(self, qpos: Array) -> Array:
+    def target(self, qpos: Array) -> Array:
         """Return what the left side should be at states (n, nq), (n,)."""
         if self.right is None:
             return np.full(len(qpos), self.coefficients[0])
-        return self._curve[0](self.right.of(qpos))
+        return self._polynomials[0](self.right.value(qpos))
 
-    def gap(self, qpos: Array) -> Array:
+    def residual(self, qpos: Array) -> Array:
         """Return how far it stands open at states (n, nq), (n,) in [m] or [rad]."""
-        return self.left.of(qpos) - self.wanted(qpos)
+        return self.left.value(qpos) - self.target(qpos)
 
-    def slope(self, qpos: Array, nv: int) -> Array:
+    def jacobian(self, qpos: Array, nv: int) -> Array:
         """Return the derivative of the gap by all freedoms, (n, nv)."""
         slope = np.zeros((len(qpos), nv))
         slope[:, self.left.dofs] = self.left.weights
         if self.right is not None:
-            slope[:, self.right.dofs] -= self._curve[1](self.right.of(qpos))[:, None] * self.right.weights
+            slope[:, self.right.dofs] -= self._polynomials[1](self.right.value(qpos))[:, None] * self.right.weights
         return slope
 
-    def bend(self, qpos: Array, qvel: Array) -> Array:
+    def velocity_product(self, qpos: Array, qvel: Array) -> Array:
         """Return what the polynomial's bend adds to the left side's acceleration at rates (n, nv), (n,)."""
         if self.right is None:
             return np.zeros(len(qpos))
         rate = qvel[:, self.right.dofs] @ self.right.weights
-        return self._curve[2](self.right.of(qpos)) * rate**2
+        return self._polynomials[2](self.right.value(qpos)) * rate**2
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ class Constraints:
 
     pairs: Sequence[PointPair]
     frames: Sequence[FramePair]
-    couplings: Sequence[Coupled]
+    couplings: Sequence[CouplingConstraint]
 
 
 def constraints(model: mujoco.MjModel) -> Constraints:
@@ -147,7 +147,7 @@ def constraints(model: mujoco.MjModel) -> Constraints:
     """
     pairs: list[PointPair] = []
     frames: list[FramePair] = []
-    couplings: list[Coupled] = []
+    couplings: list[CouplingConstraint] = []
     for i in range(model.neq):
         if not model.eq_active0[i]:
             continue
@@ -161,7 +161,7 @@ def constraints(model: mujoco.MjModel) -> Constraints:
         elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
             of = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
             right = of(model, second) if second >= 0 else None
-            couplings.append(Coupled(of(model, first), right, model.eq_data[i, :5].copy(), i))
+            couplings.append(CouplingConstraint(of(model, first), right, model.eq_data[i, :5].copy(), i))
         else:
             raise InputError(
                 f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "
@@ -217,7 +217,7 @@ def _matrix(quaternion: Array) -> Array:
     return out.reshape(3, 3)
 
 
-def _crossing(vector: Array) -> Array:
+def _cross_matrix(vector: Array) -> Array:
     """Return the matrices that make cross products with vectors (n, 3), (n, 3, 3)."""
     out = np.zeros((len(vector), 3, 3))
     x, y, z = vector.T

@@ -12,7 +12,7 @@ from mechsim.maths.arrays import Array
 RANK_TOLERANCE, FLOOR = 1e-9, 1e-13
 
 
-def telling(values: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+def significant(values: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
     """Return which singular values, (..., k) falling, of slopes in radians and sizes are more than nought."""
     return values > np.maximum(RANK_TOLERANCE * values[..., :1], FLOOR)
 
@@ -20,7 +20,7 @@ def telling(values: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
 def pseudo_inverse(matrix: Array) -> Array:
     """Return pseudo-inverses, (n, k, m), of slopes in radians and sizes, (n, m, k)."""
     left, values, right = np.linalg.svd(matrix, full_matrices=False)
-    kept = telling(values)
+    kept = significant(values)
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     found = np.swapaxes(right, -1, -2) @ (inverse[..., None] * np.swapaxes(left, -1, -2))
     return np.asarray(found, dtype=np.float64)

@@ -23,7 +23,7 @@ AT_START = 1e-6
 BEYOND = 0.05
 
 
-def passed(closed: ClosedModel, profile: CrankProfile) -> list[float]:
+def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[float]:
     """Return at which angles of the crank, or of the clock, a motion meets other assemblies, in [rad].
 
     Raises:
@@ -46,28 +46,28 @@ def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | FoldedPath:
     first = float(angles[0])
     behind = BEYOND * np.sign(first - closed.angle)
     with suppress(AssemblyError):
-        return follow.followed(closed.loops, closed.closed, np.append(angles, first + behind))[1]
-    return follow.followed(closed.loops, closed.closed, angles)[1]
+        return follow.followed(closed.loops, closed.qpos, np.append(angles, first + behind))[1]
+    return follow.followed(closed.loops, closed.qpos, angles)[1]
 
 
-def where(loops: ModelLoops, met: Sequence[float]) -> str:
+def change_points_text(loops: ModelLoops, met: Sequence[float]) -> str:
     """Return where assemblies meet, in words."""
-    if loops.drive is not None:
-        return ", ".join(loops.said(at) for at in met[:3])
+    if loops.drivers is not None:
+        return ", ".join(loops.driver_text(at) for at in met[:3])
     return f"crank angle {', '.join(f'{at:.4g}' for at in met[:3])} rad"
 
 
-def undecided(loops: ModelLoops, met: Sequence[float]) -> str:
+def undecided_note(loops: ModelLoops, met: Sequence[float]) -> str:
     """Return in one sentence that dynamics do not decide there; nothing where no assemblies meet."""
     if not met:
         return ""
     return (
-        f"at {where(loops, met)} two assemblies meet, and dynamics alone cannot decide which one "
+        f"at {change_points_text(loops, met)} two assemblies meet, and dynamics alone cannot decide which one "
         "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
     )
 
 
-def require_told(loops: ModelLoops, met: Sequence[float], start: float) -> None:
+def require_regular_start(loops: ModelLoops, met: Sequence[float], start: float) -> None:
     """Refuse to step from where two assemblies meet.
 
     Raises:
@@ -75,8 +75,8 @@ def require_told(loops: ModelLoops, met: Sequence[float], start: float) -> None:
     """
     if any(abs(at - start) <= AT_START for at in met):
         raise AssemblyError(
-            f"{loops.name}: it starts at {loops.said(start)}, where two assemblies meet and dynamics alone "
+            f"{loops.name}: it starts at {loops.driver_text(start)}, where two assemblies meet and dynamics alone "
             "cannot decide which one goes on; give a start at "
-            f"{'another crank angle' if loops.drive is None else 'other values of the drivers'}, "
+            f"{'another crank angle' if loops.drivers is None else 'other values of the drivers'}, "
             "hold it by a second parallel crank, or run it by pose"
         )

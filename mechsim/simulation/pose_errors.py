@@ -29,19 +29,19 @@ def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Arr
         Distances in [m], (n,), infinite from the first crank angle on that has no pose; and the places
         before that, (known, k, 3) in [m].
     """
-    places = closed.places(_solved(closed, states))
-    if closed.loose.any():
+    places = closed.point_positions(_solved_poses(closed, states))
+    if closed.undetermined_points.any():
         try:
-            nearest = closed.places(closed.loops.close(states[: len(places)]))
-            places[:, closed.loose] = nearest[:, closed.loose]
+            nearest = closed.point_positions(closed.loops.close(states[: len(places)]))
+            places[:, closed.undetermined_points] = nearest[:, closed.undetermined_points]
         except AssemblyError:
-            places[:, closed.loose] = np.inf
+            places[:, closed.undetermined_points] = np.inf
     error = np.full(len(states), np.inf)
     error[: len(places)] = _distances(_recorded(motion)[: len(places)], places)
     return error, places
 
 
-def beside(closed: ClosedModel, motion: Motion, angles: Array) -> float:
+def lag_distance(closed: ClosedModel, motion: Motion, angles: Array) -> float:
     """Return how far driven points are from the poses solved at other angles than they reached, in [m].
 
     Args:
@@ -49,7 +49,7 @@ def beside(closed: ClosedModel, motion: Motion, angles: Array) -> float:
         motion: at n instants.
         angles: of the crank or clock at these instants, (n,) in [rad].
     """
-    meant, moved = closed.places(follow.follow(closed.loops, closed.closed, angles)), _moved(closed)
+    meant, moved = closed.point_positions(follow.follow(closed.loops, closed.qpos, angles)), _is_driven(closed)
     return float(_distances(_recorded(motion)[:, moved], meant[:, moved]).max())
 
 
@@ -66,8 +66,8 @@ def in_another_assembly(
         places: as from `pose_errors`.
     """
     known, recorded = len(places), _recorded(motion)
-    stroke = float(np.ptp(places[:, _moved(closed)], axis=0).max())
-    far = error[:known] > max(APART * 0.5 * stroke, ROUNDING * closed.loops.size)
+    stroke = float(np.ptp(places[:, _is_driven(closed)], axis=0).max())
+    far = error[:known] > max(APART * 0.5 * stroke, ROUNDING * closed.loops.characteristic_length)
     pairs = np.flatnonzero(far[1:] & far[:-1])
     tried = pairs[np.unique(np.linspace(0, len(pairs) - 1, MOST_PAIRS).astype(int))] if len(pairs) else []
     for i in tried:
@@ -76,32 +76,32 @@ def in_another_assembly(
             nearest = closed.loops.close(states[both])
         except AssemblyError:
             continue
-        if (_distances(recorded[both], closed.places(nearest)) < NEARER * error[both]).all():
+        if (_distances(recorded[both], closed.point_positions(nearest)) < NEARER * error[both]).all():
             return True
     return False
 
 
-def _solved(closed: ClosedModel, states: Array) -> Array:
+def _solved_poses(closed: ClosedModel, states: Array) -> Array:
     """Return the poses solved at the crank angles of states, from the first to the last that has one.
 
     A crank that the linkage drove beyond a dead centre has none there. Under programs the drivers stand where
     they really were.
     """
     loops = closed.loops
-    angles = states[:, loops.crank_place]
+    angles = states[:, loops.crank_address]
     count, known, beyond = len(angles), 1, len(angles) + 1
     true = states[:1]
     while beyond - known > 1:
         try:
-            true = follow.follow(closed.loops, closed.closed, angles[:count])
+            true = follow.follow(closed.loops, closed.qpos, angles[:count])
             known = count
         except AssemblyError:
             beyond = count
         count = (known + beyond) // 2
-    if loops.drive is not None:
-        driven = states[: len(true), loops.drive.places]
-        true[:, loops.drive.places] = driven
-        true = loops.standing(driven.T).close(true)
+    if loops.drivers is not None:
+        driven = states[: len(true), loops.drivers.addresses]
+        true[:, loops.drivers.addresses] = driven
+        true = loops.with_drivers_locked(driven.T).close(true)
     return true
 
 
@@ -111,7 +111,7 @@ def _distances(recorded: Array, places: Array) -> Array:
     return np.where(np.isfinite(gaps), gaps, np.inf)
 
 
-def _moved(closed: ClosedModel) -> list[bool]:
+def _is_driven(closed: ClosedModel) -> list[bool]:
     """Say of each tracked point whether what is driven moves it."""
     return [name in closed.driven_points for name in closed.track.points]
 

@@ -10,7 +10,7 @@ from mujoco import batch
 from mechsim.maths.arrays import Array
 
 # body and points of it, (n, 3) -> the Jacobians of the points and of the body's turning, (n, 3, nv) each
-Slope = Callable[[int, Array], tuple[Array, Array]]
+PointJacobians = Callable[[int, Array], tuple[Array, Array]]
 
 # states up to which one thread is as fast as two: below a few milliseconds of work
 ONE_THREAD = 4096
@@ -25,16 +25,16 @@ class PosedBodies:
     """
 
     def __init__(self, model: mujoco.MjModel, fields: Mapping[str, Array] | None = None):
-        self.looking = _only_kinematics(model)
+        self.kinematic_model = _kinematic_model(model)
         self.fields: Mapping[str, Array] = fields or {}
-        self._data = mujoco.MjData(self.looking)
+        self._data = mujoco.MjData(self.kinematic_model)
         self._batches: dict[int, batch.Batch] = {}
 
-    def at(self, qpos: Array) -> tuple[Array, Array, Slope]:
+    def poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
         """Return what `many` does, of one state sooner: a batch of one costs three times this."""
-        return self._one(qpos) if len(qpos) == 1 and not self.fields else self.many(qpos)
+        return self._single_pose(qpos) if len(qpos) == 1 and not self.fields else self.batch_poses(qpos)
 
-    def many(self, qpos: Array) -> tuple[Array, Array, Slope]:
+    def batch_poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
         """Return places and rotations of all bodies at n states, and the Jacobians of points fixed in them.
 
         Args:
@@ -57,8 +57,8 @@ class PosedBodies:
             sims.expand(name)[:] = values
         return sims
 
-    def _one(self, qpos: Array) -> tuple[Array, Array, Slope]:
-        model, data = self.looking, self._data
+    def _single_pose(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
+        model, data = self.kinematic_model, self._data
         data.qpos[:] = qpos[0]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -76,16 +76,16 @@ class PosedBodies:
             if len(self._batches) > 8:
                 self._batches.clear()
             threads = 1 if n <= ONE_THREAD else 0
-            self._batches[n] = self.simulations(self.looking, n, threads)
+            self._batches[n] = self.simulations(self.kinematic_model, n, threads)
         return self._batches[n]
 
 
-def carried(rotation: Array, local: Array) -> Array:
+def rotated(rotation: Array, local: Array) -> Array:
     """Return vectors fixed in bodies of rotations (n, 3, 3), seen from without: one, (3,), or (n, 3)."""
     return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
 
 
-def _only_kinematics(model: mujoco.MjModel) -> mujoco.MjModel:
+def _kinematic_model(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a copy of a model that computes places and no more than it must beside them."""
     looking = copy.copy(model)
     off = mujoco.mjtDisableBit

@@ -11,10 +11,10 @@ import numpy as np
 from mechsim.errors import BudgetError
 from mechsim.maths.angles import TURN
 from mechsim.maths.convergence import believed_order
-from mechsim.simulation.compliance_search import less_left
+from mechsim.simulation.compliance_search import improving_compliance
 from mechsim.simulation.driven_run import DrivenRun
-from mechsim.simulation.pose_errors import beside
-from mechsim.simulation.refine import AIM, MOST, Attempt, Promise, refine, rounded, steps_for
+from mechsim.simulation.pose_errors import lag_distance
+from mechsim.simulation.refine import TARGET_FRACTION, MOST, Attempt, ToleranceReport, refine, rounded, steps_for
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 
@@ -26,31 +26,31 @@ ORDER = 4.0
 PART, TURNS = 0.2, (2.0, 20.0)
 # errors settle within a few turns; where a turn errs this many times more than the one before, they grow.
 # Settling: up to 2.7 times; growing: 4.4 times and more, in the study's trials of two turns
-GROWING = 3.5
+MAX_GROWTH = 3.5
 # with more than this part of the first trial's steps all mechanisms of the study have begun to converge;
 # beyond the lower one a second guess saves less than a lost run would cost
 ENOUGH, WORTH = 0.75, 0.6
 # steps of a whole motion up to which more than the most in a turn are spent: a linkage that whips past a
 # nearly singular pose, 450 times as fast as its crank, needs a million (verdicts.py --case 235)
-SHORT = 2_000_000
+MAX_STEPS_OF_MOTION = 2_000_000
 # an error below this, in [m], is none
 TINY = 1e-300
 
 
-def within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
+def run_within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
     first, spent = steps_needed(drive, settings, tolerance)
-    run, promise = _kept(drive, settings, tolerance, first, spent)
-    run = _told(run, promise) if run.outcome != "missed" else _softened(drive, settings, run, promise)
-    return replace(run, note="; ".join(one for one in (run.note, _lag(drive, run)) if one))
+    run, promise = _run_to_tolerance(drive, settings, tolerance, first, spent)
+    run = _with_report(run, promise) if run.outcome != "missed" else _with_affordable_compliance(drive, settings, run, promise)
+    return replace(run, note="; ".join(one for one in (run.note, _lag_note(drive, run)) if one))
 
 
-def _lag(drive: DrivenRun, run: Run) -> str:
+def _lag_note(drive: DrivenRun, run: Run) -> str:
     """Return in a sentence how far places of a run that is met are from where programs want them by then."""
     time = run.motion.time
-    if drive.closed.loops.drive is None or time is None or run.outcome != "met":
+    if drive.closed.loops.drivers is None or time is None or run.outcome != "met":
         return ""
-    far = beside(drive.closed, run.motion, drive.profile.state(time)[0])
+    far = lag_distance(drive.closed, run.motion, drive.profile.state(time)[0])
     if far <= run.tolerance:
         return ""
     return (
@@ -59,34 +59,34 @@ def _lag(drive: DrivenRun, run: Run) -> str:
     )
 
 
-def _softened(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) -> Run:
+def _with_affordable_compliance(drive: DrivenRun, settings: Settings, run: Run, promise: ToleranceReport) -> Run:
     """Return what `_held_otherwise` does, or the run as it is where the budget ends before."""
     budget = drive.budget
     if budget is not None and not budget.affords(run.seconds):
-        return _told(run, promise)
+        return _with_report(run, promise)
     try:
-        return _held_otherwise(drive, settings, run, promise)
+        return _with_other_compliance(drive, settings, run, promise)
     except BudgetError as error:
-        return _told(run, replace(promise, reason=f"{promise.reason}; other compliances: {error}"))
+        return _with_report(run, replace(promise, reason=f"{promise.reason}; other compliances: {error}"))
 
 
-def _held_otherwise(drive: DrivenRun, settings: Settings, run: Run, promise: Promise) -> Run:
+def _with_other_compliance(drive: DrivenRun, settings: Settings, run: Run, promise: ToleranceReport) -> Run:
     """Return the run that keeps a tolerance by another compliance; a given one is only named."""
     steps, tolerance, tried = _per_cycle(drive, run), promise.tolerance, list[Run]()
 
     def error(compliance: float) -> float:
-        tried.append(drive.stepped(replace(_with(drive, settings, steps), compliance=compliance), tolerance))
+        tried.append(drive.stepped(replace(_with_steps(drive, settings, steps), compliance=compliance), tolerance))
         return tried[-1].estimate
 
     known = promise.estimate
-    found = less_left(error, settings.compliance_used, known, tolerance)
+    found = improving_compliance(error, settings.compliance_used, known, tolerance)
     spent = promise.trials + sum(one.steps for one in tried)
     if found is None:
-        return _told(run, replace(promise, trials=spent))
+        return _with_report(run, replace(promise, trials=spent))
     compliance, left = found
     if settings.compliance is not None:
         reason = f"{promise.reason}, and by compliance {compliance:.2g} {left:.2g} m"
-        return _told(run, replace(promise, trials=spent, reason=reason))
+        return _with_report(run, replace(promise, trials=spent, reason=reason))
     how = (
         f"loops are held by compliance {compliance:.2g}: "
         f"{settings.compliance_used:.2g} leaves places off by {known:.2g} m"
@@ -94,23 +94,23 @@ def _held_otherwise(drive: DrivenRun, settings: Settings, run: Run, promise: Pro
     settings, spent = replace(settings, compliance=compliance), spent + run.steps
     if tried[-1].outcome == "met":
         kept = replace(promise, estimates={"place": left}, trials=spent - run.steps, reason="")
-        return _told(tried[-1], kept, how)
-    return _told(*_kept(drive, settings, tolerance, steps, spent), how)
+        return _with_report(tried[-1], kept, how)
+    return _with_report(*_run_to_tolerance(drive, settings, tolerance, steps, spent), how)
 
 
-def _told(run: Run, promise: Promise, *said: str) -> Run:
+def _with_report(run: Run, promise: ToleranceReport, *said: str) -> Run:
     """Return a run with its promise, and in its note what is said of it."""
     note = "; ".join(one for one in (run.note, *said, promise.reason) if one)
     return replace(run, promise=promise, note=note)
 
 
-def _kept(
+def _run_to_tolerance(
     drive: DrivenRun, settings: Settings, tolerance: float, first: int, spent: int
-) -> tuple[Run, Promise]:
+) -> tuple[Run, ToleranceReport]:
     """Return the run that keeps a tolerance, or errs least, from so many steps on; and its promise."""
 
     def attempt(steps: int) -> Attempt[Run]:
-        run = drive.stepped(_with(drive, settings, steps), tolerance)
+        run = drive.stepped(_with_steps(drive, settings, steps), tolerance)
         final = run.outcome not in ("met", "missed", "diverged")
         return Attempt(
             run=run,
@@ -118,39 +118,39 @@ def _kept(
             estimates={"place": run.estimate},
             order=ORDER,
             final=final,
-            lost=run.outcome == "diverged",
+            diverged=run.outcome == "diverged",
         )
 
     def why(steps: int, estimate: float) -> str:
         return f"{round(steps / drive.cycle)} steps a turn leave the places off by {estimate:.2g} m"
 
-    most = max(MOST, int(SHORT * drive.cycle / drive.profile.turns))
+    most = max(MOST, int(MAX_STEPS_OF_MOTION * drive.cycle / drive.profile.turns))
     return refine(
-        attempt, tolerance, first, why, trials=spent, tried=_trial(drive), most=most, budget=drive.budget
+        attempt, tolerance, first, why, trials=spent, tried=_trial_steps(drive), most=most, budget=drive.budget
     )
 
 
 def steps_needed(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
     """Return the steps a cycle that a tolerance needs, by trials over some of the turns; and steps spent."""
-    short, trial = drive.first(1.0), _trial(drive)
-    known = float(short.tried(_with(drive, settings, trial)).max())
+    short, trial = drive.over_first_turns(1.0), _trial_steps(drive)
+    known = float(short.errors_by_turn(_with_steps(drive, settings, trial)).max())
     spent = round(trial * short.profile.turns / drive.cycle)
     if not np.isfinite(known):
         return _after_diverging(drive, short, settings, tolerance, spent)
-    steps = _whole(drive, steps_for(trial, known, AIM * tolerance, ORDER))
-    part = drive.first(np.round(float(np.clip(PART * drive.profile.turns, *TURNS))))
+    steps = _whole_steps(drive, steps_for(trial, known, TARGET_FRACTION * tolerance, ORDER))
+    part = drive.over_first_turns(np.round(float(np.clip(PART * drive.profile.turns, *TURNS))))
     if steps >= ENOUGH * trial or part.profile.turns > 0.5 * drive.profile.turns:
         return steps, spent
     # no trial has shown that so few steps have begun to converge, nor that errors do not grow
-    before, last = part.tried(_with(drive, settings, steps))[-2:]
+    before, last = part.errors_by_turn(_with_steps(drive, settings, steps))[-2:]
     spent += round(steps * part.profile.turns)
-    if not last <= GROWING * before:
+    if not last <= MAX_GROWTH * before:
         return trial, spent
     # what grew over the last turn goes on growing for a while
     whole = last * max(1.0, last / max(before, TINY)) ** 2
     if whole > tolerance:
         order = believed_order(last, known, trial / steps)
-        steps = _whole(drive, steps_for(steps, whole, tolerance, order))
+        steps = _whole_steps(drive, steps_for(steps, whole, tolerance, order))
         steps = steps if steps <= WORTH * trial else trial
     return steps, spent
 
@@ -163,29 +163,29 @@ def _after_diverging(
     Of a file of one's own its own step is one of them.
     """
     finer = {settings.steps_per_turn}
-    if drive.closed.own:
+    if drive.closed.custom:
         cycle = drive.cycle * TURN / drive.profile.fastest
         finer.add(round(min(cycle / float(drive.closed.model.opt.timestep), MOST)))
-    for trial in sorted(one for one in finer if one > _trial(drive)):
-        known = float(short.tried(_with(drive, settings, trial)).max())
+    for trial in sorted(one for one in finer if one > _trial_steps(drive)):
+        known = float(short.errors_by_turn(_with_steps(drive, settings, trial)).max())
         spent += round(trial * short.profile.turns / drive.cycle)
         if np.isfinite(known):
-            return max(trial, _whole(drive, steps_for(trial, known, AIM * tolerance, ORDER))), spent
+            return max(trial, _whole_steps(drive, steps_for(trial, known, TARGET_FRACTION * tolerance, ORDER))), spent
     return settings.steps_per_turn, spent
 
 
-def _trial(drive: DrivenRun) -> int:
+def _trial_steps(drive: DrivenRun) -> int:
     """Return the steps a cycle of the first trial: those that it takes, however few are asked for."""
-    return max(TRIAL_STEPS, drive.fewest)
+    return max(TRIAL_STEPS, drive.min_steps)
 
 
-def _whole(drive: DrivenRun, steps: float) -> int:
-    return max(LEAST_STEPS, drive.fewest, rounded(steps))
+def _whole_steps(drive: DrivenRun, steps: float) -> int:
+    return max(LEAST_STEPS, drive.min_steps, rounded(steps))
 
 
 def _per_cycle(drive: DrivenRun, run: Run) -> int:
     return round(run.steps * drive.cycle / drive.profile.turns)
 
 
-def _with(drive: DrivenRun, settings: Settings, steps: int) -> Settings:
+def _with_steps(drive: DrivenRun, settings: Settings, steps: int) -> Settings:
     return replace(settings, steps_per_turn=round(steps / drive.cycle))

@@ -10,13 +10,13 @@ from mujoco import batch
 
 from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
-from mechsim.simulation.drivers import CLOCK
+from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
-from mechsim.simulation.posed_bodies import ONE_THREAD, carried
+from mechsim.simulation.posed_bodies import ONE_THREAD, rotated
 
 OFF = mujoco.mjtDisableBit
 # forces that may be any size
-PUSHING = int(OFF.mjDSBL_ACTUATION) | int(OFF.mjDSBL_SPRING) | int(OFF.mjDSBL_DAMPER)
+FORCE_FLAGS = int(OFF.mjDSBL_ACTUATION) | int(OFF.mjDSBL_SPRING) | int(OFF.mjDSBL_DAMPER)
 # states evaluated in one go, so that a long run needs little memory
 CHUNK = 2048
 RATES = {
@@ -42,11 +42,11 @@ class Track:
     points: tuple[str, ...]
     links: tuple[str, ...]
     hidden: frozenset[str] = frozenset()
-    called: Mapping[str, tuple[str, int | None]] = field(default_factory=dict[str, tuple[str, int | None]])
+    coordinates: Mapping[str, tuple[str, int | None]] = field(default_factory=dict[str, tuple[str, int | None]])
 
     def name(self, joint: str) -> tuple[str, int | None]:
         """Return what a joint of the model is recorded as, and which of several coordinates it is."""
-        return self.called.get(joint, (joint, None))
+        return self.coordinates.get(joint, (joint, None))
 
 
 def add_sensors(spec: mujoco.MjSpec, points: tuple[str, ...]) -> Track:
@@ -80,7 +80,7 @@ class States:
     qpos: Array
     qvel: Array
 
-    def at(self, first: int) -> "States":
+    def chunk(self, first: int) -> "States":
         """Return one chunk of them."""
         part = slice(first, first + CHUNK)
         return States(self.time[part], self.qpos[part], self.qvel[part])
@@ -122,7 +122,7 @@ def evaluate(
             _evaluated(
                 loops,
                 track,
-                states.at(i),
+                states.chunk(i),
                 source,
                 part(crank_acceleration, i),
                 part(driver_acceleration, i),
@@ -150,7 +150,7 @@ def _evaluated(
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
     if force is not None:
-        sims.bind("qfrc_applied")[:, loops.moved_dofs] = force.reshape(n, -1)
+        sims.bind("qfrc_applied")[:, loops.actuated_dofs] = force.reshape(n, -1)
     names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
     fields = {name: sims.bind(name) for name in names}
     sims.forward()
@@ -172,7 +172,7 @@ def _evaluated(
     if crank_acceleration is None and has_dry_friction(model):
         # where friction sticks or turns round, soft loops ring: what they ring about is the motion
         crank_acceleration = qacc[:, loops.crank].copy()
-        driver_acceleration = None if loops.drive is None else qacc[:, loops.drive.dofs].copy()
+        driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:
         wanted = (crank_acceleration, driver_acceleration)
         change = _correction(loops, jacobian, states, qacc, links, *wanted)
@@ -181,7 +181,7 @@ def _evaluated(
         points = {name: _moved_point(sims, model, name, point, change) for name, point in points.items()}
     return Motion(
         source,
-        states.qpos[:, loops.crank_place],
+        states.qpos[:, loops.crank_address],
         states.qvel[:, loops.crank],
         qacc[:, loops.crank],
         points,
@@ -190,7 +190,7 @@ def _evaluated(
         time=states.time,
         closure=np.abs(residual[:, : 3 * len(loops.pairs)]).max(1, initial=0.0),
         conditioning=loops.conditioning(jacobian),
-        drivers=() if loops.drive is None else loops.drive.names,
+        drivers=() if loops.drivers is None else loops.drivers.names,
     )
 
 
@@ -229,7 +229,7 @@ def _with_sensors(model: mujoco.MjModel, *, constrained: bool) -> mujoco.MjModel
     seeing = copy.copy(model)
     seeing.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     if not constrained:
-        seeing.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | PUSHING
+        seeing.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | FORCE_FLAGS
     return seeing
 
 
@@ -243,9 +243,9 @@ def _correction(
     drivers: Array | None,
 ) -> Array:
     """Return the change of MuJoCo's accelerations after which the loops stay closed exactly, (n, nv)."""
-    opened = opening(loops, states, qacc, links)
-    if drivers is not None and loops.drive is not None:
-        opened[:, loops.driven_rows] = qacc[:, loops.drive.dofs] - drivers
+    opened = closure_acceleration(loops, states, qacc, links)
+    if drivers is not None and loops.drivers is not None:
+        opened[:, loops.driven_rows] = qacc[:, loops.drivers.dofs] - drivers
     change = np.zeros_like(qacc)
     change[:, loops.crank] = wanted - qacc[:, loops.crank]
     if opened.shape[1]:
@@ -254,7 +254,7 @@ def _correction(
     return change
 
 
-def opening(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, LinkMotion]) -> Array:
+def closure_acceleration(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, LinkMotion]) -> Array:
     """Return the second rate at which the loops open under given accelerations, (n, m)."""
     model = loops.model
     rates: list[Array] = [np.zeros((len(qacc), 0))]
@@ -265,7 +265,7 @@ def opening(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, 
                 ends.append(np.zeros((len(qacc), 3)))
                 continue
             link = links[model.body(body).name]
-            arm = carried(link.rotation, local)
+            arm = rotated(link.rotation, local)
             spin = link.angular_velocity
             swing = np.cross(link.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
             ends.append(link.acceleration + swing)
@@ -276,14 +276,14 @@ def opening(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, 
         a, b = (links[model.body(body).name] if body else world for body in pair.bodies)
         apart = a.angular_acceleration - b.angular_acceleration
         apart = apart - np.cross(b.angular_velocity, a.angular_velocity)
-        rates.append((pair.apart(a.rotation, b.rotation)[1] @ apart[..., None])[..., 0])
+        rates.append((pair.rotation_error(a.rotation, b.rotation)[1] @ apart[..., None])[..., 0])
     for coupling in loops.couplings:
-        slope = coupling.slope(states.qpos, model.nv)
-        rates.append(((slope * qacc).sum(1) - coupling.bend(states.qpos, states.qvel))[:, None])
-    if loops.drive is not None:
-        _, first, second = loops.drive.law(states.qpos[:, loops.crank_place])
+        slope = coupling.jacobian(states.qpos, model.nv)
+        rates.append(((slope * qacc).sum(1) - coupling.velocity_product(states.qpos, states.qvel))[:, None])
+    if loops.drivers is not None:
+        _, first, second = loops.drivers.law(states.qpos[:, loops.crank_address])
         wanted = first * qacc[:, loops.crank] + second * states.qvel[:, loops.crank] ** 2
-        rates.append(qacc[:, loops.drive.dofs] - wanted.T)
+        rates.append(qacc[:, loops.drivers.dofs] - wanted.T)
     return np.concatenate(rates, 1)
 
 
@@ -313,7 +313,7 @@ def _joints(loops: ModelLoops, track: Track, states: States, qacc: Array) -> dic
     model, joints = loops.model, {}
     for i in range(model.njnt):
         name = model.joint(i).name
-        if model.jnt_type[i] in (HINGE, SLIDE) and name and name != CLOCK:
+        if model.jnt_type[i] in (HINGE, SLIDE) and name and name != PARAMETER_JOINT:
             place, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
             called, part = track.name(name)
             joints[called] = JointMotion(

@@ -8,10 +8,10 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 
 # part of a driver's own row that the other freedoms cannot follow where it is locked
-LOCKED = 1e-6
+LOCKED_FRACTION = 1e-6
 
 
-def stuck(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
+def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
     """Return the crank, or the drivers, that the loops do not let move, each while the others are held.
 
     Args:
@@ -19,21 +19,21 @@ def stuck(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
         jacobian: at one state, (m, nv).
     """
     names, moves = ("crank",), -jacobian[:, [loops.crank]]
-    if loops.drive is not None:
-        names, moves = loops.drive.names, np.eye(len(jacobian))[:, -len(loops.drive.names) :]
-    held = loops.held(jacobian[None])[0]
+    if loops.drivers is not None:
+        names, moves = loops.drivers.names, np.eye(len(jacobian))[:, -len(loops.drivers.names) :]
+    held = loops.constrained_jacobian(jacobian[None])[0]
     missed = np.abs(held @ (np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ moves) - moves).max(0, initial=0.0)
-    bound = max(LOCKED * float(np.abs(jacobian).max(initial=0.0)), loops.rounding)
+    bound = max(LOCKED_FRACTION * float(np.abs(jacobian).max(initial=0.0)), loops.rounding)
     return tuple(name for name, miss in zip(names, missed, strict=True) if not miss <= bound)
 
 
-def refusal(loops: ModelLoops, locked: tuple[str, ...], angle: float) -> MobilityError:
+def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: float) -> MobilityError:
     """Return the error that names the drivers the loops do not let move, the crank at an angle in [rad]."""
-    if loops.drive is None:
-        said = f"the loops leave the crank no motion at {loops.said(angle)}"
+    if loops.drivers is None:
+        said = f"the loops leave the crank no motion at {loops.driver_text(angle)}"
         remedy = "take away a driver, a gear or a joint"
     else:
-        others = "the other drivers are" if len(loops.drive.names) > 1 else "all else is"
+        others = "the other drivers are" if len(loops.drivers.names) > 1 else "all else is"
         said = f"the loops do not let {', '.join(locked)} move while {others} held"
         remedy = "take away a driver, a coupling, a hold or a joint"
     return MobilityError(f"{loops.name}: overdriven: {said}; {remedy}", "overdriven")

@@ -13,18 +13,18 @@ from mechsim.maths.norms import worst
 R = TypeVar("R")
 
 # part of the tolerance aimed at, for what trials do not see
-AIM = 0.5
+TARGET_FRACTION = 0.5
 # times as many steps as before, at least and at most; and the most in a turn that are spent, but for a short
 # motion that more of them are foretold to settle
 LEAST, FURTHEST, MOST = 1.5, 4.0, 100_000
 # steps in a turn up to which a run that diverges is followed by a finer one
-LOST = 25_000
+MAX_STEPS_AFTER_DIVERGENCE = 25_000
 # more steps help where what is left of the error is less than this part of what was
-GAIN = 0.5
+MIN_GAIN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Promise:
+class ToleranceReport:
     """What was asked of a run and how it came out.
 
     Attributes:
@@ -47,7 +47,7 @@ class Promise:
         return worst(list(self.estimates.values()))
 
     @property
-    def met(self) -> bool:
+    def satisfied(self) -> bool:
         """Whether the estimate is within the tolerance."""
         return self.estimate <= self.tolerance
 
@@ -79,7 +79,7 @@ class Attempt(Generic[R]):
     trials: int = 0
     change: float = field(default=np.nan)
     final: bool = False
-    lost: bool = False
+    diverged: bool = False
 
     @property
     def estimate(self) -> float:
@@ -87,7 +87,7 @@ class Attempt(Generic[R]):
         return worst(list(self.estimates.values()))
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """What is to fall from one attempt to the next."""
         return self.estimate if np.isnan(self.change) else self.change
 
@@ -103,7 +103,7 @@ def refine(
     multiple: int = 1,
     most: int = 0,
     budget: ProcessorBudget | None = None,
-) -> tuple[R, Promise]:
+) -> tuple[R, ToleranceReport]:
     """Return a run that keeps a tolerance, or the best there is, and its promise.
 
     Args:
@@ -132,15 +132,15 @@ def refine(
             ended = str(error)
             break
         spent += now.trials + now.steps
-        lost = now.lost and steps < LOST
-        gained = best is None or now.left < GAIN * left or lost
+        lost = now.diverged and steps < MAX_STEPS_AFTER_DIVERGENCE
+        gained = best is None or now.remaining < MIN_GAIN * left or lost
         if best is None or now.estimate < best.estimate:
             best = now
-        more = max(steps_for(steps, now.estimate, AIM * tolerance, now.order), LEAST * steps)
+        more = max(steps_for(steps, now.estimate, TARGET_FRACTION * tolerance, now.order), LEAST * steps)
         enough = most if MOST < more <= most else MOST
         if now.estimate <= tolerance or now.final or not gained or steps >= enough:
             break
-        left, before = now.left, steps
+        left, before = now.remaining, steps
         steps = rounded(min(more, tried if steps < tried else FURTHEST * steps), multiple, enough)
         if budget is not None and not budget.affords((budget.spent - begun) * steps / before):
             ended = budget.ended
@@ -149,7 +149,7 @@ def refine(
     reason = "" if best.estimate <= tolerance else why(steps, best.estimate)
     if reason and ended:
         reason = f"{ended}; {reason}"
-    promise = Promise(
+    promise = ToleranceReport(
         tolerance=tolerance,
         estimates=best.estimates,
         order=best.order,

@@ -13,20 +13,20 @@ from mechsim.model.programs import Programs
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel, Source
-from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved
+from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved_run
 from mechsim.simulation.fixed_step import with_timestep
-from mechsim.simulation.initial_state import begun, clock_of
+from mechsim.simulation.initial_state import at_initial_state, parameter_profile
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.position_tolerance import within
+from mechsim.simulation.position_tolerance import run_within
 from mechsim.simulation.run_result import Method, Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.simulation.undetermined_dofs import (
     require_determined,
     require_movable,
     require_path_within_limits,
     require_within_limits,
-    standing,
+    residual_mobility,
 )
 from mechsim.units import si
 
@@ -48,7 +48,7 @@ def simulate(
     drive: str | None = None,
     lock: Mapping[str, float | None] | None = None,
     key: str | None = None,
-    watch: Watch | None = None,
+    watch: Progress | None = None,
     budget: ProcessorBudget | None = None,
 ) -> Run:
     """Run a mechanism, or a model of one's own, in MuJoCo under a driven crank or programs of its drivers.
@@ -111,9 +111,9 @@ def simulate(
     if profile is not None:
         source = starting_at(source, profile.angles)
     drivers = drive if programs is None else programs.drivers
-    closed = closed_model.of_source(source, scene, drivers=drivers, lock=lock, key=key)
+    closed = closed_model.from_source(source, scene, drivers=drivers, lock=lock, key=key)
     if programs is not None:
-        profile = clock_of(programs)
+        profile = parameter_profile(programs)
     elif profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
@@ -124,17 +124,17 @@ def simulate(
         method = "step"
     closed, method, determined = _movable(closed, method, programs)
     if method == "pose":
-        return solved(closed, profile, samples, tolerance, watch or unwatched)
+        return solved_run(closed, profile, samples, tolerance, watch or no_progress)
     start = first_state(closed, profile)
     require_within_limits(closed, start[0][None])
     if determined:
         require_path_within_limits(closed, profile.angles)
-    run = DrivenRun(closed, profile, start, samples, watch or unwatched, budget=budget)
+    run = DrivenRun(closed, profile, start, samples, watch or no_progress, budget=budget)
     run.require_decided()
     settings = settings or Settings()
     if timestep is not None:
         run, settings = with_timestep(run, settings, timestep)
-    return run.stepped(settings) if tolerance is None else within(run, settings, tolerance)
+    return run.stepped(settings) if tolerance is None else run_within(run, settings, tolerance)
 
 
 def _check(
@@ -167,14 +167,14 @@ def _movable(
     Raises:
         MobilityError: where the crank cannot move, or poses are asked for that it does not settle.
     """
-    found = standing(closed)
-    method = method or ("step" if found.open else "pose")
+    found = residual_mobility(closed)
+    method = method or ("step" if found.undetermined else "pose")
     require_movable(closed, found)
     if method == "pose":
         require_determined(closed, found)
     if method == "step":
-        closed = closed.untouched(found.settled)
-    return closed if programs is None else begun(closed, programs), method, not found.open
+        closed = closed.without_contacts(found.determined_bodies)
+    return closed if programs is None else at_initial_state(closed, programs), method, not found.undetermined
 
 
 def require_programs(source: Source, programs: Programs | None, else_given: object) -> None:
@@ -185,7 +185,7 @@ def require_programs(source: Source, programs: Programs | None, else_given: obje
     """
     if programs is not None and else_given is not None:
         raise InputError("both programs and a crank's motion were given; give one of them")
-    model = closed_model.described(source)
+    model = closed_model.description(source)
     if not isinstance(model, Mechanism):
         return
     if programs is None and not model.has_crank:

@@ -10,7 +10,7 @@ from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import Outcome
-from mechsim.simulation.refine import Promise
+from mechsim.simulation.refine import ToleranceReport
 from mechsim.simulation.settings import Settings
 
 Method = Literal["step", "pose"]
@@ -46,7 +46,7 @@ class Run:
     settings: Settings | None
     timestep: float | None = None
     method: Method
-    promise: Promise | None = None
+    tolerance_report: ToleranceReport | None = None
     note: str = ""
 
     __repr__ = short_repr
@@ -91,7 +91,7 @@ class Driven:
     seconds: float
     settings: Settings | None = None
     timestep: float | None = None
-    promise: Promise | None = None
+    tolerance_report: ToleranceReport | None = None
     note: str = ""
     masses: tuple[LinkMass, ...] = ()
 
@@ -122,7 +122,7 @@ class SteppedFreeRun:
     seconds: float
     timestep: float
     settings: Settings
-    promise: Promise | None = None
+    tolerance_report: ToleranceReport | None = None
     masses: tuple[LinkMass, ...] = ()
 
     __repr__ = short_repr

@@ -212,13 +212,13 @@ class Settings:
         model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
         if not bending:
             # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
-            bent = [one.number for one in loops.couplings if one.bends]
+            bent = [one.equality for one in loops.couplings if one.nonlinear]
             model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
         set_armature(
             model,
             np.array([loops.crank]),
             self.drive_inertia
-            or drive_inertia(model.body_mass, model.body_inertia, loops.size, self.compliance_used),
+            or drive_inertia(model.body_mass, model.body_inertia, loops.characteristic_length, self.compliance_used),
         )
         used = replace(self, compliance=self.compliance_used)
         if self.jacobian == "auto":
@@ -274,7 +274,7 @@ def drive_inertia(mass: Array, inertia: Array, size: Any, compliance: float) -> 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
     """Return the tendons that couplings of a model are of."""
-    numbers = [one.number for one in loops.couplings]
+    numbers = [one.equality for one in loops.couplings]
     of = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
     return sorted({int(end) for i in of for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
 

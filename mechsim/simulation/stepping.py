@@ -19,12 +19,12 @@ from mechsim.simulation.recorded_motion import States
 from mechsim.simulation.settings import Settings, set_armature
 
 # is told how far a run has come: in words, and what part of the whole that is, 0 to 1
-Watch = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 # steps in one call into C: long enough that the call costs nothing, short enough for memory
 BLOCK = 4096
 # bytes held for each step of a crank whose speed changes
-TORQUE = 64.0
+BYTES_PER_STEP = 64.0
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
@@ -55,7 +55,7 @@ class Steps:
     processor: float = 0.0
 
 
-def unwatched(_: str, __: float) -> None:
+def no_progress(_: str, __: float) -> None:
     """Take no notice."""
 
 
@@ -68,7 +68,7 @@ def step(
     total: int,
     stride: int,
     controls: Array | None = None,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> Steps:
     """Step a model along a crank profile.
 
@@ -89,14 +89,14 @@ def step(
         watch: told after every block how far the run has come.
     """
     timestep = profile.duration / total
-    driven = not profile.steady or len(loops.moved_dofs) > 1 or loops.drive is not None
+    driven = not profile.steady or len(loops.actuated_dofs) > 1 or loops.drivers is not None
     if driven:
-        held = TORQUE * len(loops.moved_dofs)
+        held = BYTES_PER_STEP * len(loops.actuated_dofs)
         require_room(f"the drive's torque at {total:,} steps", total, held, "take {most} steps at the most")
     used = settings.apply(loops, timestep)
     model = loops.model
     if driven:
-        _lead(loops)
+        _add_drive_inertia(loops)
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
@@ -104,7 +104,7 @@ def step(
     done, spent, processor, diverged = 0, 0.0, 0.0, False
     while done < total and not diverged:
         count = min(BLOCK, total - done)
-        control = _fed(loops, slice(done, done + count), controls, torque)
+        control = _controls(loops, slice(done, done + count), controls, torque)
         begin, busy = clock.perf_counter(), clock.thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
         spent += clock.perf_counter() - begin
@@ -120,25 +120,25 @@ def step(
         watch(f"{done:,} of {total:,} steps", done / total)
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
-    if force is not None and driven and force.shape[1] == 1 and loops.drive is None:
+    if force is not None and driven and force.shape[1] == 1 and loops.drivers is None:
         force = force[:, 0]
     return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)
 
 
-def _lead(loops: ModelLoops) -> None:
+def _add_drive_inertia(loops: ModelLoops) -> None:
     """Put the crank's flywheel on all that is driven, and take out the constraints of what bends with it."""
-    model, moved = loops.model, loops.moved_dofs
+    model, moved = loops.model, loops.actuated_dofs
     flywheel = model.dof_armature[loops.crank]
     # on a slide the mass that has this inertia as far off as the longest link reaches
     slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
-    set_armature(model, moved, np.where(slides, flywheel / loops.size**2, flywheel))
+    set_armature(model, moved, np.where(slides, flywheel / loops.characteristic_length**2, flywheel))
     # by these MuJoCo scales the softness of couplings: what carries a flywheel gives way to nothing
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
-    model.eq_active0[[one.number for one in loops.followers]] = 0
-    weigh_sums(loops, model)
+    model.eq_active0[[one.equality for one in loops.followers]] = 0
+    rescale_coupled_tendons(loops, model)
 
 
-def weigh_sums(loops: ModelLoops, model: mujoco.MjModel) -> None:
+def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:
     """Weigh the sums of coordinates that are coupled by what these weigh now.
 
     MuJoCo softens them by what they weighed when they were compiled, without flywheels: a light link on the
@@ -149,15 +149,15 @@ def weigh_sums(loops: ModelLoops, model: mujoco.MjModel) -> None:
     driven = [dof for dof in loops.driven_dofs if model.dof_armature[dof]]
     weights[driven] = np.minimum(weights[driven], 1.0 / model.dof_armature[driven])
     for one in loops.couplings:
-        if model.eq_type[one.number] != int(mujoco.mjtEq.mjEQ_TENDON):
+        if model.eq_type[one.equality] != int(mujoco.mjtEq.mjEQ_TENDON):
             continue
-        ends = int(model.eq_obj1id[one.number]), int(model.eq_obj2id[one.number])
+        ends = int(model.eq_obj1id[one.equality]), int(model.eq_obj2id[one.equality])
         for tendon, side in zip(ends, (one.left, one.right), strict=True):
             if side is not None:
                 model.tendon_invweight0[tendon] = float(side.weights**2 @ weights[side.dofs])
 
 
-def _fed(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array | None) -> Array | None:
+def _controls(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array | None) -> Array | None:
     """Return what feeds actuators and drives over some steps, (1, steps, nu + nv); None for nothing."""
     given = [one[steps] for one in (controls, torque) if one is not None]
     if not given:
@@ -167,15 +167,15 @@ def _fed(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array 
     if controls is not None:
         control[0, :, : model.nu] = controls[steps]
     if torque is not None:
-        control[0][:, model.nu + loops.moved_dofs] = torque[steps]
+        control[0][:, model.nu + loops.actuated_dofs] = torque[steps]
     return control
 
 
 def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: int) -> Array:
     """Return the force on each driver over each step, (steps, drivers) in [N m] or [N]."""
     angle, speed, _ = profile.state(timestep * np.arange(steps + 1.0))
-    rates = loops.moved_rates(angle, speed)
-    return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[loops.moved_dofs]
+    rates = loops.actuated_rates(angle, speed)
+    return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[loops.actuated_dofs]
 
 
 def check_step(timestep: float, profile: CrankProfile, cycle: str = "a turn of the crank") -> int:

@@ -11,7 +11,7 @@ RK4, EULER, DISCRETE = (
 SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
-def stiffest_part(model: mujoco.MjModel) -> str:
+def stiffness_cause(model: mujoco.MjModel) -> str:
     """Return what asks for shorter steps than a model has, in one clause; empty where nothing does.
 
     A spring is stepped stably below 2/w, w its circular frequency beside the inertia that MuJoCo gives the

@@ -10,7 +10,7 @@ from mechsim.simulation.poses import follow
 BEYOND = 0.5
 
 
-def brought(loops: ModelLoops, state: Array, there: Array, whither: str) -> Array:
+def move_drivers(loops: ModelLoops, state: Array, there: Array, whither: str) -> Array:
     """Return the closed state in which the drivers stand where they are wanted, (nq,), the clock at zero.
 
     They go there straight, all at once.
@@ -24,12 +24,12 @@ def brought(loops: ModelLoops, state: Array, there: Array, whither: str) -> Arra
     Raises:
         AssemblyError: where the loops do not close on the way.
     """
-    drive = loops.drive
+    drive = loops.drivers
     assert drive is not None
     start = state.copy()
-    start[loops.crank_place] = 0.0
-    here = start[drive.places]
-    far = float(np.abs((there - here) / np.where(drive.slides, loops.size, 1.0)).max(initial=0.0))
+    start[loops.crank_address] = 0.0
+    here = start[drive.addresses]
+    far = float(np.abs((there - here) / np.where(drive.slides, loops.characteristic_length, 1.0)).max(initial=0.0))
     if far > 0.0:
 
         def straight(angle: Array) -> tuple[Array, Array, Array]:
@@ -43,6 +43,6 @@ def brought(loops: ModelLoops, state: Array, there: Array, whither: str) -> Arra
             where = ", ".join(f"{name} = {at:.6g}" for name, at in zip(drive.names, stands, strict=True))
             return f"{where} on the way to {whither}"
 
-        start = follow.follow(loops.under(straight, along), start, [far])[0]
-    start[loops.crank_place], start[drive.places] = 0.0, there
+        start = follow.follow(loops.with_law(straight, along), start, [far])[0]
+    start[loops.crank_address], start[drive.addresses] = 0.0, there
     return start

@@ -13,17 +13,17 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
-from mechsim.simulation.redundant_drivers import refusal, stuck
+from mechsim.simulation.redundant_drivers import overdetermined_error, immobile_drivers
 
 # displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
 # there is one, and that a point or joint moves by which it matters
 NUDGE, STAYS, MATTERS = 1e-3, 0.5, 1e-2
 # bodies that a note lists
-LISTED = 6
+MAX_LISTED = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class ResidualMobility:
     """How a model stands with its drivers held.
 
     Attributes:
@@ -33,66 +33,66 @@ class Standing:
         settled: the bodies whose centres cannot move, (nbody,).
     """
 
-    open: tuple[str, ...]
-    locked: tuple[str, ...]
-    meeting: bool
-    settled: NDArray[np.bool_]
+    undetermined: tuple[str, ...]
+    immobile_drivers: tuple[str, ...]
+    at_change_point: bool
+    determined_bodies: NDArray[np.bool_]
 
 
-def standing(closed: ClosedModel) -> Standing:
+def residual_mobility(closed: ClosedModel) -> ResidualMobility:
     """Return what the drivers leave open at the closed state of a model."""
-    loops, state = closed.loops, closed.closed[None]
+    loops, state = closed.loops, closed.qpos[None]
     jacobian = loops.linearise(state)[1]
-    held = loops.held(jacobian)[0]
+    held = loops.constrained_jacobian(jacobian)[0]
     _, values, freedoms = np.linalg.svd(held)
     rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-    unmoved = stuck(loops, jacobian[0])
+    unmoved = immobile_drivers(loops, jacobian[0])
     names: list[str] = []
     singular, settled = False, np.ones(loops.model.nbody, dtype=np.bool_)
     for freedom in freedoms[rank:]:
-        moved = _moved(loops, closed.closed, freedom)
-        there = moved if moved is not None else _nudged(loops, closed.closed, freedom)
-        seen = _seen(closed, closed.closed, there)
-        settled &= ~_swings(loops, closed.closed, there)
+        moved = _closed_after_nudge(loops, closed.qpos, freedom)
+        there = moved if moved is not None else _nudged(loops, closed.qpos, freedom)
+        seen = _moved_names(closed, closed.qpos, there)
+        settled &= ~_moved_bodies(loops, closed.qpos, there)
         singular |= moved is None and bool(seen)
         names += seen if moved is not None else ()
-    return Standing(
+    return ResidualMobility(
         tuple(dict.fromkeys(names)),
-        locked=() if singular or names else unmoved,
-        meeting=singular and not unmoved,
-        settled=settled,
+        immobile_drivers=() if singular or names else unmoved,
+        at_change_point=singular and not unmoved,
+        determined_bodies=settled,
     )
 
 
-def require_determined(closed: ClosedModel, found: Standing) -> None:
+def require_determined(closed: ClosedModel, found: ResidualMobility) -> None:
     """Refuse a model whose poses the crank does not settle.
 
     Raises:
         MobilityError: with the joints and points left open.
     """
-    if found.open:
+    if found.undetermined:
         raise MobilityError(
             f"{closed.loops.name}: undetermined: with the {_drivers(closed)} held "
-            f"{', '.join(found.open)} can still move; "
+            f"{', '.join(found.undetermined)} can still move; "
             f"drive, hold or couple them, or {STEPPED}",
             "undetermined",
         )
 
 
-def require_movable(closed: ClosedModel, found: Standing) -> None:
+def require_movable(closed: ClosedModel, found: ResidualMobility) -> None:
     """Refuse a crank that cannot move, and a start from which two motions lead.
 
     Raises:
         MobilityError: for a crank that cannot move.
         AssemblyError: where two assemblies meet in the pose it starts from.
     """
-    if found.locked:
-        raise refusal(closed.loops, found.locked, closed.angle)
-    if found.meeting:
+    if found.immobile_drivers:
+        raise overdetermined_error(closed.loops, found.immobile_drivers, closed.angle)
+    if found.at_change_point:
         raise AssemblyError(
-            f"{closed.loops.name}: it starts at {closed.loops.said(closed.angle)}, where two assemblies "
+            f"{closed.loops.name}: it starts at {closed.loops.driver_text(closed.angle)}, where two assemblies "
             "meet and none can be told from the other; give a start at "
-            f"{'another crank angle' if closed.loops.drive is None else 'other values of the drivers'}"
+            f"{'another crank angle' if closed.loops.drivers is None else 'other values of the drivers'}"
         )
 
 
@@ -109,8 +109,8 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
         {name: (float(model.jnt_range[i, 0]), float(model.jnt_range[i, 1])) for i, name in names.items()},
         {name: states[:, model.jnt_qposadr[i]] for i, name in names.items()},
         {name: "rad" if model.jnt_type[i] == HINGE else "m" for i, name in names.items()},
-        lambda worst: closed.loops.said(float(states[worst, closed.loops.crank_place])),
-        _less(closed),
+        lambda worst: closed.loops.driver_text(float(states[worst, closed.loops.crank_address])),
+        _range_remedy(closed),
     )
 
 
@@ -127,16 +127,16 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
     limited = _limited(closed)
     if not limited or np.ptp(angles) == 0.0:
         return
-    drive = closed.loops.drive
+    drive = closed.loops.drivers
     if drive is not None and not drive.law(angles)[1].any():
         # rows of driver coordinates, each a pose by itself
         return
     instants = check_instants(float(angles.min()), float(angles.max()))
     try:
-        states = follow.follow(closed.loops, closed.closed, instants)
+        states = follow.follow(closed.loops, closed.qpos, instants)
         between = extremes(instants, states[:, closed.model.jnt_qposadr[limited]].T)
         if len(between):
-            states = np.concatenate([states, follow.follow(closed.loops, closed.closed, between)])
+            states = np.concatenate([states, follow.follow(closed.loops, closed.qpos, between)])
     except AssemblyError:
         # instants at which the loops do not close are no part of what was requested
         return
@@ -152,20 +152,20 @@ def _limited(closed: ClosedModel) -> list[int]:
 
 
 def _drivers(closed: ClosedModel) -> str:
-    return "crank" if closed.loops.drive is None else "drivers"
+    return "crank" if closed.loops.drivers is None else "drivers"
 
 
-def _less(closed: ClosedModel) -> str:
-    return "turn the crank less" if closed.loops.drive is None else "move the drivers less"
+def _range_remedy(closed: ClosedModel) -> str:
+    return "turn the crank less" if closed.loops.drivers is None else "move the drivers less"
 
 
 def _nudged(loops: ModelLoops, state: Array, freedom: Array) -> Array:
     step = np.zeros((1, loops.model.nv))
     step[0, loops.free] = NUDGE * freedom
-    return loops.moved(state[None], step)[0]
+    return loops.displaced(state[None], step)[0]
 
 
-def _moved(loops: ModelLoops, state: Array, freedom: Array) -> Array | None:
+def _closed_after_nudge(loops: ModelLoops, state: Array, freedom: Array) -> Array | None:
     """Return the state moved along a freedom and closed; None where the loops do not let it."""
     nudged = _nudged(loops, state, freedom)
     try:
@@ -175,40 +175,40 @@ def _moved(loops: ModelLoops, state: Array, freedom: Array) -> Array | None:
     return closed if np.abs(closed - nudged).max() < (1.0 - STAYS) * np.abs(nudged - state).max() else None
 
 
-def _seen(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
+def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
     """Return the joints and tracked points that differ between two states."""
     model, loops = closed.model, closed.loops
     found: list[str] = []
-    swings = _swings(loops, state, moved)
+    swings = _moved_bodies(loops, state, moved)
     for body in range(model.nbody - 1, 0, -1):
         swings[model.body_parentid[body]] |= swings[body]
     for i, (kind, place) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
-        scale = loops.size if kind == SLIDE else 1.0
+        scale = loops.characteristic_length if kind == SLIDE else 1.0
         turned = kind in (HINGE, SLIDE) and abs(moved[place] - state[place]) > MATTERS * NUDGE * scale
         # a link that spins about its own line stands as it did
         if turned and swings[model.jnt_bodyid[i]]:
             found.append(f"joint {model.joint(i).name or i!r}")
-    places = closed.places(np.stack([state, moved]))
+    places = closed.point_positions(np.stack([state, moved]))
     gone = np.linalg.norm(places[1] - places[0], axis=1)
     for name, far in zip(closed.track.points, gone, strict=True):
         body = int(model.site_bodyid[model.site(name).id])
-        if far > MATTERS * NUDGE * loops.size and not _floats(loops, body):
+        if far > MATTERS * NUDGE * loops.characteristic_length and not _is_floating(loops, body):
             found.append(f"point {name}")
     return found
 
 
-def _swings(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
+def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
     """Return whose centres differ between two states, (nbody,)."""
     gone = np.diff(loops.centres(np.stack([state, moved])), axis=0)[0]
-    return np.linalg.norm(gone, axis=1) > MATTERS * NUDGE * loops.size
+    return np.linalg.norm(gone, axis=1) > MATTERS * NUDGE * loops.characteristic_length
 
 
-def _floats(loops: ModelLoops, body: int) -> bool:
+def _is_floating(loops: ModelLoops, body: int) -> bool:
     """Say whether a body hangs on nothing: free, and in no loop."""
-    return int(loops.model.body_rootid[body]) in _floating(loops)
+    return int(loops.model.body_rootid[body]) in _floating_bodies(loops)
 
 
-def _floating(loops: ModelLoops) -> list[int]:
+def _floating_bodies(loops: ModelLoops) -> list[int]:
     """Return the bodies with free joints of which nothing is in a loop."""
     model = loops.model
     free = model.jnt_bodyid[model.jnt_type == FREE].tolist()
@@ -216,13 +216,13 @@ def _floating(loops: ModelLoops) -> list[int]:
     return [body for body in free if body not in closing]
 
 
-def told_floating(closed: ClosedModel) -> str:
+def floating_bodies_note(closed: ClosedModel) -> str:
     """Return in one sentence which bodies poses leave where they start, hanging on nothing; else none."""
-    model, bodies = closed.model, _floating(closed.loops)
+    model, bodies = closed.model, _floating_bodies(closed.loops)
     if not bodies:
         return ""
-    names = [str(model.body(body).name or f"body {body}") for body in bodies[:LISTED]]
-    more = f" and {len(bodies) - LISTED} more" if len(bodies) > LISTED else ""
+    names = [str(model.body(body).name or f"body {body}") for body in bodies[:MAX_LISTED]]
+    more = f" and {len(bodies) - MAX_LISTED} more" if len(bodies) > MAX_LISTED else ""
     floats, stands, them = (
         ("floats", "it stands where it starts", "it")
         if len(bodies) == 1

@@ -30,7 +30,7 @@ def crosscheck_driven(
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
     at = (motion.angle, motion.speed, motion.acceleration)
     study = prescribed(machine, *at, time=motion.time, as_run=motion, watch=watch)
-    tolerance = None if run.promise is None or run.method == "pose" else run.promise.tolerance
+    tolerance = None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
     return judge_efforts(
         run.efforts,
         study.efforts,
@@ -55,5 +55,5 @@ def crosscheck_free(
     if found.outcome == "diverged" or len(found) < 2:
         return judge_free_run(found, found)
     exact = free_run(machine, angle=float(found.angle[0]), speed=float(found.speed[0]), times=found.time)
-    tolerance = None if run.promise is None else run.promise.tolerance
+    tolerance = None if run.tolerance_report is None else run.tolerance_report.tolerance
     return judge_free_run(found, exact, tolerance=tolerance, bounds=bounds)

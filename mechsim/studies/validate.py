@@ -19,7 +19,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import gravest
 from mechsim.simulation import Run, Settings
-from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.studies.closed_form_checks import KEPT_OFF, against_loops
 from mechsim.studies.motion_source import profile_of, simulated
@@ -97,7 +97,7 @@ class _Work:
     quick: bool
     tolerance: float | None
     budget: ProcessorBudget
-    watch: Watch
+    watch: Progress
 
 
 def case_of(
@@ -107,7 +107,7 @@ def case_of(
     quick: bool = False,
     tolerance: float | None = None,
     budget: float = BUDGET,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
@@ -246,8 +246,8 @@ def _stepped(
     verdict = crosscheck(run.motion, drive, tolerance=place, speed=wanted, bounds={"position": allowed})
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")
-    elif not verdict.passed and run.promise is not None and run.promise.reason:
-        verdict = replace(verdict, reason=f"{verdict.reason}; {run.promise.reason}")
+    elif not verdict.passed and run.tolerance_report is not None and run.tolerance_report.reason:
+        verdict = replace(verdict, reason=f"{verdict.reason}; {run.tolerance_report.reason}")
     return run, verdict
 
 
@@ -272,7 +272,7 @@ def validate_all(
     tolerance: float | None = None,
     budget: float = BUDGET,
     done: Callable[[str], None] = lambda _: None,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> dict[str, Case]:
     """Validate several mechanisms.
 

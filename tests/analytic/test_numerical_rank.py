@@ -15,7 +15,7 @@ def with_values(*values):
     return TURN @ np.diag(values) @ OTHER
 
 
-@pytest.mark.parametrize("telling", [by_formulas.significant, by_mujoco.telling])
+@pytest.mark.parametrize("telling", [by_formulas.significant, by_mujoco.significant])
 def test_a_value_tells_if_it_is_more_than_a_part_of_1e_9_of_the_largest_and_more_than_1e_13_at_all(telling):
     values = np.array([[2.0, 2.1e-9, 1.9e-9], [1e-6, 1.1e-13, 0.9e-13], [0.9e-13, 5e-14, 0.0]])
     assert telling(values).tolist() == [[True, True, False], [True, True, False], [False] * 3]

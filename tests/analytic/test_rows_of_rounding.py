@@ -117,9 +117,9 @@ def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_
     with pytest.raises(MobilityError, match="undetermined: with what is driven held, B is left open"):
         linkage.solve(t=np.linspace(0.0, 1.0, 5))
     lone = spherical(tmp_path, ["crank"])
-    standing = undetermined_dofs.standing(closed_model.of_source(lone.mechanism))
-    assert "point P" in standing.open
-    assert not standing.locked
+    standing = undetermined_dofs.residual_mobility(closed_model.from_source(lone.mechanism))
+    assert "point P" in standing.undetermined
+    assert not standing.immobile_drivers
 
 
 @pytest.fixture

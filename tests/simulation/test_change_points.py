@@ -116,9 +116,9 @@ def test_a_stepped_run_that_begins_where_assemblies_meet_is_told_how_to_be_held(
 @pytest.mark.parametrize("over", [0.01, 0.05])
 def test_a_first_stride_past_a_meeting_does_not_end_in_the_other_assembly(lead, over):
     drive = catalog.make("four_bar", ground=0.12, crank=0.04, coupler=0.09, rocker=0.07)
-    closed, at = closed_model.of_source(drive), drive.change_points()[0]
-    start = follow.follow(closed.loops, closed.closed, [at - lead])[0]
-    places = closed.places(follow.follow(closed.loops, start, [at + over]))[0]
+    closed, at = closed_model.from_source(drive), drive.change_points()[0]
+    start = follow.follow(closed.loops, closed.qpos, [at - lead])[0]
+    places = closed.point_positions(follow.follow(closed.loops, start, [at + over]))[0]
     for name, place in zip(closed.track.points, places, strict=True):
         # half of the digits are lost where the loops hardly hold the pose
         assert np.abs(place - drive.positions([at + over])[name][0]).max() <= 1e-9
@@ -126,13 +126,13 @@ def test_a_first_stride_past_a_meeting_does_not_end_in_the_other_assembly(lead, 
 
 def test_meetings_are_measured_and_beside_them_there_are_none():
     drive = OTHERS[0]
-    closed = closed_model.of_source(drive)
-    _, path = follow.followed(closed.loops, closed.closed, np.linspace(-4.0, 4.0, 33))
+    closed = closed_model.from_source(drive)
+    _, path = follow.followed(closed.loops, closed.qpos, np.linspace(-4.0, 4.0, 33))
     for meeting in path.meetings:
         assert (
             np.min(np.abs(np.exp(1j * meeting.angle) - np.exp(1j * np.array(drive.change_points())))) < 1e-9
         )
-    states = follow.follow(closed.loops, closed.closed, [0.3, 1.0])
+    states = follow.follow(closed.loops, closed.qpos, [0.3, 1.0])
     assert meeting_between(closed.loops, *states) is None
 
 

@@ -36,9 +36,9 @@ def test_torque_and_reactions_are_kept_within_the_tolerance_and_the_estimate_is_
     true = np.abs(run.efforts.torque - exact.efforts.torque).max() / np.sqrt(np.mean(exact.efforts.torque**2))
     assert run.outcome == "met"
     assert true <= tolerance
-    assert run.promise.estimates["torque"] == pytest.approx(true, rel=1e-3)
+    assert run.tolerance_report.estimates["torque"] == pytest.approx(true, rel=1e-3)
     # halving measures the same error by another way
-    assert 0.1 < run.promise.estimates["halving"] / true < 10.0
+    assert 0.1 < run.tolerance_report.estimates["halving"] / true < 10.0
     assert crosscheck_driven(run, machine).passed
 
 
@@ -47,11 +47,11 @@ def test_a_tolerance_of_rounding_is_missed_with_a_reason_and_kept_by_poses():
     machine = of("warp_knitter")
     run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-13)
     assert run.outcome == "missed"
-    assert "are no better than fewer" in run.promise.reason
+    assert "are no better than fewer" in run.tolerance_report.reason
     assert crosscheck_driven(run, machine).outcome == "missed"
     poses = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-8, method="pose")
     assert poses.outcome == "met"
-    assert 0.0 < poses.promise.estimates["balance"] <= 1e-8
+    assert 0.0 < poses.tolerance_report.estimates["balance"] <= 1e-8
 
 
 def test_a_crank_that_swings_keeps_its_tolerance_too():
@@ -66,7 +66,7 @@ def test_each_of_the_two_estimates_sees_an_error_that_is_there(monkeypatch):
     machine = of("rssr")
 
     def asked():
-        return driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-6).promise
+        return driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-6).tolerance_report
 
     monkeypatch.setattr(torque_tolerance, "against_poses", lambda *_: (1e-9, 1e-9))
     monkeypatch.setattr(torque_tolerance, "believed_order", lambda *_: 4.0)
@@ -74,7 +74,7 @@ def test_each_of_the_two_estimates_sees_an_error_that_is_there(monkeypatch):
     assert asked().estimates["halving"] <= 1e-6
     monkeypatch.setattr(refine, "MOST", torque_tolerance.EVEN)
     blind = asked()
-    assert not blind.met
+    assert not blind.satisfied
     assert blind.estimates["halving"] > 1e-6
 
 
@@ -99,11 +99,11 @@ def test_a_free_crank_keeps_its_tolerance(name, tolerance):
     run = free_run(machine.mechanism, machine.forces, speed=20.0, turns=1.0, tolerance=tolerance)
     verdict = crosscheck_free(run, machine)
     assert run.free.outcome == "done"
-    assert run.promise.met
+    assert run.tolerance_report.satisfied
     assert verdict.passed, verdict
     true = next(check.worst for check in verdict.checks if check.quantity == "crank angle")
     # the reduced equation itself is good to 1e-11 rad a turn
-    assert true <= 1.5 * run.promise.estimate + 2e-11
+    assert true <= 1.5 * run.tolerance_report.estimate + 2e-11
 
 
 def test_a_free_run_of_given_time_keeps_its_tolerance_and_one_below_what_is_spent_is_missed(monkeypatch):

@@ -22,7 +22,7 @@ def loops_of(name: str, **changed: float) -> ModelLoops:
 def sprinted(loops: ModelLoops, turns: float) -> np.ndarray | None:
     start = loops.model.qpos0
     jacobian = loops.linearise(start[None])[1]
-    return sprint(loops, start, float(start[loops.crank_place]) + TURN * turns, jacobian)
+    return sprint(loops, start, float(start[loops.crank_address]) + TURN * turns, jacobian)
 
 
 def numbers(loops: ModelLoops) -> list[np.ndarray]:
@@ -38,11 +38,11 @@ def test_a_sprint_ends_where_the_closed_form_is(name: str, turns: float) -> None
     loops = loops_of(name)
     states = sprinted(loops, turns)
     assert states is not None
-    exact = drive.solve(states[:, loops.crank_place], speed=1.0)
-    places = loops.sites(states)
+    exact = drive.solve(states[:, loops.crank_address], speed=1.0)
+    places = loops.site_positions(states)
     for point in drive.mechanism.points:
         gap = places[:, loops.model.site(point).id] - exact.points[point].position
-        assert np.abs(gap).max() < ROUGH * loops.size
+        assert np.abs(gap).max() < ROUGH * loops.characteristic_length
 
 
 def test_a_sprint_leaves_the_model_as_it_was() -> None:
@@ -60,11 +60,11 @@ def test_a_sprint_past_an_almost_dead_centre_is_not_trusted_and_the_walk_passes_
     loops = loops_of("four_bar", **sizes, rocker=0.12 * (1.0 - slack))
     assert sprinted(loops, 1.0) is None
     start = loops.model.qpos0
-    angles = start[loops.crank_place] + np.linspace(0.0, TURN, 50)
-    place = loops.sites(follow.follow(loops, start, angles))[:, loops.model.site("B").id]
+    angles = start[loops.crank_address] + np.linspace(0.0, TURN, 50)
+    place = loops.site_positions(follow.follow(loops, start, angles))[:, loops.model.site("B").id]
     exact = drive.solve(angles, speed=1.0).points["B"].position
     # the square root of the distance from the dead centre is all that is left of rounding there
-    assert np.abs(place - exact).max() < 1e-7 * loops.size
+    assert np.abs(place - exact).max() < 1e-7 * loops.characteristic_length
 
 
 def test_a_sprint_beyond_the_dead_centre_of_a_crank_that_only_swings_is_not_trusted() -> None:

@@ -34,16 +34,16 @@ def loops():
 
 def states(loops, n=4, reach=0.3):
     steps = reach * np.random.default_rng(4).normal(size=(n, loops.model.nv))
-    return loops.moved(np.repeat(loops.model.qpos0[None], n, 0), steps)
+    return loops.displaced(np.repeat(loops.model.qpos0[None], n, 0), steps)
 
 
 def test_the_numbers_of_a_state_are_told_apart(loops):
     # crank, free body (place, quaternion), ball (quaternion), slide
     assert loops.quaternions == [4, 8]
-    assert loops.turning.tolist() == [False] * 4 + [True] * 8 + [False]
+    assert loops.in_quaternion.tolist() == [False] * 4 + [True] * 8 + [False]
     assert loops.hinges.tolist() == [True] + [False] * 12
     assert loops.free.tolist() == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
-    assert (loops.crank, loops.crank_place) == (0, 0)
+    assert (loops.crank, loops.crank_address) == (0, 0)
 
 
 @pytest.mark.parametrize("n", [1, 4])
@@ -52,7 +52,7 @@ def test_states_are_moved_as_mujoco_moves_them(loops, n):
     steps = np.random.default_rng(5).normal(size=(n, loops.model.nv))
     # a turn too small for a quotient, and one of more than a whole turn
     steps[0, 4:7], steps[-1, 7:10] = (1e-9, -2e-9, 0.5e-9), (5.0, -4.0, 3.0)
-    for state, step, made in zip(before, steps, loops.moved(before, steps), strict=True):
+    for state, step, made in zip(before, steps, loops.displaced(before, steps), strict=True):
         expected = state.copy()
         mujoco.mj_integratePos(loops.model, expected, step, 1.0)
         assert np.abs(made - expected).max() < 2e-15
@@ -66,7 +66,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(loops, n):
     for dof in range(loops.model.nv):
         step = np.zeros((n, loops.model.nv))
         step[:, dof] = 1e-6
-        ahead, behind = (loops.residual(loops.moved(before, sign * step)) for sign in (1.0, -1.0))
+        ahead, behind = (loops.residual(loops.displaced(before, sign * step)) for sign in (1.0, -1.0))
         assert np.abs((ahead - behind) / 2e-6 - jacobian[:, :, dof]).max() < 1e-9
 
 
@@ -75,7 +75,7 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
     before[:, 1:4] += 10.0
     residual, jacobian = loops.linearise(before)
     held = loops.solve(jacobian, -residual[..., None])[..., 0]
-    step, _ = loops.newton(residual, jacobian)
+    step, _ = loops.newton_step(residual, jacobian)
     turns = np.abs(held[:, 3:9]).max(1)
     assert turns.max() > 0.5
     for one, whole, turn in zip(step[:, loops.free], held, turns, strict=True):
@@ -86,7 +86,7 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
     shifted = np.repeat(loops.model.qpos0[None], 2, 0)
     shifted[:, 1:4] += 1e-3
     residual, jacobian = loops.linearise(shifted)
-    assert loops.gap(loops.residual(loops.moved(shifted, loops.newton(residual, jacobian)[0]))).max() < 1e-4
+    assert loops.closure_error(loops.residual(loops.displaced(shifted, loops.newton_step(residual, jacobian)[0]))).max() < 1e-4
 
 
 def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
@@ -95,7 +95,7 @@ def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
 
 def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
     closed = loops.close(states(loops, 4, 0.02))
-    assert loops.gap(loops.residual(closed)).max() <= 1e-14
+    assert loops.closure_error(loops.residual(closed)).max() <= 1e-14
     _, jacobian = loops.linearise(closed)
     tangent = loops.tangent(jacobian)
     assert (tangent[:, 0] == 1.0).all()
@@ -117,7 +117,7 @@ def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
     data = mujoco.MjData(loops.model)
     residual = loops.residual(before)
     for state, sites, places, gap in zip(
-        before, loops.sites(before), loops.places(before), residual, strict=True
+        before, loops.site_positions(before), loops.point_positions(before), residual, strict=True
     ):
         data.qpos[:] = state
         mujoco.mj_kinematics(loops.model, data)
@@ -129,19 +129,19 @@ def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
 
 def test_the_yardstick_is_the_longest_of_arms_and_bodies_places(loops):
     reach = max(np.linalg.norm(local) for pair in loops.pairs for local in pair.local)
-    assert loops.size == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
+    assert loops.characteristic_length == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
     out = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=9.0)))
-    assert out.size == pytest.approx(np.hypot(9.0, 0.02))
+    assert out.characteristic_length == pytest.approx(np.hypot(9.0, 0.02))
     far = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0, crank=0.01)))
-    assert far.size == pytest.approx(np.hypot(7.0, 0.03))
-    assert far.gap(np.array([[7.0, 0.0, 0.0, 0.0, -14.0, 0.0, 0.0, 0.0, 0.0]])) == pytest.approx(
-        14.0 / far.size
+    assert far.characteristic_length == pytest.approx(np.hypot(7.0, 0.03))
+    assert far.closure_error(np.array([[7.0, 0.0, 0.0, 0.0, -14.0, 0.0, 0.0, 0.0, 0.0]])) == pytest.approx(
+        14.0 / far.characteristic_length
     )
 
 
 def test_the_two_assemblies_of_a_loop_lie_on_either_side(loops):
     # the slide's body may be reached from above or below: both are closed, on sides of unlike sign
-    assert set(np.unique(loops.side(loops.linearise(states(loops, 40, 1.0))[1]))) <= {-1.0, 1.0}
+    assert set(np.unique(loops.determinant_sign(loops.linearise(states(loops, 40, 1.0))[1]))) <= {-1.0, 1.0}
 
 
 def test_what_cannot_come_together_is_named(loops):

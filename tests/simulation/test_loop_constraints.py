@@ -6,9 +6,9 @@ import pytest
 
 from mechsim.errors import InputError
 from mechsim.simulation.followers import chained
-from mechsim.simulation.loop_constraints import Coupled, Sum
+from mechsim.simulation.loop_constraints import CouplingConstraint, Sum
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import States, add_sensors, has_dry_friction, link_motions, opening
+from mechsim.simulation.recorded_motion import States, add_sensors, has_dry_friction, link_motions, closure_acceleration
 
 MODEL = """<mujoco model="every kind">
   <option gravity="0 0 0"/>
@@ -67,7 +67,7 @@ def test_residual_and_jacobian_are_mujocos_own(kind):
     model, _ = model_of(KINDS[kind])
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     loops, data = ModelLoops(model), mujoco.MjData(model)
-    turned = loops.turned_rows
+    turned = loops.frame_rows
     for state in near(model, 3, 0.1):
         data.qpos[:] = state
         mujoco.mj_forward(model, data)
@@ -93,10 +93,10 @@ def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
     mujoco.mj_forward(model, data)
     fields = {name: getattr(data, name)[None] for name in ("xpos", "xmat", "sensordata", "qacc")}
     links = link_motions(model, track, fields)
-    found = opening(loops, States(np.zeros(1), qpos, rates), data.qacc[None], links)[0]
+    found = closure_acceleration(loops, States(np.zeros(1), qpos, rates), data.qacc[None], links)[0]
     step = 2e-3
     time = step * np.arange(-4, 5)[:, None]
-    path = loops.moved(np.repeat(qpos, 9, 0), rates * time + 0.5 * data.qacc * time**2)
+    path = loops.displaced(np.repeat(qpos, 9, 0), rates * time + 0.5 * data.qacc * time**2)
     second = np.array([-9, 128, -1008, 8064, -14350, 8064, -1008, 128, -9]) / 5040.0 / step**2
     # eighth-order differences: rounding over the square of the step
     assert np.abs(second @ loops.residual(path) - found).max() < 1e-9
@@ -110,12 +110,12 @@ def test_a_tendon_through_sites_is_refused_by_its_name():
 @pytest.mark.parametrize(("coefficients", "bends"), [([0.3, -2.0, 0.5], True), ([0.3, -2.0, 0.0], False)])
 def test_a_coupling_bends_where_its_polynomial_does(coefficients, bends):
     side = Sum(np.array([0]), np.array([0]), np.zeros(1), np.ones(1))
-    coupled = Coupled(side, side, np.array(coefficients), 0)
-    assert coupled.bends == bends
-    value, slope = coupled.curve(np.array([0.7]))
+    coupled = CouplingConstraint(side, side, np.array(coefficients), 0)
+    assert coupled.nonlinear == bends
+    value, slope = coupled.evaluate(np.array([0.7]))
     assert value == pytest.approx(np.polynomial.polynomial.polyval(0.7, coefficients))
     assert slope == pytest.approx(coefficients[1] + 2.0 * 0.7 * coefficients[2])
-    assert not Coupled(side, None, np.array(coefficients), 0).bends
+    assert not CouplingConstraint(side, None, np.array(coefficients), 0).nonlinear
 
 
 @pytest.mark.parametrize(
@@ -133,5 +133,5 @@ def test_couplings_follow_the_driven_coordinate_in_whatever_order_they_stand():
     sides = [
         Sum(np.array([i]), np.array([i]), zeros=np.array([0.0]), weights=np.array([1.0])) for i in range(3)
     ]
-    last, first = (Coupled(sides[i], sides[i - 1], np.array([0.0, 2.0, 1.0]), i) for i in (2, 1))
-    assert [one.number for one in chained([last, first], [0])] == [1, 2]
+    last, first = (CouplingConstraint(sides[i], sides[i - 1], np.array([0.0, 2.0, 1.0]), i) for i in (2, 1))
+    assert [one.equality for one in chained([last, first], [0])] == [1, 2]

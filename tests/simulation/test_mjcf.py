@@ -71,7 +71,7 @@ def test_the_reference_configuration_stands_where_the_loop_equations_put_it(mech
     model = model_of(mechanism)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    assert model.qpos0[ModelLoops(model).crank_place] == pytest.approx(mechanism.start, abs=1e-15)
+    assert model.qpos0[ModelLoops(model).crank_address] == pytest.approx(mechanism.start, abs=1e-15)
     exact = closure.solve(mechanism, [mechanism.start])
     for name, point in exact.points.items():
         # both by Newton's method to rounding, from the same guess
@@ -114,7 +114,7 @@ def test_plain_mujoco_opens_the_text_and_turns_the_crank(name: str) -> None:
     data.qvel[:] = speed * loops.tangent(loops.linearise(data.qpos[None])[1])[0]
     for _ in range(100):
         mujoco.mj_step(model, data)
-    turned = data.qpos[loops.crank_place] - model.qpos0[loops.crank_place]
+    turned = data.qpos[loops.crank_address] - model.qpos0[loops.crank_address]
     # the flywheel holds the speed: 100 steps of 1e-4 s at one turn a second
     assert turned == pytest.approx(0.01 * speed, abs=1e-9)
     # the loop stays closed far below a link 0.1 % long

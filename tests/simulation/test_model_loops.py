@@ -9,7 +9,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import model_loops
 from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.drivers import CLOCK, drive_of
+from mechsim.simulation.drivers import PARAMETER_JOINT, find_drivers
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 
@@ -29,7 +29,7 @@ def loops_of(mechanism: Mechanism) -> ModelLoops:
 def near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
     rng = np.random.default_rng(11)
     steps = reach * rng.normal(size=(n, loops.model.nv))
-    return loops.moved(np.repeat(loops.model.qpos0[None], n, 0), steps)
+    return loops.displaced(np.repeat(loops.model.qpos0[None], n, 0), steps)
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
@@ -40,7 +40,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) ->
     for dof in range(loops.model.nv):
         step = np.zeros((3, loops.model.nv))
         step[:, dof] = 1e-6
-        ahead, behind = (loops.residual(loops.moved(states, sign * step)) for sign in (1.0, -1.0))
+        ahead, behind = (loops.residual(loops.displaced(states, sign * step)) for sign in (1.0, -1.0))
         assert np.abs((ahead - behind) / 2e-6 - jacobian[:, :, dof]).max() < DIFFERENCE
 
 
@@ -49,7 +49,7 @@ def test_a_step_that_closes_the_loops_comes_with_the_tangent(mechanism: Mechanis
     loops = loops_of(mechanism)
     residual, jacobian = loops.linearise(near(loops, 3, 1e-3))
     np.testing.assert_allclose(
-        loops.newton(residual, jacobian)[1], loops.tangent(jacobian), rtol=0, atol=1e-8
+        loops.newton_step(residual, jacobian)[1], loops.tangent(jacobian), rtol=0, atol=1e-8
     )
 
 
@@ -58,8 +58,8 @@ def test_of_displacements_rates_are_told_in_sizes() -> None:
     rates = np.full((1, loops.model.nv), 0.1)
     slides = loops.model.jnt_dofadr[loops.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
     assert len(slides) == 1
-    rates[0, slides] = -0.3 * loops.size
-    assert loops.fastest(rates) == pytest.approx(0.3, rel=1e-12)
+    rates[0, slides] = -0.3 * loops.characteristic_length
+    assert loops.max_rate(rates) == pytest.approx(0.3, rel=1e-12)
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
@@ -84,8 +84,8 @@ def test_designs_in_other_sizes_stand_open_in_proportion_one_alone_and_many_toge
         found, jacobian = own.linearise(states[rows])
         assert np.abs(found - sizes[rows, None] * plain[rows]).max() < 1e-15
         assert np.abs(jacobian - sizes[rows, None, None] * slope[rows]).max() < 1e-15
-        assert own.sizes == pytest.approx(sizes[rows] * loops.size)
-        assert own.gap(found) == pytest.approx(loops.gap(plain)[rows])
+        assert own.characteristic_lengths == pytest.approx(sizes[rows] * loops.characteristic_length)
+        assert own.closure_error(found) == pytest.approx(loops.closure_error(plain)[rows])
 
 
 def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_point_that_closes_a_loop() -> (
@@ -94,8 +94,8 @@ def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_poin
     loops = loops_of(catalog.make("four_bar").mechanism)
     sites, bodies = (np.repeat(one[None], 2, 0) for one in (loops.model.site_pos, loops.model.body_pos))
     bodies[1, 1] = 0.3, -0.4, 1.2
-    assert loops.with_fields({"site_pos": sites, "body_pos": bodies}).sizes == pytest.approx(
-        [loops.size, 1.3]
+    assert loops.with_fields({"site_pos": sites, "body_pos": bodies}).characteristic_lengths == pytest.approx(
+        [loops.characteristic_length, 1.3]
     )
 
 
@@ -103,7 +103,7 @@ def test_only_loops_that_leave_a_link_to_turn_about_itself_spin() -> None:
     for name, spins in (("four_bar", False), ("rssr", True)):
         loops = loops_of(catalog.make(name).mechanism)
         loops.tangent(loops.linearise(loops.model.qpos0[None])[1])
-        assert loops.spins == spins
+        assert loops.has_undetermined_dofs == spins
 
 
 def test_rows_that_say_something_new_at_a_later_state_count_there() -> None:
@@ -118,9 +118,9 @@ def test_loops_opened_by_a_little_close_again_with_the_crank_held(mechanism: Mec
     loops = loops_of(mechanism)
     rough = near(loops, 20, 1e-2)
     closed = loops.close(rough)
-    assert np.array_equal(closed[:, loops.crank_place], rough[:, loops.crank_place])
+    assert np.array_equal(closed[:, loops.crank_address], rough[:, loops.crank_address])
     # rounding of a Newton step, in units of the longest link
-    assert loops.gap(loops.residual(closed)).max() < 1e-14
+    assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     for place in loops.quaternions:
         assert np.abs(np.linalg.norm(closed[:, place : place + 4], axis=1) - 1.0).max() < 1e-15
 
@@ -134,10 +134,10 @@ def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism)
     assert tangent[0, loops.crank] == 1.0
     # a linear solve: rounding times the condition of the loop, below 100 here
     assert np.abs(jacobian @ tangent[..., None]).max() < 1e-14
-    opened = [loops.gap(loops.residual(loops.moved(start, step * tangent)))[0] for step in (1e-3, 2e-3)]
+    opened = [loops.closure_error(loops.residual(loops.displaced(start, step * tangent)))[0] for step in (1e-3, 2e-3)]
     # what is left is of second order
     assert 3.5 < opened[1] / opened[0] < 4.5
-    assert loops.gap(residual)[0] < 1e-14
+    assert loops.closure_error(residual)[0] < 1e-14
 
 
 def test_states_are_moved_as_mujoco_moves_them() -> None:
@@ -145,7 +145,7 @@ def test_states_are_moved_as_mujoco_moves_them() -> None:
     states = near(loops, 4, 0.3)
     rng = np.random.default_rng(5)
     steps = rng.normal(size=(4, loops.model.nv))
-    moved = loops.moved(states, steps)
+    moved = loops.displaced(states, steps)
     for state, step, made in zip(states, steps, moved, strict=True):
         expected = state.copy()
         mujoco.mj_integratePos(loops.model, expected, step, 1.0)
@@ -205,7 +205,7 @@ def test_a_model_without_a_crank_is_told_which_joints_it_has() -> None:
 def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
     loops = loops_of(catalog.make("four_bar", crank=0.06, ground=0.1, coupler=0.05, rocker=0.05).mechanism)
     states = np.repeat(loops.model.qpos0[None], 2, 0)
-    states[1, loops.crank_place] = np.pi
+    states[1, loops.crank_address] = np.pi
     with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a gap of"):
         loops.close(states)
 
@@ -214,10 +214,10 @@ def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypa
     loops = loops_of(catalog.make("rssr").mechanism)
     monkeypatch.setattr(model_loops, "CLOSED", 0.0)
     steps: list[int] = []
-    moved = loops.moved
-    monkeypatch.setattr(loops, "moved", lambda qpos, step: steps.append(len(qpos)) or moved(qpos, step))
+    moved = loops.displaced
+    monkeypatch.setattr(loops, "displaced", lambda qpos, step: steps.append(len(qpos)) or moved(qpos, step))
     closed = loops.close(near(loops, 20, 1e-2))
-    assert loops.gap(loops.residual(closed)).max() < 1e-14
+    assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     # from 1e-2 each step squares what is left: three to rounding, a few that find it there
     assert len(steps) < 7
 
@@ -229,28 +229,28 @@ def test_coupled_slides_stand_open_in_units_of_the_models_size(joint, kind, size
         mujoco.MjModel.from_xml_string(text.replace(f'"{joint}"', f'"{joint}" type="{kind}"', 1))
     )
     state = loops.model.qpos0[None]
-    assert loops.gap(loops.residual(state))[0] == pytest.approx(0.06 / size)
+    assert loops.closure_error(loops.residual(state))[0] == pytest.approx(0.06 / size)
 
 
 def test_driven_slides_stand_open_in_units_of_the_models_size() -> None:
     model = mujoco.MjModel.from_xml_string(
-        USER.format(equality="", crank=CLOCK).replace('"k"', '"k" type="slide"', 1)
+        USER.format(equality="", crank=PARAMETER_JOINT).replace('"k"', '"k" type="slide"', 1)
     )
-    loops = ModelLoops(model, drive=drive_of(model, ("j", "k")))
+    loops = ModelLoops(model, drivers=find_drivers(model, ("j", "k")))
     off = np.zeros((3, model.nq))
     off[1, 1], off[2, 2] = 0.06, 0.06
-    gaps = loops.gap(loops.residual(model.qpos0 + off))
-    assert gaps == pytest.approx([0.0, 0.06, 0.06 / loops.size])
-    assert loops.size == pytest.approx(0.3)
+    gaps = loops.closure_error(loops.residual(model.qpos0 + off))
+    assert gaps == pytest.approx([0.0, 0.06, 0.06 / loops.characteristic_length])
+    assert loops.characteristic_length == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_the_loosest_direction_opens_the_loops_least_of_all_with_the_crank_held(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     jacobian = loops.linearise(loops.model.qpos0[None])[1]
-    if not loops.side(jacobian)[0]:
+    if not loops.determinant_sign(jacobian)[0]:
         pytest.skip("which rows of it count changes from pose to pose")
-    found = loops.loosest(jacobian)
+    found = loops.least_constrained_direction(jacobian)
     others = np.random.default_rng(4).normal(size=(500, loops.model.nv))
     others[:, loops.crank] = 0.0
     # but for what no row holds, as the spin of a rod between balls
@@ -279,8 +279,8 @@ def test_how_far_from_singular_loops_are_is_their_least_singular_value_in_units_
     wanted = [np.linalg.svd([[1.0, 0.0], [-one, 1.0]])[1][-1] for one in slope]
     assert loops.conditioning(loops.linearise(states)[1]) == pytest.approx(wanted)
     # what programs drive is no unknown, and its rows hold nothing
-    programmed = model(second, CLOCK)
-    driven = ModelLoops(programmed, drive=drive_of(programmed, ("j",)))
+    programmed = model(second, PARAMETER_JOINT)
+    driven = ModelLoops(programmed, drivers=find_drivers(programmed, ("j",)))
     assert driven.conditioning(driven.linearise(states)[1]) == pytest.approx(1.0)
 
 
@@ -294,7 +294,7 @@ def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeyp
     beside = ModelLoops(spec.compile())
     angles = np.linspace(0.0, 2.0, 9)
     states = plain.close(
-        follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_place] + angles)
+        follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_address] + angles)
     )
     swung = np.concatenate([states, np.random.default_rng(3).normal(size=(9, 5))], 1)
     sizes: list[tuple[int, ...]] = []

@@ -22,12 +22,12 @@ def test_wheels_turn_alike_by_poses_where_all_rods_lie_flat(wheels, lag):
 @pytest.mark.parametrize("wheels", [3, 4])
 @pytest.mark.parametrize("samples", [17, 64, 73])
 def test_meetings_are_known_however_many_poses_are_asked_for(wheels, samples):
-    closed = closed_model.of_source(coupled_wheels(wheels))
-    _, path = follow.followed(closed.loops, closed.closed, np.linspace(0.2, 6.1, samples))
+    closed = closed_model.from_source(coupled_wheels(wheels))
+    _, path = follow.followed(closed.loops, closed.qpos, np.linspace(0.2, 6.1, samples))
     assert [m.angle for m in path.meetings] == pytest.approx([np.pi], abs=1e-9)
     assert [m.pairs for m in path.meetings] == [wheels - 1]
     # one side from end to end, or another beyond: so each pose is known to lie on the path
-    sides = closed.loops.side(
-        closed.loops.linearise(follow.follow(closed.loops, closed.closed, [0.5, 4.0]))[1]
+    sides = closed.loops.determinant_sign(
+        closed.loops.linearise(follow.follow(closed.loops, closed.qpos, [0.5, 4.0]))[1]
     )
     assert sides[0] * sides[1] == (-1.0) ** (wheels - 1)

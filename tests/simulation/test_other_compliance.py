@@ -9,7 +9,7 @@ import mechsim as ms
 from mechsim import catalog
 from mechsim.cli import app
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.compliance_search import less_left
+from mechsim.simulation.compliance_search import improving_compliance
 from mechsim.simulation.settings import COMPLIANCE
 
 # a five-bar that bears its weight slowly: what the loop gives way by is in proportion to the time squared
@@ -43,7 +43,7 @@ def path(tmp_path):
     ],
 )
 def test_the_way_is_told_by_what_is_left(error, to):
-    compliance, left = less_left(error, 1e-8, error(1e-8), 1e-11)
+    compliance, left = improving_compliance(error, 1e-8, error(1e-8), 1e-11)
     assert to[0] <= compliance <= to[1]
     assert left == error(compliance)
     assert left <= 1e-11
@@ -51,7 +51,7 @@ def test_the_way_is_told_by_what_is_left(error, to):
 
 def test_where_compliance_changes_nothing_little_is_tried():
     asked = []
-    assert less_left(lambda h: asked.append(h) or 1e-9, 1e-8, 1e-9, 1e-11) is None
+    assert improving_compliance(lambda h: asked.append(h) or 1e-9, 1e-8, 1e-9, 1e-11) is None
     assert len(asked) <= 3
     assert 1e-8 not in asked
 
@@ -59,7 +59,7 @@ def test_where_compliance_changes_nothing_little_is_tried():
 def test_a_slow_motion_under_weight_keeps_a_tolerance_by_harder_loops(path):
     run = simulate(ms.load(path, drive=DRIVES, duration=100.0), tolerance=TOLERANCE)
     assert run.outcome == "met"
-    assert run.promise.met
+    assert run.tolerance_report.satisfied
     assert run.estimate <= TOLERANCE
     assert run.settings.compliance < 0.1 * COMPLIANCE
     assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves places off by" in run.note

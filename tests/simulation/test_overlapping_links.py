@@ -6,7 +6,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.simulation import simulate
-from mechsim.simulation.contact_filtering import leave_out
+from mechsim.simulation.contact_filtering import exclude_contacts
 from mechsim.studies.validate import case_of
 
 # a five-bar whose cranks overlap by a little with the plates on which they turn
@@ -78,7 +78,7 @@ def test_only_contacts_among_settled_bodies_are_left_out():
         return meeting(model.geom_contype, model.geom_conaffinity)
 
     before, of = masks(), settled[model.geom_bodyid]
-    leave_out(model, settled)
+    exclude_contacts(model, settled)
     among = np.logical_and.outer(of, of)
     assert before[among].any()
     assert not masks()[among].any()

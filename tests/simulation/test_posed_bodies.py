@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim.simulation.posed_bodies import PosedBodies, carried
+from mechsim.simulation.posed_bodies import PosedBodies, rotated
 
 # an arm that turns about z, and on it a slider that moves across and up
 MODEL = """
@@ -67,6 +67,6 @@ def test_a_number_of_states_that_comes_back_finds_its_batch_again():
 
 def test_vectors_are_carried_by_the_bodies_they_are_fixed_in():
     rotations = np.array([turned(0.0), turned(math.pi / 2.0)])
-    np.testing.assert_allclose(carried(rotations, POINT), [POINT, [0.05, 0.02, 0.07]], atol=1e-17)
+    np.testing.assert_allclose(rotated(rotations, POINT), [POINT, [0.05, 0.02, 0.07]], atol=1e-17)
     each = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    np.testing.assert_allclose(carried(rotations, each), [each[0], [-5.0, 4.0, 6.0]], atol=1e-15)
+    np.testing.assert_allclose(rotated(rotations, each), [each[0], [-5.0, 4.0, 6.0]], atol=1e-15)

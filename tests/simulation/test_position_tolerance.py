@@ -49,8 +49,8 @@ def test_errors_that_grow_from_turn_to_turn_cost_a_short_trial_and_no_whole_run(
     assert run.outcome == "met"
     assert error(drive, run.motion) <= tolerance
     assert len(stepped) == 3
-    assert run.promise.met
-    assert run.promise.trials == sum(stepped) - run.steps
+    assert run.tolerance_report.satisfied
+    assert run.tolerance_report.trials == sum(stepped) - run.steps
     assert sum(stepped) <= 1.25 * run.steps
     coarse = Settings(steps_per_turn=stepped[1] // 2)
     short = simulate(drive.mechanism, speed=SPEED, turns=1.0, settings=coarse)
@@ -119,7 +119,7 @@ def test_a_swing_of_all_the_little_that_a_crank_can_move_keeps_its_tolerance() -
     run = simulate(drive.mechanism, profile=profile, tolerance=1e-11)
     assert run.outcome == "met"
     assert error(drive, run.motion) <= 1e-11
-    assert run.promise.trials < 2.0 * run.steps
+    assert run.tolerance_report.trials < 2.0 * run.steps
 
 
 def test_records_closer_than_the_trial_steps_do_not_hide_that_finer_steps_help() -> None:

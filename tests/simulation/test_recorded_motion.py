@@ -94,7 +94,7 @@ def along(loops):
     start = loops.close(loops.model.qpos0[None])
     _, jacobian = loops.linearise(start)
     turned = SPEED * time + 0.5 * ACCELERATION * time**2
-    qpos = loops.close(loops.moved(np.repeat(start, 9, 0), turned[:, None] * loops.tangent(jacobian)))
+    qpos = loops.close(loops.displaced(np.repeat(start, 9, 0), turned[:, None] * loops.tangent(jacobian)))
     _, jacobian = loops.linearise(qpos)
     qvel = loops.tangent(jacobian) * (SPEED + ACCELERATION * time)[:, None]
     return States(time, qpos, qvel), np.full(9, ACCELERATION)

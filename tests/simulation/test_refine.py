@@ -30,7 +30,7 @@ def test_a_tolerance_is_kept_by_few_more_steps_than_it_needs(order):
     attempt, asked = attempts(lambda n: n**-order, order=order)
     run, promise = refine.refine(attempt, 1e-6 ** (order / 4.0), 10, why)
     needed = 1e-6**-0.25
-    assert promise.met
+    assert promise.satisfied
     assert promise.reason == ""
     assert needed <= run <= 2.1 * needed
     assert promise.trials == sum(asked) - run
@@ -47,7 +47,7 @@ def test_a_first_attempt_that_is_good_is_the_only_one():
 def test_where_more_steps_do_not_help_the_best_is_given_with_the_reason():
     attempt, asked = attempts(lambda n: max(n**-4.0, 3e-8))
     run, promise = refine.refine(attempt, 1e-9, 20, why)
-    assert not promise.met
+    assert not promise.satisfied
     assert promise.estimate == 3e-8
     assert promise.reason == f"{asked[-1]} steps leave 3e-08"
     assert len(asked) <= 4
@@ -66,7 +66,7 @@ def test_two_runs_without_an_error_to_speak_of_are_enough():
     _, promise = refine.refine(attempt, 1e-9, 20, why)
     assert len(asked) == 2
     assert promise.estimate == np.inf
-    assert not promise.met
+    assert not promise.satisfied
 
 
 def test_no_more_steps_than_the_most_are_spent(monkeypatch):
@@ -74,16 +74,16 @@ def test_no_more_steps_than_the_most_are_spent(monkeypatch):
     attempt, asked = attempts(lambda n: n**-1.0, order=1.0)
     _, promise = refine.refine(attempt, 1e-9, 20, why, multiple=2)
     assert max(asked) == 500
-    assert not promise.met
+    assert not promise.satisfied
 
 
 @pytest.mark.parametrize(("needed", "last"), [(1900, 1900), (2100, 500)])
 def test_more_than_the_most_are_spent_only_where_they_are_foretold_to_be_enough(needed, last, monkeypatch):
     monkeypatch.setattr(refine, "MOST", 500)
     attempt, asked = attempts(lambda n: n**-4.0)
-    _, promise = refine.refine(attempt, needed**-4.0 / refine.AIM, 490, why, most=2000)
+    _, promise = refine.refine(attempt, needed**-4.0 / refine.TARGET_FRACTION, 490, why, most=2000)
     assert asked[-1] == pytest.approx(last, rel=1e-3)
-    assert promise.met == (last > 500)
+    assert promise.satisfied == (last > 500)
 
 
 def test_an_attempt_coarser_than_the_trials_is_followed_by_one_as_fine():
@@ -99,8 +99,8 @@ def test_numbers_of_steps_are_multiples_of_what_is_asked_for():
 
 
 def test_the_worst_of_all_estimates_counts_and_what_is_no_number_is_the_worst():
-    promise = refine.Promise(tolerance=1.0, estimates={"torque": 0.5, "halving": 2.0})
+    promise = refine.ToleranceReport(tolerance=1.0, estimates={"torque": 0.5, "halving": 2.0})
     assert promise.estimate == 2.0
-    assert not promise.met
-    assert not refine.Promise(tolerance=1.0, estimates={"torque": np.nan}).met
-    assert refine.Promise(tolerance=1.0, estimates={"torque": 1.0}).met
+    assert not promise.satisfied
+    assert not refine.ToleranceReport(tolerance=1.0, estimates={"torque": np.nan}).satisfied
+    assert refine.ToleranceReport(tolerance=1.0, estimates={"torque": 1.0}).satisfied

@@ -60,9 +60,9 @@ def rocker_end(coupler, rocker, through, sign):
 )
 def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_beside(coupler, rocker, through):
     form = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).with_change_point(through)
-    model = closed_model.of_source(form)
-    states = follow.follow(model.loops, model.closed, ANGLES)
-    found = model.places(states)[:, model.track.points.index("B")]
+    model = closed_model.from_source(form)
+    states = follow.follow(model.loops, model.qpos, ANGLES)
+    found = model.point_positions(states)[:, model.track.points.index("B")]
     off = min(np.abs(found - rocker_end(coupler, rocker, through, sign)).max() for sign in (1, -1)) / RADIUS
     # measured 1.4e-13, and 2e-10 beside a flat pose that is missed by 1e-5 of a degree
     assert off <= (1e-11 if rocker != 45.0 + 1e-5 else 1e-8)

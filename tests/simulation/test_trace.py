@@ -8,7 +8,7 @@ from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
-from mechsim.simulation.closed_model import guessed
+from mechsim.simulation.closed_model import initial_guess
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.poses.trace import LONGEST, walk
 
@@ -27,18 +27,18 @@ def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_le
     points = {"P": ("rod", (0.04, 0.0, 0.0))}
     gears = (Gear("crank", "wheel", 20.0),)
     mechanism = Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
-    loops, rough = guessed(with_closed_guess(mechanism), Scene(level="pose"))
+    loops, rough = initial_guess(with_closed_guess(mechanism), Scene(level="pose"))
     start = loops.close(rough[None])[0]
-    states = np.array([start, *walk(loops, start, float(start[loops.crank_place]) + 0.4).states])
+    states = np.array([start, *walk(loops, start, float(start[loops.crank_address]) + 0.4).states])
     assert np.abs(np.diff(states, axis=0)).max() < 1.5 * LONGEST
 
 
 def test_a_stride_of_rounding_s_length_is_gone_close_to_a_dead_centre_too():
     """A recorded crank angle 50 units of rounding beside a knot of the path once ended in a refusal."""
     drive = catalog.make("four_bar", **catalog.DRIVES["four_bar"].swinging)
-    closed = closed_model.of_source(drive)
-    (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_place
-    there = follow(closed.loops, closed.closed, np.array([high - 1e-5]))[0]
+    closed = closed_model.from_source(drive)
+    (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_address
+    there = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
     for off in np.geomspace(1.01e-14, 1e-12, 40):
         ends = walk(closed.loops, there, float(there[place]) - off).states
         assert abs(ends[-1][place] - there[place]) > 0.9 * off

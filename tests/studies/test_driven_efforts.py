@@ -15,7 +15,7 @@ from mechsim.model.inertia import Inertia
 from mechsim.model.programs import programs, steady
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.loop_constraints import Coupled
+from mechsim.simulation.loop_constraints import CouplingConstraint
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
@@ -151,7 +151,7 @@ def test_efforts_stepped_as_if_a_coupling_were_straight_are_refused(case, monkey
 
     # the places of what bends are off by 1e-5 at so few steps, and its efforts are not
     assert judged() == set()
-    monkeypatch.setattr(Coupled, "bend", lambda _, qpos, __: np.zeros(len(qpos)))
+    monkeypatch.setattr(CouplingConstraint, "velocity_product", lambda _, qpos, __: np.zeros(len(qpos)))
     assert judged() >= {"drive torque", "driver effort"}
 
 

@@ -417,7 +417,7 @@ def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials
 
     monkeypatch.setattr(pace, "perf_counter", lambda: now[0])
     monkeypatch.setattr(Build, "made", taking(reading, [], Build.made))
-    monkeypatch.setattr(built_model.closed_model, "of_spec", taking(5.0, compiled, closed_model.of_spec))
+    monkeypatch.setattr(built_model.closed_model, "from_spec", taking(5.0, compiled, closed_model.from_spec))
     monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.simulation.closed_model import of_source
+from mechsim.simulation.closed_model import from_source
 from mechsim.simulation.dynamics.free_running import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
@@ -81,10 +81,10 @@ def test_forces_of_a_file_act_in_free_running(press):
 
 def test_forces_of_a_file_act_in_a_scene_of_level_dynamics(press):
     form = ms.load(press)
-    assert of_source(form, ms.Scene(level="dynamics")).model.opt.gravity[1] == 0.0
+    assert from_source(form, ms.Scene(level="dynamics")).model.opt.gravity[1] == 0.0
     heavy = ms.Scene(level="dynamics", forces=ms.Forces(gravity=(0.0, -9.81, 0.0)))
-    assert of_source(form, heavy).model.opt.gravity[1] == -9.81
-    assert of_source(form.mechanism, ms.Scene(level="dynamics")).model.opt.gravity[1] == -9.81
+    assert from_source(form, heavy).model.opt.gravity[1] == -9.81
+    assert from_source(form.mechanism, ms.Scene(level="dynamics")).model.opt.gravity[1] == -9.81
 
 
 def test_forces_of_a_file_act_in_sensitivities_sweeps_and_validation(press):

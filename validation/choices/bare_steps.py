@@ -73,7 +73,7 @@ class Bare:
         """Return the worst distance of sites from where they should be, name -> (steps, 3), in [m]."""
         if self.broken or not np.isfinite(self.qpos).all():
             return float("inf")
-        places, model = self.loops.sites(self.qpos), self.loops.model
+        places, model = self.loops.site_positions(self.qpos), self.loops.model
         gaps = [places[:, model.site(name).id] - place for name, place in exact.items() if _has(model, name)]
         return float(np.sqrt((np.stack(gaps) ** 2).sum(-1)).max())
 

@@ -91,12 +91,12 @@ def measured(drive: FourBar, n: int) -> list[dict[str, Any]]:
     for _ in range(ROUNDS[n]):
         for one in bare.values():
             one.turn()
-    places = [one.loops.sites(one.qpos) for one in bare.values()]
+    places = [one.loops.site_positions(one.qpos) for one in bare.values()]
     gap = float(np.abs(places[0] - places[1]).max()) / drive.crank
     assert gap <= SAME, f"dense and sparse differ by {gap:.1e} cranks in a chain of {n}"
     rows = []
     for name, one in bare.items():
-        pins = drive.positions(one.qpos[:, one.loops.crank_place])["B"]
+        pins = drive.positions(one.qpos[:, one.loops.crank_address])["B"]
         exact = {f"B{k}": np.add(pins, ((k - 1) * drive.ground, 0.0, 0.0)) for k in range(1, n + 1)}
         row = {"N": n, "matrices": name, "freedoms": int(model.nv), "rows": one.rows()}
         row |= {"us/step": f"{one.microseconds:.3g}", "us/step/N": f"{one.microseconds / n:.3g}"}

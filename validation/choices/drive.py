@@ -78,7 +78,7 @@ class Rig:
         model = spec.compile()
         self.loops, self.dt = ModelLoops(model), HARD.timestep(SPEED)
         drive.settings.apply(self.loops, self.dt)
-        self.angle = model.qpos0[self.loops.crank_place] + SPEED * self.dt * np.arange(STEPS + 1)
+        self.angle = model.qpos0[self.loops.crank_address] + SPEED * self.dt * np.arange(STEPS + 1)
         torque, inertia = self._inverse_dynamics()
         stiff = drive.proportional * inertia / self.dt**2
         damping = drive.derivative * inertia / self.dt
@@ -134,9 +134,9 @@ class Rig:
         }
         if sims.warning[..., 1].any():
             return row
-        angle, speed = qpos[:, loops.crank_place], qvel[:, loops.crank]
+        angle, speed = qpos[:, loops.crank_address], qvel[:, loops.crank]
         point = "P3" if "P3" in self.exact.mechanism.points else "B"
-        gap = loops.sites(qpos)[:, model.site(point).id] - self.exact.positions(angle)[point]
+        gap = loops.site_positions(qpos)[:, model.site(point).id] - self.exact.positions(angle)[point]
         row["speed"] = float(np.abs(speed / SPEED - 1.0).max())
         row["angle"] = float(np.abs(angle - self.angle[1:]).max())
         row["place"] = float(np.sqrt((gap**2).sum(1)).max() / self.exact.crank)

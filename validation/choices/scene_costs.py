@@ -145,7 +145,7 @@ def measured(drive: ClosedForm, ends: tuple[str, str]) -> list[dict[str, Any]]:
 
 def _row(drive: ClosedForm, name: str, bare: Bare, usual: float) -> dict[str, Any]:
     model = bare.loops.model
-    exact = drive.positions(bare.qpos[:, bare.loops.crank_place])
+    exact = drive.positions(bare.qpos[:, bare.loops.crank_address])
     return {
         "mechanism": drive.name,
         "scene": name,

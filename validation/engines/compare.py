@@ -57,10 +57,10 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
         said = {"place": np.nan, "crank [rad]": np.nan, "ms a turn": " ".join(str(error).split())[:60]}
         return {"mechanism": name, "settings": settings, "engine": engine} | said
     time = TURN * (1.0 + np.arange(STEPS)) / STEPS
-    angle = states[:, loops.crank_place]
+    angle = states[:, loops.crank_address]
     place = np.inf
     if np.isfinite(states).all():
-        exact, found = drive.positions(angle), loops.sites(states)
+        exact, found = drive.positions(angle), loops.site_positions(states)
         gaps = [
             np.linalg.norm(found[:, model.site(site).id] - at, axis=1).max() for site, at in exact.items()
         ]
@@ -70,7 +70,7 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
         "settings": settings,
         "engine": engine,
         "place": place,
-        "crank [rad]": float(np.abs(angle - qpos[0, loops.crank_place] - SPEED * time).max()),
+        "crank [rad]": float(np.abs(angle - qpos[0, loops.crank_address] - SPEED * time).max()),
         "ms a turn": f"{1e3 * seconds:.3g}",
     }
 

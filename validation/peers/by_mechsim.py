@@ -121,5 +121,5 @@ class Steps:
 
 def points(loops: ModelLoops, states: Array, names: list[str]) -> Places:
     """Return the tracked points at states, (n, 3) each."""
-    sites = loops.sites(np.ascontiguousarray(states))
+    sites = loops.site_positions(np.ascontiguousarray(states))
     return {name: sites[:, loops.model.site(name).id].copy() for name in names}

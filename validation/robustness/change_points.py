@@ -106,8 +106,8 @@ def by_loop_equations(drive: catalog.FourBar) -> Array:
 
 def by_poses(drive: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    closed = closed_model.of_source(drive)
-    return closed.places(follow.follow(closed.loops, closed.closed, ANGLES))[
+    closed = closed_model.from_source(drive)
+    return closed.point_positions(follow.follow(closed.loops, closed.qpos, ANGLES))[
         :, closed.track.points.index("B")
     ]
 

@@ -43,15 +43,15 @@ def tried(drive: ClosedForm) -> tuple[str, float]:
     """Return how the way was found, and the worst error of a tracked point in units of the longest link."""
     loops = ModelLoops(assembled(drive.mechanism, Scene(level="pose")).compile())
     start = loops.model.qpos0
-    angles = start[loops.crank_place] + np.linspace(0.0, TURN, 181)
+    angles = start[loops.crank_address] + np.linspace(0.0, TURN, 181)
     try:
-        places = loops.sites(follow.follow(loops, start, angles))
+        places = loops.site_positions(follow.follow(loops, start, angles))
     except MechsimError:
         return "refused", 0.0
     exact = drive.positions(angles)
     error = max(np.abs(places[:, loops.model.site(name).id] - exact[name]).max() for name in exact)
     sure = sprint(loops, start, float(angles[-1]), loops.linearise(start[None])[1])
-    return "walked" if sure is None else "sprinted", float(error) / loops.size
+    return "walked" if sure is None else "sprinted", float(error) / loops.characteristic_length
 
 
 def main(arguments: list[str]) -> int:

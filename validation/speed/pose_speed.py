@@ -32,7 +32,7 @@ def main() -> None:
         for name, n in times:
             one = loops[name]
             start = one.model.qpos0
-            angles = start[one.crank_place] + np.linspace(0.0, 2.0 * np.pi, n)
+            angles = start[one.crank_address] + np.linspace(0.0, 2.0 * np.pi, n)
             begin = time.perf_counter()
             follow.follow(one, start, angles)
             times[name, n].append(time.perf_counter() - begin)

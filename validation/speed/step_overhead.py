@@ -36,7 +36,7 @@ def main() -> None:
     loops = ModelLoops(assembled(mechanism, Scene()).compile())
     start = loops.model.qpos0
     rates = SPEED * loops.tangent(loops.linearise(start[None])[1])[0]
-    profile = constant(SPEED, TURNS, float(start[loops.crank_place]))
+    profile = constant(SPEED, TURNS, float(start[loops.crank_address]))
 
     def fresh() -> ModelLoops:
         return ModelLoops(copy.copy(loops.model))

@@ -27,9 +27,9 @@ MEASURES = {"range:rocker": "range:rocker", "stroke of a point": "stroke:C", "ac
 
 def bare() -> tuple[ModelLoops, tuple[np.ndarray, np.ndarray]]:
     """Return a model set up for stepping, and the state in which it starts."""
-    closed = closed_model.of_source(ms.catalog.make("four_bar"))
+    closed = closed_model.from_source(ms.catalog.make("four_bar"))
     profile = ms.simulation.constant(SPEED, 1.0, closed.angle)
-    loops = closed.loops.over_copy()
+    loops = closed.loops.with_model_copy()
     SETTINGS.apply(loops, profile.duration / STEPS)
     return loops, first_state(closed, profile)
 

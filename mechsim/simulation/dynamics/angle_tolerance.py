@@ -15,7 +15,7 @@ from mechsim.maths.norms import worst
 from mechsim.simulation import refine
 from mechsim.simulation.dynamics.free_steps import FreeSteps
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.refine import Attempt, Promise
+from mechsim.simulation.refine import Attempt, ToleranceReport
 from mechsim.simulation.settings import Settings
 
 # steps a turn of the coarsest of three trials, each with twice those before
@@ -50,7 +50,7 @@ class LetRun(Protocol):
     def __call__(self, steps: int, per_record: int = 1) -> FreeStepping: ...
 
 
-def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeStepping, Promise]:
+def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeStepping, ToleranceReport]:
     """Return a run whose crank angle keeps a tolerance in [rad], or the best there is; and its promise.
 
     Args:
@@ -96,5 +96,5 @@ def _apart(coarse: FreeStepping, fine: FreeStepping) -> float:
     """Return how far two runs' crank angles are apart at the instants they share, in [rad]."""
     if "diverged" in (coarse.steps.outcome, fine.steps.outcome):
         return np.inf
-    place, n = fine.loops.crank_place, min(len(coarse.steps.time), len(fine.steps.time))
+    place, n = fine.loops.crank_address, min(len(coarse.steps.time), len(fine.steps.time))
     return worst(fine.steps.qpos[:n, place] - coarse.steps.qpos[:n, place])

@@ -94,10 +94,10 @@ def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> Appl
         for (body, local), sign in zip(pair.ends, (1.0, -1.0), strict=True):
             place = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
             add_force(forces.wrenches, fields, body, place, sign * force)
-    turned = multipliers[:, loops.turned_rows].reshape(len(multipliers), -1, 3)
+    turned = multipliers[:, loops.frame_rows].reshape(len(multipliers), -1, 3)
     for pair, moment in zip(loops.frames, np.moveaxis(turned, 1, 0), strict=True):
         rotations = (fields["xmat"][:, body].reshape(-1, 3, 3) for body in pair.bodies)
-        couple = (np.swapaxes(pair.apart(*rotations)[1], 1, 2) @ moment[..., None])[..., 0]
+        couple = (np.swapaxes(pair.rotation_error(*rotations)[1], 1, 2) @ moment[..., None])[..., 0]
         for body, sign in zip(pair.bodies, (1.0, -1.0), strict=True):
             forces.wrenches[:, body, 3:] += sign * couple
     return forces

@@ -12,7 +12,7 @@ from mechsim.simulation.dynamics.efforts import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.mesh_forces import coupling_forces
 from mechsim.simulation.dynamics.reactions import transmitted
-from mechsim.simulation.numerical_rank import telling
+from mechsim.simulation.numerical_rank import significant
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States
 
@@ -28,14 +28,14 @@ TINY = 1e-9
 def settled(loaded: LoadedModel) -> Known:
     """Return which components of the joints' forces and moments the loop constraints determine."""
     known = {joint.name: np.ones(6, dtype=np.bool_) for joint in loaded.mechanism.joints}
-    qpos = follow.follow(loaded.loops, loaded.closed, loaded.angle + _turned(loaded))
+    qpos = follow.follow(loaded.loops, loaded.qpos, loaded.angle + _turned(loaded))
     jacobian = loaded.loops.linearise(qpos)[1]
     rows = jacobian.shape[1]
     if not rows:
         return known
     scale = row_scale(loaded, rows)
     left, values, _ = np.linalg.svd(jacobian * scale[:, None] * loaded.loops.units)
-    rank = int(telling(values).sum(1).min())
+    rank = int(significant(values).sum(1).min())
     if rank == rows:
         return known
     n = len(qpos)
@@ -55,7 +55,7 @@ def settled(loaded: LoadedModel) -> Known:
 
     alone = carried(np.zeros((n, rows)))
     for k in range(rank, rows):
-        stressed = carried(scale * left[:, :, k] * loaded.loops.size)
+        stressed = carried(scale * left[:, :, k] * loaded.loops.characteristic_length)
         for name, one in stressed.items():
             known[name] &= np.abs(one - alone[name]).max(0) <= TINY
     return known
@@ -66,7 +66,7 @@ def _turned(loaded: LoadedModel) -> Array:
     turned = STEP * np.arange(float(POSES))
     for sign in (1.0, -1.0):
         try:
-            follow.follow(loaded.loops, loaded.closed, loaded.angle + sign * turned)
+            follow.follow(loaded.loops, loaded.qpos, loaded.angle + sign * turned)
         except AssemblyError:
             continue
         return sign * turned

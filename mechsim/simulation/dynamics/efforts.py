@@ -20,9 +20,9 @@ from mechsim.simulation.numerical_rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_point_motion import Near, held_off
 from mechsim.simulation.poses.change_points import Meeting, fitted
-from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, opening
+from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, closure_acceleration
 from mechsim.simulation.settings import set_armature
-from mechsim.simulation.stepping import Watch, unwatched, weigh_sums
+from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_tendons
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Situation:
 
 def situation(loaded: LoadedModel, states: States) -> Situation:
     """Return states under loads, springs, friction and motor, with their loops open and no drive."""
-    angle = states.qpos[:, loaded.loops.crank_place]
+    angle = states.qpos[:, loaded.loops.crank_address]
     model = loaded.looking()
     applied = loaded.nothing(len(angle))
     applied.controls[:] = loaded.controls(angle, states.time)
@@ -65,7 +65,7 @@ def needed(loaded: LoadedModel, at: Situation, crank_acceleration: Array) -> tup
     M q'' + h = Q + J' multipliers + torque on the crank, J q'' + J' q' = 0, the crank's q'' given.
     """
     links = link_motions(loaded.model, loaded.track, at.plain)
-    opened = opening(loaded.loops, at.states, at.plain["qacc"], links)
+    opened = closure_acceleration(loaded.loops, at.states, at.plain["qacc"], links)
     lacking = crank_acceleration - at.plain["qacc"][:, loaded.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
     held = _held(loaded, at.jacobian)
@@ -95,7 +95,7 @@ def constrained(loaded: LoadedModel, at: Situation, fields: Fields) -> tuple[Arr
         spent = (at.plain["inertia"][:, dof] * fields["qacc"]).sum(1)
         return spent - at.plain["qfrc_smooth"][:, dof] - forces[:, dof]
 
-    drives = loaded.loops.drive
+    drives = loaded.loops.drivers
     if drives is None:
         return multipliers, drive(loaded.loops.crank)
     multipliers[:, told:] = np.stack([drive(int(dof)) for dof in drives.dofs], 1)
@@ -112,7 +112,7 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
     """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
     n, crank = len(qacc), loaded.loops.crank
     drive = loaded.nothing(n)
-    driven = loaded.loops.drive
+    driven = loaded.loops.drivers
     if driven is None:
         drive.generalised[:, crank] = torque
     else:
@@ -132,7 +132,7 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
     return Efforts(
         size=loaded.mechanism.size,
         time=at.states.time,
-        angle=at.states.qpos[:, loaded.loops.crank_place],
+        angle=at.states.qpos[:, loaded.loops.crank_address],
         speed=rates[:, crank],
         acceleration=qacc[:, crank],
         torque=torque,
@@ -186,13 +186,13 @@ def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Arr
 
 
 def _drive_accelerations(loaded: LoadedModel, qacc: Array) -> dict[str, Array]:
-    drive = loaded.loops.drive
+    drive = loaded.loops.drivers
     return {} if drive is None else dict(zip(drive.names, qacc[:, drive.dofs].T, strict=True))
 
 
 def _kinetic(loaded: LoadedModel, rates: Array, inertia: Array) -> Array:
     """Return the energy of motion of all but a clock, (n,) in [J]."""
-    if loaded.loops.drive is not None:
+    if loaded.loops.drivers is not None:
         rates = rates.copy()
         rates[:, loaded.loops.crank] = 0.0
     return 0.5 * (rates * (inertia @ rates[..., None])[..., 0]).sum(1)
@@ -206,7 +206,7 @@ def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], afte
 
 def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
     """Return the force of each driver and hold; nothing where a crank is driven."""
-    drive = loaded.loops.drive
+    drive = loaded.loops.drivers
     if drive is None:
         return {}
     forces = multipliers[:, loaded.loops.driven_rows].T
@@ -238,7 +238,7 @@ def powers(loaded: LoadedModel, at: Situation) -> tuple[Array, Array, Array]:
 
 def started(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:
     """Return the closed state at a crank angle and its rates at a crank speed, (nq,) and (nv,)."""
-    qpos = follow.follow(loaded.loops, loaded.closed, [angle])
+    qpos = follow.follow(loaded.loops, loaded.qpos, [angle])
     return qpos[0], (_rates(loaded, qpos) * speed)[0]
 
 
@@ -265,7 +265,7 @@ def required(
     angle: Array,
     speed: Array,
     acceleration: Array,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> Posed:
     """Return the closed states of a crank motion, (n,) each in SI, and what it needs, by inverse dynamics.
 
@@ -276,7 +276,7 @@ def required(
 
     Accuracy: rounding.
     """
-    qpos, path = follow.followed(loaded.loops, loaded.closed, angle)
+    qpos, path = follow.followed(loaded.loops, loaded.qpos, angle)
     near = list(path.blind(angle))
     away = held_off(qpos, near)
     parts = []
@@ -310,7 +310,7 @@ def _beside(
     """Return what one instant needs so near to a meeting that the loops say nothing: read off around it."""
     count, laps = len(meeting.nodes), angle - turned
     qpos = meeting.states.copy()
-    qpos[:, loaded.loops.crank_place] += laps
+    qpos[:, loaded.loops.crank_address] += laps
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
     at = situation(loaded, states)
     around = efforts(loaded, at, *needed(loaded, at, np.full(count, acceleration)))
@@ -360,7 +360,7 @@ def efforts_of(
     _couple(loaded, model, softened)
     parts = []
     for first in range(0, len(states.time), CHUNK):
-        part = _straightened(loaded, states.at(first))
+        part = _straightened(loaded, states.chunk(first))
         at = situation(loaded, part)
         acting = replace(at.outer, generalised=at.outer.generalised.copy())
         if force is not None:
@@ -391,12 +391,12 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> No
     They ask for no acceleration by how far they stand open: with the bend added (`_bent`), none is lacking.
     """
     loops = loaded.loops
-    dofs = loops.moved_dofs[len(loops.driven_dofs) :]
+    dofs = loops.actuated_dofs[len(loops.driven_dofs) :]
     set_armature(model, dofs, loops.model.dof_armature[dofs])
     model.dof_invweight0[dofs] = compliance * loops.model.dof_invweight0[dofs]
-    model.eq_active0[[one.number for one in loops.followers]] = 1
-    model.eq_solref[[one.number for one in loops.couplings if one.bends]] = 0.0
-    weigh_sums(loops, model)
+    model.eq_active0[[one.equality for one in loops.followers]] = 1
+    model.eq_solref[[one.equality for one in loops.couplings if one.nonlinear]] = 0.0
+    rescale_coupled_tendons(loops, model)
 
 
 def _straightened(loaded: LoadedModel, states: States) -> States:
@@ -406,10 +406,10 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     by acceleration alone.
     """
     loops = loaded.loops
-    if not any(one.bends for one in loops.couplings):
+    if not any(one.nonlinear for one in loops.couplings):
         return states
-    if loops.drive is not None:
-        loops = loops.standing(states.qpos[:, loops.drive.places].T)
+    if loops.drivers is not None:
+        loops = loops.with_drivers_locked(states.qpos[:, loops.drivers.addresses].T)
     qpos = loops.close(states.qpos)
     # the clock's share in the drivers' rates stands no more
     rows = loops.linearise(qpos)[1][:, : loops.driven_rows.start]
@@ -427,11 +427,11 @@ def _bent(loaded: LoadedModel, at: Situation) -> Array:
     of q'' beside them obeys its rows, under the force that these take.
     """
     couplings, rows = loaded.loops.couplings, loaded.loops.coupled_rows
-    if not any(one.bends for one in couplings):
+    if not any(one.nonlinear for one in couplings):
         return np.zeros_like(at.states.qvel)
     held = _held(loaded, at.jacobian)
     right = np.zeros(held.shape[:2])
-    right[:, rows] = np.stack([one.bend(at.states.qpos, at.states.qvel) for one in couplings], 1)
+    right[:, rows] = np.stack([one.velocity_product(at.states.qpos, at.states.qvel) for one in couplings], 1)
     return _least(held, row_scale(loaded, held.shape[1]), at.plain["inertia"], right)[0]
 
 

@@ -72,9 +72,9 @@ def _along(loaded: LoadedModel, angle: float) -> tuple[Array, Array]:
     """Return generalised inertia [kg m2] and damping [N m s] at the crank over the turn, or at one angle."""
     angles = angle + np.linspace(0.0, TURN, PROBES + 1)[:-1]
     try:
-        qpos = follow.follow(loaded.loops, loaded.closed, angles)
+        qpos = follow.follow(loaded.loops, loaded.qpos, angles)
     except AssemblyError:
-        qpos = follow.follow(loaded.loops, loaded.closed, angles[:1])
+        qpos = follow.follow(loaded.loops, loaded.qpos, angles[:1])
     n, model = len(qpos), loaded.looking()
     rest = States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv)))
     inertia = loaded.look(model, rest, loaded.nothing(n))["inertia"]

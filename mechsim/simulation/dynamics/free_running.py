@@ -13,7 +13,7 @@ from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.work_size import MAX_STIFF_STEPS, require_steps
-from mechsim.simulation.closed_model import Described
+from mechsim.simulation.closed_model import HasMechanism
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.efforts import (
     efforts_of,
@@ -31,7 +31,7 @@ from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
-from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.units import si
 
 # turns of the crank at its expected speed after which a run for turns is given up
@@ -62,7 +62,7 @@ COARSER = 2.0
 
 @quiet()
 def free_run(
-    source: Mechanism | Described,
+    source: Mechanism | HasMechanism,
     forces: Forces | None = None,
     *,
     angle: float | str | None = None,
@@ -74,7 +74,7 @@ def free_run(
     timestep: float | str | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> SteppedFreeRun:
     """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
 
@@ -136,7 +136,7 @@ def free_run(
         plan = replace(plan, longest=COARSER * plan.longest)
         stepping, promise = within(plan.let_run, tolerance, TURN / plan.fastest / plan.longest)
         found = _recorded(plan, stepping)
-        if found.free.outcome == "done" and not promise.met:
+        if found.free.outcome == "done" and not promise.satisfied:
             found = replace(found, free=replace(found.free, outcome="missed", reason=promise.reason))
         return replace(found, promise=promise)
     if timestep is None:
@@ -168,7 +168,7 @@ class _Plan:
     samples: int
     fastest: float
     longest: float
-    watch: Watch
+    watch: Progress
 
     def let_run(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> FreeStepping:
         """Return the run with so many steps in a turn at the speed to be expected.
@@ -217,7 +217,7 @@ class _Plan:
 
 def _is_redundant(loaded: LoadedModel) -> bool:
     """Say whether some loop constraints repeat what others say; rows that say nothing do no harm."""
-    _, jacobian = loaded.loops.linearise(loaded.closed[None])
+    _, jacobian = loaded.loops.linearise(loaded.qpos[None])
     sizes = np.abs(jacobian[0]).max(1, initial=0.0)
     rows = jacobian[0][sizes > max(RANK_TOLERANCE * sizes.max(initial=0.0), loaded.loops.rounding)]
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * float(sizes.max()))) < len(rows)
@@ -231,7 +231,7 @@ def _steadier(plan: _Plan) -> Settings:
     """
     longest = TURN / plan.fastest
     short = replace(
-        plan, turns=None, duration=min(plan.duration or longest, longest), samples=SEEN, watch=unwatched
+        plan, turns=None, duration=min(plan.duration or longest, longest), samples=SEEN, watch=no_progress
     )
 
     def drift(settings: Settings) -> float:
@@ -244,7 +244,7 @@ def _steadier(plan: _Plan) -> Settings:
 
 def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:
     """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
-    loops = loaded.loops.over_copy()
+    loops = loaded.loops.with_model_copy()
     crank = np.array([loops.crank])
     flywheel = float(loops.model.dof_armature[loops.crank])
     settings.apply(loops, step, bending=True)
@@ -293,7 +293,7 @@ def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
     outer = forces.motor or forces.courses
     if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
         return np.zeros(n), np.zeros(n)
-    parts = [powers(loaded, situation(loaded, states.at(i))) for i in range(0, n, CHUNK)]
+    parts = [powers(loaded, situation(loaded, states.chunk(i))) for i in range(0, n, CHUNK)]
     lost, loads, motor = (np.concatenate(part) for part in zip(*parts, strict=True))
     return _integral(states.time, loads + motor), _integral(states.time, lost)
 

@@ -18,7 +18,7 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.nonlinear_couplings import bending, bends
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import States
-from mechsim.simulation.stepping import Watch, unwatched
+from mechsim.simulation.stepping import Progress, no_progress
 
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 
@@ -48,7 +48,7 @@ def step_freely(
     stride: int,
     turns: float | None,
     fastest: float,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> FreeSteps:
     """Step a model that is set up for it.
 
@@ -62,7 +62,7 @@ def step_freely(
         fastest: speed to be expected in [rad/s].
         watch: told after every block how far the run has come.
     """
-    place, dof = loops.crank_place, loops.crank
+    place, dof = loops.crank_address, loops.crank
     timestep = float(loops.model.opt.timestep)
     soft, creep = _softened(loaded, start, timestep)
     rest = max(REST * fastest, creep)
@@ -178,7 +178,7 @@ def _with_callback(
     data.qpos[:], data.qvel[:] = start
 
     def control(_: mujoco.MjModel, at: mujoco.MjData) -> None:
-        controls = loaded.controls(at.qpos[[loops.crank_place]], np.array([at.time]))
+        controls = loaded.controls(at.qpos[[loops.crank_address]], np.array([at.time]))
         oppose(loaded.dry, at.actuator_velocity[None], controls, soft)
         at.ctrl[:] = controls[0]
 

@@ -119,7 +119,7 @@ class LoadedModel(ClosedModel):
         sims.forward()
         sparse = np.concatenate([fields["M"], np.zeros((n, 1))], 1)
         inertia = sparse[:, self._dense_index]
-        if self.loops.drive is not None:
+        if self.loops.drivers is not None:
             # the clock weighs as much as the rest: it turns steadily, and takes no part but in solving
             inertia[:, self.loops.crank, self.loops.crank] = np.trace(inertia[0]) / len(inertia[0])
         return {name: np.array(field) for name, field in fields.items()} | {"inertia": inertia}
@@ -207,11 +207,11 @@ def loaded_model(
     _require_heavy(described)
     spec = closed_model.assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
-    closed = closed_model.of_mechanism(described, spec, tuple(points), programmed=programmed)
+    closed = closed_model.from_mechanism(described, spec, tuple(points), programmed=programmed)
     return LoadedModel(
         loops=closed.loops,
         track=closed.track,
-        closed=closed.closed,
+        qpos=closed.qpos,
         mechanism=described,
         forces=forces,
         actuators=actuators(described, forces, closed.model.nu),

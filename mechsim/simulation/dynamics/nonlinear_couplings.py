@@ -17,24 +17,24 @@ EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 def bends(loops: ModelLoops) -> bool:
     """Say whether the loops of a model have couplings that bend."""
-    return any(one.bends for one in loops.couplings)
+    return any(one.nonlinear for one in loops.couplings)
 
 
 @contextmanager
 def bending(loops: ModelLoops) -> Generator[None]:
     """Let couplings bend while steps are taken one by one, and whatever acted before again afterwards."""
     before = mujoco.get_mjcb_passive()
-    bent, rows = [one for one in loops.couplings if one.bends], list[int]()
+    bent, rows = [one for one in loops.couplings if one.nonlinear], list[int]()
 
     # MuJoCo calls it once openings are known, before it asks for accelerations by them
     def opened(_: mujoco.MjModel, data: mujoco.MjData) -> None:
         if not rows:
             held = np.where(data.efc_type == EQUALITY, data.efc_id, -1).tolist()
-            rows.extend(held.index(one.number) for one in bent)
+            rows.extend(held.index(one.equality) for one in bent)
         qpos, qvel = data.qpos[None], data.qvel[None]
         for one, row in zip(bent, rows, strict=True):
             stiffness, _, impedance, _ = data.efc_KBIP[row]
-            data.efc_pos[row] -= float(one.bend(qpos, qvel)[0]) / (stiffness * impedance)
+            data.efc_pos[row] -= float(one.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
 
     mujoco.set_mjcb_passive(opened if bent else before)
     try:

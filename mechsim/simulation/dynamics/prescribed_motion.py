@@ -11,19 +11,19 @@ from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.programs import Programs
-from mechsim.simulation.closed_model import Described
+from mechsim.simulation.closed_model import HasMechanism
 from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
-from mechsim.simulation.initial_state import begun, clock_of
+from mechsim.simulation.initial_state import at_initial_state, parameter_profile
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.passed_change_points import passed, require_told, undecided
+from mechsim.simulation.passed_change_points import passed_change_points, require_regular_start, undecided_note
 from mechsim.simulation.poses.change_point_motion import mended
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
-from mechsim.simulation.refine import Promise
+from mechsim.simulation.refine import ToleranceReport
 from mechsim.simulation.run_result import Driven, Method
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Watch, step, unwatched
+from mechsim.simulation.stepping import Progress, step, no_progress
 from mechsim.units import si
 
 # instants recorded a turn where nothing else is asked
@@ -38,7 +38,7 @@ BARELY = 5e-3
 
 @quiet()
 def driven(
-    source: Mechanism | Described,
+    source: Mechanism | HasMechanism,
     forces: Forces | None = None,
     *,
     speed: float | str | None = None,
@@ -50,7 +50,7 @@ def driven(
     samples: int | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
-    watch: Watch = unwatched,
+    watch: Progress = no_progress,
 ) -> Driven:
     """Return drive torque, joint reactions and energies of a machine under a prescribed crank.
 
@@ -94,7 +94,7 @@ def driven(
     mechanism, acting = described(source), acting_on(source, forces)
     loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=programs is not None)
     if programs is not None:
-        loaded, profile = begun(loaded, programs), clock_of(programs)
+        loaded, profile = at_initial_state(loaded, programs), parameter_profile(programs)
     if profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
@@ -102,9 +102,9 @@ def driven(
     if method == "pose" or (method is None and tolerance is None):
         return _kept(_solved(loaded, profile, samples, watch), tolerance)
     # all of it, so that a crank that cannot go there is refused before anything is stepped
-    met = passed(loaded, profile)
-    require_told(loaded.loops, met, float(profile.state(np.zeros(1))[0][0]))
-    settings, note = settings or HARD, undecided(loaded.loops, met)
+    met = passed_change_points(loaded, profile)
+    require_regular_start(loaded.loops, met, float(profile.state(np.zeros(1))[0][0]))
+    settings, note = settings or HARD, undecided_note(loaded.loops, met)
     if tolerance is None:
         run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
         return replace(run, note="; ".join(one for one in (note, run.note) if one))
@@ -145,11 +145,11 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     """Return a run by poses, judged by a tolerance if there is one."""
     if tolerance is None:
         return run
-    promise = Promise(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
-    return replace(run, outcome="met" if promise.met else "missed", promise=promise)
+    promise = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
+    return replace(run, outcome="met" if promise.satisfied else "missed", promise=promise)
 
 
-def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Watch) -> Driven:
+def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Progress) -> Driven:
     count = samples or max(profile.least, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
@@ -170,11 +170,11 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, wat
 
 
 def _stepped(
-    loaded: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int, watch: Watch
+    loaded: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int, watch: Progress
 ) -> Driven:
     total = samples * stride
     first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
-    loops = loaded.loops.over_copy()
+    loops = loaded.loops.with_model_copy()
     model = loops.model
     stiffen_friction(model, profile.duration / total)
     time = profile.duration / total * np.arange(float(total))
@@ -210,12 +210,12 @@ def _stepped(
 def _barely_held(loaded: LoadedModel, states: States) -> str:
     """Return in one sentence where the loops of a run are nearly singular; nothing where they are not."""
     loops, parts = loaded.loops, range(0, len(states.time), CHUNK)
-    held = np.concatenate([loops.conditioning(loops.linearise(states.at(first).qpos)[1]) for first in parts])
+    held = np.concatenate([loops.conditioning(loops.linearise(states.chunk(first).qpos)[1]) for first in parts])
     least = int(np.argmin(held))
     if not held[least] < BARELY:
         return ""
     return (
-        f"at {loops.said(float(states.qpos[least, loops.crank_place]))} the loops hardly hold the links "
+        f"at {loops.driver_text(float(states.qpos[least, loops.crank_address]))} the loops hardly hold the links "
         f"(conditioning {held[least]:.2g}), as where a redundant crank lies almost in line with the others: "
         "forces grow there, and errors of stepped ones with them; solved poses have none (method pose)"
     )

@@ -55,8 +55,8 @@ def _welding(loaded: LoadedModel, joint: Joint, axes: Array, multipliers: Array)
     number = loaded.welded(joint)
     if number is None:
         return np.zeros((len(axes), 3))
-    pair, first = loaded.loops.frames[number], loaded.loops.turned_rows.start + 3 * number
-    rate = pair.apart(*(axes[:, body] for body in pair.bodies))[1]
+    pair, first = loaded.loops.frames[number], loaded.loops.frame_rows.start + 3 * number
+    rate = pair.rotation_error(*(axes[:, body] for body in pair.bodies))[1]
     return -(np.swapaxes(rate, 1, 2) @ multipliers[:, first : first + 3, None])[..., 0]
 
 

@@ -72,14 +72,14 @@ def within(
     run, promise = refine.refine(
         attempt,
         tolerance,
-        refine.rounded(refine.steps_for(TRIALS[1], second, refine.AIM * tolerance, order), EVEN),
+        refine.rounded(refine.steps_for(TRIALS[1], second, refine.TARGET_FRACTION * tolerance, order), EVEN),
         _why,
         trials=sum(one.steps for one in runs),
         tried=TRIALS[1],
         multiple=EVEN,
     )
     missed = "diverged" if run.outcome == "diverged" else "missed"
-    return replace(run, outcome="met" if promise.met else missed, promise=promise)
+    return replace(run, outcome="met" if promise.satisfied else missed, promise=promise)
 
 
 def _why(steps: int, estimate: float) -> str:

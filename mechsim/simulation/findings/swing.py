@@ -12,12 +12,12 @@ from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.programs import Programs, State, programs
 from mechsim.simulation import closed_model
-from mechsim.simulation.drivers import CLOCK
+from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.findings.inspected import Inspected
-from mechsim.simulation.initial_state import begun, clock_of
+from mechsim.simulation.initial_state import at_initial_state, parameter_profile
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.poses.follow import follow
-from mechsim.simulation.undetermined_dofs import require_determined, standing
+from mechsim.simulation.undetermined_dofs import require_determined, residual_mobility
 
 # of a swing that nobody asked for: reach in [rad] or parts of the size, duration in [s], tries at half of it
 REACH, STROKE, DURATION, TRIES = 0.3, 0.1, 1.0, 4
@@ -93,12 +93,12 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
 
 @quiet()
 def _moved(scene: Inspected, laws: Programs, description: str) -> Swing:
-    closed = closed_model.of_source(scene.read, drivers=laws.drivers)
-    require_determined(closed, standing(closed))
-    closed = begun(closed, laws)
+    closed = closed_model.from_source(scene.read, drivers=laws.drivers)
+    require_determined(closed, residual_mobility(closed))
+    closed = at_initial_state(closed, laws)
     time = np.linspace(0.0, laws.duration, SAMPLES)
-    angle, speed, _ = clock_of(laws).state(time)
-    states = follow(closed.loops, closed.closed, angle)
+    angle, speed, _ = parameter_profile(laws).state(time)
+    states = follow(closed.loops, closed.qpos, angle)
     rates = closed.loops.tangent(closed.loops.linearise(states)[1]) * speed[:, None]
     qpos, qvel = _without_clock(scene.model, closed.model, states, rates)
     return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), description)
@@ -108,7 +108,7 @@ def _without_clock(
     model: mujoco.MjModel, with_clock: mujoco.MjModel, states: Array, rates: Array
 ) -> tuple[Array, Array]:
     """Return states and rates of a model with a clock as those of the model without."""
-    clock = with_clock.joint(CLOCK)
+    clock = with_clock.joint(PARAMETER_JOINT)
     qpos = np.delete(states, int(clock.qposadr[0]), axis=1)
     qvel = np.delete(rates, int(clock.dofadr[0]), axis=1)
     assert qpos.shape[1] == model.nq

@@ -12,7 +12,7 @@ from mechsim.simulation.findings.inspected import Inspected, null_space, rank
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.model_loops import BALL
-from mechsim.simulation.undetermined_dofs import standing
+from mechsim.simulation.undetermined_dofs import residual_mobility
 
 # part of a freedom that is a motion of a joint, and no rounding
 SIGNIFICANT = 1e-6
@@ -64,6 +64,6 @@ def _has_undetermined(scene: Inspected) -> bool:
     """Say whether anything that matters can move with the drivers held; not where the loops never close."""
     try:
         with quiet():
-            return standing(closed_model.of_source(scene.read, drivers=scene.drivers)).open != ()
+            return residual_mobility(closed_model.from_source(scene.read, drivers=scene.drivers)).undetermined != ()
     except (MechsimError, np.linalg.LinAlgError):
         return False

@@ -91,15 +91,15 @@ def like_model(mechanism: Mechanism, gravity: Vector | None = None) -> LikeModel
         return None
     tree = cut_loops(mechanism, splits=True)
     if gravity is None:
-        closed: ClosedModel = closed_model.of_source(mechanism, Scene(level="motion"))
+        closed: ClosedModel = closed_model.from_source(mechanism, Scene(level="motion"))
     else:
         closed = loaded_model(mechanism, Forces(gravity=gravity))
     loops = closed.loops
-    if tree.mechanism is not mechanism or loops.frames or loops.couplings or closed.loose.any():
+    if tree.mechanism is not mechanism or loops.frames or loops.couplings or closed.undetermined_points.any():
         return None
     # what of the loops' rows says something is looked for once, in a model that is known to close
-    loops.tangent(loops.linearise(closed.closed[None])[1])
-    if gravity is not None and loops.spins:
+    loops.tangent(loops.linearise(closed.qpos[None])[1])
+    if gravity is not None and loops.has_undetermined_dofs:
         # forces decide how fast what nothing determines begins to spin, and rounding does not
         return None
     return LikeModel(closed, tree, gravity)
@@ -118,7 +118,7 @@ def design_models(
     model, tree, arrays = like.closed.model, like.tree, started.arrays
     sites = site_fields(model, tree, arrays)
     fields, qpos = seated_fields(model, tree, arrays, started.guess)
-    place = like.closed.loops.crank_place
+    place = like.closed.loops.crank_address
     start = started.told[tree.mechanism.crank.name]
     turns = TURN * np.round((start - qpos[:, place]) / TURN)
     fields |= {**sites, "qpos0": qpos.copy()}
@@ -157,19 +157,19 @@ def closed_states(loops: ModelLoops, qpos: Array) -> tuple[Array, Bools]:
     gap = before
     for _ in range(MOST_STEPS):
         residual, jacobian = loops.linearise(qpos)
-        gap = np.where(going, loops.gap(residual), gap)
+        gap = np.where(going, loops.closure_error(residual), gap)
         going &= ~((gap <= CLOSED) | ((gap < ROUNDING) & (gap >= 0.5 * before)))
         if not going.any():
             break
         before = gap
-        step, _ = loops.newton(residual, jacobian)
-        qpos = np.where(going[:, None], loops.moved(qpos, step), qpos)
+        step, _ = loops.newton_step(residual, jacobian)
+        qpos = np.where(going[:, None], loops.displaced(qpos, step), qpos)
         going &= np.isfinite(qpos).all(1)
     return qpos, gap < ROUNDING
 
 
 def _poses(loops: ModelLoops, tree: Tree, qpos: Array) -> dict[str, Pose]:
     """Return how links stand at states: link -> (d, 3) and (d, 3, 3)."""
-    position, rotation = loops.bodies(qpos)
+    position, rotation = loops.body_poses(qpos)
     number = {link.name: loops.model.body(link.name).id for link in tree.mechanism.links}
     return {name: Pose(position[:, i], rotation[:, i]) for name, i in number.items()}

@@ -36,7 +36,7 @@ def _part(stepped: SteppedDesigns, rows: Rows, records: Rows, told: Told) -> Mot
         whole = evaluate(stepped.over(rows, len(records)), track, states, "step")
         points = dict(whole.points)
     elif told == "places":
-        sites = stepped.places_over(rows, len(records)).sites(states.qpos)
+        sites = stepped.places_over(rows, len(records)).site_positions(states.qpos)
         points = {name: PointMotion(sites[:, model.site(name).id], nothing, nothing) for name in track.points}
     joints: dict[str, JointMotion] = {}
     for name, i in stepped.models.like.joints.items():
@@ -47,5 +47,5 @@ def _part(stepped: SteppedDesigns, rows: Rows, records: Rows, told: Told) -> Mot
             acceleration = whole.joints[track.name(model.joint(i).name)[0]].acceleration
         joints[name] = JointMotion(states.qpos[:, place], states.qvel[:, dof], acceleration, unit)
     loops = stepped.loops
-    crank = states.qpos[:, loops.crank_place], states.qvel[:, loops.crank], still
+    crank = states.qpos[:, loops.crank_address], states.qvel[:, loops.crank], still
     return Motion("step", *crank, points, joints=joints, time=time)

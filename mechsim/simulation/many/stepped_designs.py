@@ -81,7 +81,7 @@ def stepped_designs(
     """
     timestep = TURN / abs(speed) / total
     like = models.like.closed
-    loops = like.loops.over_copy()
+    loops = like.loops.with_model_copy()
     settings.apply(loops, timestep)
     fields = _hardened(models, loops, settings)
     loosened(loops.model, fields)
@@ -96,11 +96,11 @@ def stepped_designs(
         parts.append(tuple(out[name][:, stride - 1 :: stride] for name in (TIME, "qpos", "qvel")))
     clock, qpos, qvel = (np.concatenate(one, 1) for one in zip(*parts, strict=True))
     time = timestep * stride * np.arange(clock.shape[1])
-    meant = models.qpos[:, [loops.crank_place]] + speed * time
+    meant = models.qpos[:, [loops.crank_address]] + speed * time
     # MuJoCo sets a bad state back to time zero
     whole = (np.abs(clock[..., 0] - time) < 0.5 * timestep).all(1) & ~sims.warning[..., 1].any(-1)
     whole &= np.isfinite(qpos).all((1, 2)) & np.isfinite(qvel).all((1, 2))
-    whole &= (np.abs(qpos[..., loops.crank_place] - meant) < LOST).all(1)
+    whole &= (np.abs(qpos[..., loops.crank_address] - meant) < LOST).all(1)
     return SteppedDesigns(models, fields, loops, time, qpos, qvel, whole & models.good)
 
 
@@ -112,7 +112,7 @@ def _hardened(models: DesignModels, loops: ModelLoops, settings: Settings) -> Fi
         fields[name] = fields.get(name, np.repeat(getattr(model, name)[None], count, 0)).copy()
     fields["body_invweight0"] *= settings.compliance_used
     fields["dof_invweight0"] *= settings.compliance_used
-    size = models.like.closed.loops.with_fields(fields).sizes
+    size = models.like.closed.loops.with_fields(fields).characteristic_lengths
     heavy = settings.drive_inertia or drive_inertia(
         fields["body_mass"], fields["body_inertia"], size, settings.compliance_used
     )
@@ -150,18 +150,18 @@ def judged(stepped: SteppedDesigns) -> JudgedDesigns:
     qpos = stepped.qpos[:, places].reshape(d * k, -1)
     sites = [closed.model.site(name).id for name in closed.track.points]
     with np.errstate(all="ignore"):
-        here = loops.sites(qpos)[:, sites]
+        here = loops.site_positions(qpos)[:, sites]
         residual, jacobian = loops.linearise(qpos)
-        side = loops.side(jacobian).reshape(d, k)
-        near = loops.moved(qpos, loops.newton(residual, jacobian)[0])
-        solved = loops.sites(near)[:, sites]
-        left = loops.gap(loops.residual(near))
-        gap = loops.gap(residual)
+        side = loops.determinant_sign(jacobian).reshape(d, k)
+        near = loops.displaced(qpos, loops.newton_step(residual, jacobian)[0])
+        solved = loops.site_positions(near)[:, sites]
+        left = loops.closure_error(loops.residual(near))
+        gap = loops.closure_error(residual)
         distance = np.sqrt(((here - solved) ** 2).sum(-1)).max(1).reshape(d, k)
     sure = ((left <= SECOND * gap) | (left <= 100.0 * CLOSED)).reshape(d, k).all(1)
     kept = sure & (side == side[:, :1]).all(1) & (side[:, 0] != 0.0) & np.isfinite(distance).all(1)
     spans = np.ptp(solved.reshape(d, k, len(sites), 3), axis=1)
-    tolerance = np.maximum(PLACE * 0.5 * spans.max((1, 2)), CLOSED * loops.sizes.reshape(d, k)[:, 0])
+    tolerance = np.maximum(PLACE * 0.5 * spans.max((1, 2)), CLOSED * loops.characteristic_lengths.reshape(d, k)[:, 0])
     return JudgedDesigns(distance.max(1), tolerance, kept)
 
 
@@ -171,7 +171,7 @@ def parted(stepped: SteppedDesigns, rows: Rows) -> Array:
     Each is followed round the turn in even steps, along the tangent and closed by Newton's method.
     """
     loops = stepped.places_over(rows, 1)
-    place = loops.crank_place
+    place = loops.crank_address
     qpos = stepped.models.qpos[rows]
     first = qpos[:, place].copy()
     found = np.where(stepped.models.good[rows], np.nan, 0.0)
@@ -179,7 +179,7 @@ def parted(stepped: SteppedDesigns, rows: Rows) -> Array:
         for turned in TURN / ROUND * np.arange(1.0, ROUND + 1.0):
             try:
                 tangent = loops.tangent(loops.linearise(qpos)[1])
-                ahead = loops.moved(qpos, tangent * (TURN / ROUND))
+                ahead = loops.displaced(qpos, tangent * (TURN / ROUND))
                 ahead[:, place] = first + turned
                 ahead, closed = closed_states(loops, ahead)
             except np.linalg.LinAlgError:

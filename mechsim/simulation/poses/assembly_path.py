@@ -55,7 +55,7 @@ class AssemblyPath:
             near |= close
         if self.gain is not None:
             guess += laps[:, None] * self.gain
-        guess[:, self.loops.crank_place] = angles
+        guess[:, self.loops.crank_address] = angles
         if near.any():
             states, sure = guess, near.copy()
             states[near] = settled(self.loops, guess[near])
@@ -77,13 +77,13 @@ class AssemblyPath:
 
     def changes(self, angles: Array) -> Array:
         """Return +1 where the path lies on its first knot's side, -1 where it has changed it, (n,)."""
-        first = float(self.knots[0, self.loops.crank_place])
+        first = float(self.knots[0, self.loops.crank_address])
         passed = [m.pairs * ((angles > m.angle) & (m.angle > first)) for m in self.meetings]
         return (-1.0) ** np.sum(passed, axis=0)
 
     def _closed(self, guess: Array, turned: Array) -> tuple[Array, NDArray[np.bool_]]:
         try:
-            states, jacobian = self.loops.closed(guess)
+            states, jacobian = self.loops.close_with_jacobian(guess)
         except (AssemblyError, FloatingPointError):
             return guess, np.zeros(len(guess), dtype=np.bool_)
         moved = np.abs(states - guess).max(1)
@@ -98,29 +98,29 @@ class AssemblyPath:
     def _kept(self, jacobian: Array, turned: Array) -> NDArray[np.bool_]:
         """Return whether states with Jacobians (n, m, nv) lie on the path's side at crank angles, (n,)."""
         if self.side != 0.0:
-            return self.loops.side(jacobian) * self.side * self.changes(turned) >= 0.0
-        places = self.knots[:, self.loops.crank_place]
+            return self.loops.determinant_sign(jacobian) * self.side * self.changes(turned) >= 0.0
+        places = self.knots[:, self.loops.crank_address]
         nearest = np.abs(turned[:, None] - places).argmin(1)
         changed = self.changes(turned) * self.changes(places[nearest]) < 0.0
         before = self.loops.linearise(self.knots[nearest])[1]
-        return self.loops.crossed(before, jacobian) == changed
+        return self.loops.sign_changed(before, jacobian) == changed
 
     def laps(self, angles: Array) -> Array:
         """Return the whole turns to take off crank angles so that they lie between the knots, (n,)."""
         if self.gain is None:
             return np.zeros(len(angles))
-        return np.floor((angles - self.knots[0, self.loops.crank_place]) / TURN)
+        return np.floor((angles - self.knots[0, self.loops.crank_address]) / TURN)
 
     def refined(self, times: int) -> "AssemblyPath":
         """Return the same path through so many times its knots, closed; the same where that is not sure."""
-        first, last = self.knots[[0, -1], self.loops.crank_place]
+        first, last = self.knots[[0, -1], self.loops.crank_address]
         knots, sure = self.at(np.linspace(first, last, times * len(self.knots)))
         return replace(self, knots=knots, near=SURE, far=DOUBT) if sure.all() else self
 
     @cached_property
     def _guess(self) -> Callable[[Array], Array]:
-        knots = _spread(self.knots, self.loops.crank_place) if len(self.knots) > 1 else self.knots
-        return partial(_between, knots[:, self.loops.crank_place], _same_sign_quaternions(self.loops, knots))
+        knots = _spread(self.knots, self.loops.crank_address) if len(self.knots) > 1 else self.knots
+        return partial(_between, knots[:, self.loops.crank_address], _same_sign_quaternions(self.loops, knots))
 
 
 def walked_path(
@@ -129,7 +129,7 @@ def walked_path(
     """Return the path through nearly closed states by rising crank angle, (k, nq), that were walked."""
     path = AssemblyPath(loops, loops.close(knots), gain, 1.0, meetings=tuple(meetings))
     # most of the knots: at a dead centre, where a path may begin or end, rounding settles the sign
-    sides = loops.side(loops.linearise(path.knots)[1]) * path.changes(path.knots[:, loops.crank_place])
+    sides = loops.determinant_sign(loops.linearise(path.knots)[1]) * path.changes(path.knots[:, loops.crank_address])
     return replace(path, side=float(np.sign(sides.sum())))
 
 

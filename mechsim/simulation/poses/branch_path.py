@@ -54,7 +54,7 @@ class FoldedPath:
         if self.gain is None:
             return np.zeros(len(angles))
         first = self.pieces[0]
-        return np.floor((angles - first.knots[0, first.loops.crank_place]) / TURN)
+        return np.floor((angles - first.knots[0, first.loops.crank_address]) / TURN)
 
     def blind(self, angles: Array) -> Iterator[tuple[Meeting, NDArray[np.intp], Array]]:
         """Yield meetings, which of some crank angles are so near that the loops say nothing, and these."""
@@ -93,7 +93,7 @@ def folded(loops: ModelLoops, start: Array, low: float, high: float) -> FoldedPa
 
 def _legs(loops: ModelLoops, start: Array, end: float) -> tuple[list[_Leg], list[Meeting]]:
     """Return the legs from a closed state to a crank angle, by the distance from it, and what they passed."""
-    place = loops.crank_place
+    place = loops.crank_address
     sense = 1.0 if end > start[place] else -1.0
     legs, passed = [_Leg([], [])], list[Meeting]()
     here = start
@@ -124,26 +124,26 @@ def _beside(loops: ModelLoops, meeting: Meeting, sense: float) -> Array:
     """
     at = np.array([meeting.angle])
     here = meeting.at(at)
-    free = loops.loosest(loops.linearise(here)[1])
+    free = loops.least_constrained_direction(loops.linearise(here)[1])
     along = meeting.at(at + APART * np.array([-1.0, 1.0]))
-    aside = loops.moved(here.repeat(2, 0), APART * np.array([[-1.0], [1.0]]) * free)
+    aside = loops.displaced(here.repeat(2, 0), APART * np.array([[-1.0], [1.0]]) * free)
     heights = determinant(loops, np.concatenate([along, aside]))
     a, b = heights[1] - heights[0], 0.5 * (heights[3] - heights[2])
     away = meeting.reach / 2.0 if abs(b) > BENT * abs(a) else 0.0
     for _ in range(HALVINGS if away else 0):
         beyond = meeting.at(at + sense * away)
-        beyond[:, loops.crank_place] = at + sense * away
+        beyond[:, loops.crank_address] = at + sense * away
         step = -a / b * sense * away * free
-        guess = loops.moved(beyond, step[None])
+        guess = loops.displaced(beyond, step[None])
         found = _closed(loops, guess)
         if found is not None and np.abs(found - guess).max() < BESIDE * np.abs(step).max():
             sides = determinant(loops, np.concatenate([beyond, found]))
             if sides[0] * sides[1] < 0.0:
                 return found[0]
         away *= 0.5
-    who = "the crank" if loops.drive is None else "the drivers"
+    who = "the crank" if loops.drivers is None else "the drivers"
     raise AssemblyError(
-        f"{loops.name}: {who} cannot pass {loops.said(meeting.angle)} by folding, for it does not turn in "
+        f"{loops.name}: {who} cannot pass {loops.driver_text(meeting.angle)} by folding, for it does not turn in "
         "the assembly that is met there; go on smoothly"
     )
 

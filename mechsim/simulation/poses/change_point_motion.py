@@ -68,7 +68,7 @@ def _mended(
     assert motion.conditioning is not None
     return replace(
         motion,
-        angle=mend.put(motion.angle, qpos[rows, loops.crank_place]),
+        angle=mend.put(motion.angle, qpos[rows, loops.crank_address]),
         points={name: mend.point(one, unit.points[name]) for name, one in motion.points.items()},
         links={name: mend.link(one, unit.links[name]) for name, one in motion.links.items()},
         joints={

@@ -83,10 +83,10 @@ def settled(loops: ModelLoops, states: Array) -> Array:
     for _ in range(2):
         residual, jacobian = loops.linearise(states)
         step = np.zeros((len(states), loops.model.nv))
-        step[:, loops.free] = -(np.linalg.pinv(loops.held(jacobian), rcond=HELD) @ residual[..., None])[
+        step[:, loops.free] = -(np.linalg.pinv(loops.constrained_jacobian(jacobian), rcond=HELD) @ residual[..., None])[
             ..., 0
         ]
-        states = loops.moved(states, step)
+        states = loops.displaced(states, step)
     return states
 
 
@@ -101,7 +101,7 @@ def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting 
     States are (nq,). None where assemblies only come near each other: there the determinant bends away from
     zero. Where several pairs meet at once, its root of their number passes zero in a straight line.
     """
-    place = loops.crank_place
+    place = loops.crank_address
     low, high = before[place], beyond[place]
     chord = _Chord(loops, np.stack([before, beyond]))
     first = chord.closed(low + (high - low) * np.array([0.0, 0.21, 0.83, 1.0]))
@@ -118,7 +118,7 @@ def meeting_between(loops: ModelLoops, before: Array, beyond: Array) -> Meeting 
 
 def _met(loops: ModelLoops, chord: "_Chord", heights: Array, pairs: int) -> Meeting | None:
     """Return the meeting of so many pairs of assemblies between four closed states, or None."""
-    angles = chord.states[:, loops.crank_place]
+    angles = chord.states[:, loops.crank_address]
     low, high = angles[[0, -1]]
     ends = np.abs(heights[[0, -1]]) ** (1.0 / pairs)
     at = float(low + (high - low) * ends[0] / ends.sum()) if pairs > 1 else _zero(angles, heights)
@@ -166,9 +166,9 @@ class _Chord:
 
     def closed(self, angles: Array, far: float = 0.2) -> Array | None:
         """Return closed states at crank angles, (n, nq); None where they are not sure."""
-        known = self.states[:, self.loops.crank_place]
+        known = self.states[:, self.loops.crank_address]
         guess = weights(known, angles) @ self.states
-        guess[:, self.loops.crank_place] = angles
+        guess[:, self.loops.crank_address] = angles
         try:
             states = self.loops.close(guess)
         except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
@@ -211,7 +211,7 @@ def _passed(
     order = np.argsort(offsets)
     rows = np.stack(states)[order]
     # the loops hold a pose the less the nearer it lies: a last step, to rounding
-    rows = loops.moved(rows, loops.newton(*loops.linearise(rows))[0])
+    rows = loops.displaced(rows, loops.newton_step(*loops.linearise(rows))[0])
     nodes = angle + np.array(offsets)[order]
     smooth = np.abs(fitted(nodes, angle, nodes) @ rows - rows)[np.abs(nodes - angle) > 0.3 * window].max()
     if smooth > SMOOTH and window > 4.0 * BLIND:

@@ -40,19 +40,19 @@ def sprint(loops: ModelLoops, start: Array, end: float, jacobian: Array) -> Arra
         end: crank angle in [rad].
         jacobian: of the loops at the start, (1, m, nv).
     """
-    angle = float(start[loops.crank_place])
+    angle = float(start[loops.crank_address])
     count = int(np.ceil(abs(end - angle) / CLOCK))
-    side = float(loops.side(jacobian)[0])
+    side = float(loops.determinant_sign(jacobian)[0])
     if side == 0.0 or count > MOST:
         return None
     states = _stepped(loops, start, (end - angle) / (count * CLOCK) * loops.tangent(jacobian)[0], count)
     asked = np.linspace(angle, end, count + 1)[1:]
     # MuJoCo sets a bad state back to where it began
-    if not np.abs(states[:, loops.crank_place] - asked).max() < ASTRAY:
+    if not np.abs(states[:, loops.crank_address] - asked).max() < ASTRAY:
         return None
-    states[:, loops.crank_place] = asked
+    states[:, loops.crank_address] = asked
     residual, jacobian = loops.linearise(states)
-    stays = loops.gap(residual).max() < ASTRAY and (loops.side(jacobian) == side).all()
+    stays = loops.closure_error(residual).max() < ASTRAY and (loops.determinant_sign(jacobian) == side).all()
     return states if stays and not _touched(np.abs(loops.determinant(jacobian))) else None
 
 
@@ -79,7 +79,7 @@ _runners: WeakKeyDictionary[ModelLoops, batch.Batch] = WeakKeyDictionary()
 def _runner(loops: ModelLoops) -> batch.Batch:
     """Return a simulation of the model with hard loops and a flywheel."""
     hard = copy.copy(loops)
-    hard.model = copy.copy(loops.posed.looking)
+    hard.model = copy.copy(loops.posed.kinematic_model)
     hard.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     Settings(steps_per_turn=STEPS).apply(hard, CLOCK)
     return batch.Batch(hard.model, 1, 1)

@@ -62,7 +62,7 @@ def followed(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array,
 
 
 def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, AssemblyPath | FoldedPath]:
-    if loops.passing == "branch":
+    if loops.change_point == "branch":
         return _folded(loops, start, angles)
     sprinted = _sprinted(loops, start, angles)
     if sprinted is not None:
@@ -74,22 +74,22 @@ def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, As
 
 
 def _folded(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, FoldedPath]:
-    here = float(start[loops.crank_place])
+    here = float(start[loops.crank_address])
     low, high = min(here, float(angles.min())), max(here, float(angles.max()))
-    path = _folded_lap(loops, start) if high - low > 1.5 * TURN and loops.drive is None else None
+    path = _folded_lap(loops, start) if high - low > 1.5 * TURN and loops.drivers is None else None
     path = path or folded(loops, start, low, high)
     states = np.empty((len(angles), len(start)))
     for piece, rows, turned in path.parts(angles):
         states[rows] = _settled_on(piece, turned)
     if path.gain is not None:
         states += path.laps(angles)[:, None] * path.gain
-    states[:, loops.crank_place] = angles
+    states[:, loops.crank_address] = angles
     return states, path
 
 
 def _folded_lap(loops: ModelLoops, start: Array) -> FoldedPath | None:
     """Return the path over one turn; None where that does not lead back."""
-    here = float(start[loops.crank_place])
+    here = float(start[loops.crank_address])
     lap = folded(loops, start, here, here + TURN)
     end = _settled_on(lap.pieces[-1], np.array([here + TURN]))[0]
     gain = _gain(loops, np.stack([start, end]))
@@ -116,10 +116,10 @@ def _along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]
 
 def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | None:
     """Return the path over the range of crank angles by stepping; None where that is not certain."""
-    if loops.drive is not None:
+    if loops.drivers is not None:
         return None
     if float(angles.max() - angles.min()) < STRIDE:
-        reach = np.abs(angles - start[loops.crank_place]).max()
+        reach = np.abs(angles - start[loops.crank_address]).max()
         if reach < STRIDE:
             return None
     jacobian = loops.linearise(start[None])[1]
@@ -131,7 +131,7 @@ def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | 
     found = _knots(loops, start, angles, stepped)
     if found is None:
         return None
-    return AssemblyPath(loops, *found[:2], float(loops.side(jacobian)[0]), near=0.0, far=ASTRAY)
+    return AssemblyPath(loops, *found[:2], float(loops.determinant_sign(jacobian)[0]), near=0.0, far=ASTRAY)
 
 
 def _walked(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath:
@@ -146,9 +146,9 @@ def _knots(
     loops: ModelLoops, start: Array, angles: Array, steps: Steps
 ) -> tuple[Array, Array | None, list[Meeting]] | None:
     """Return states over the range, rising, what a turn adds where one is enough, and meetings."""
-    here = float(start[loops.crank_place])
+    here = float(start[loops.crank_address])
     low, high = min(here, float(angles.min())), max(here, float(angles.max()))
-    if high - low > 1.5 * TURN and loops.drive is None:
+    if high - low > 1.5 * TURN and loops.drivers is None:
         lap = _both_directions(loops, start, here, here + TURN, steps)
         gain = None if lap is None else _gain(loops, lap[0])
         if lap is not None and gain is not None:
@@ -160,7 +160,7 @@ def _knots(
 def _both_directions(
     loops: ModelLoops, start: Array, low: float, high: float, steps: Steps
 ) -> tuple[Array, list[Meeting]] | None:
-    here, nothing = float(start[loops.crank_place]), Strides([], [])
+    here, nothing = float(start[loops.crank_address]), Strides([], [])
     before = steps(loops, start, low) if here - low > SHORTEST else nothing
     after = steps(loops, start, high) if high - here > SHORTEST else nothing
     if before is None or after is None:
@@ -171,17 +171,17 @@ def _both_directions(
 def _gain(loops: ModelLoops, lap: Array) -> Array | None:
     """Return what a turn of the crank adds to a state, (nq,); None where it does not lead back."""
     ends = loops.close(lap[[0, -1]])
-    gain = np.where(loops.turning, 0.0, ends[1] - ends[0])
+    gain = np.where(loops.in_quaternion, 0.0, ends[1] - ends[0])
     whole = np.where(loops.hinges, TURN * np.round(gain / TURN), 0.0)
     # a passive spin of a ball joint's link need not come back, but whatever lies on its line must
-    places = loops.places(ends)
-    back = np.abs(places[1] - places[0]).max(initial=0.0) < SAME * loops.size
+    places = loops.point_positions(ends)
+    back = np.abs(places[1] - places[0]).max(initial=0.0) < SAME * loops.characteristic_length
     return whole if back and np.abs(gain - whole).max() < SAME else None
 
 
 def _walked_to(path: AssemblyPath, angle: Array) -> Array:
     """Return the closed state at a crank angle, (1,), walked to from the nearest knot, (nq,)."""
-    loops, place = path.loops, path.loops.crank_place
+    loops, place = path.loops, path.loops.crank_address
     knots = path.knots if path.gain is None else path.knots + path.laps(angle) * path.gain
     nearest = knots[np.argmin(np.abs(knots[:, place] - angle))]
     there = [nearest, *walk(loops, nearest, float(angle[0])).states][-1].copy()

@@ -17,7 +17,7 @@ def on_other_laps(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Ar
 
     Where a gear makes the linkage another one after a turn of the crank, or programs move it, there is none.
     """
-    for laps in other_laps(float(state[loops.crank_place]), angles):
+    for laps in other_laps(float(state[loops.crank_address]), angles):
         counted = _counted(loops, state, laps)
         if counted is not None:
             yield counted
@@ -25,15 +25,15 @@ def on_other_laps(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Ar
 
 def _counted(loops: ModelLoops, state: Array, laps: int) -> Array | None:
     """Return the state with turns added to the crank's count; None where that is another pose."""
-    if loops.drive is not None:
+    if loops.drivers is not None:
         return None
     counted = state.copy()
-    counted[loops.crank_place] += laps * TURN
+    counted[loops.crank_address] += laps * TURN
     for coupling in loops.couplings:
-        driven = coupling.left.places
+        driven = coupling.left.addresses
         if len(driven) > 1 or not loops.hinges[driven].all():
             continue
-        gain = coupling.wanted(counted[None]) - coupling.wanted(state[None])
+        gain = coupling.target(counted[None]) - coupling.target(state[None])
         counted[driven] += TURN * np.round(gain / coupling.left.weights / TURN)
-    opened = loops.gap(loops.residual(counted[None]) - loops.residual(state[None]))
+    opened = loops.closure_error(loops.residual(counted[None]) - loops.residual(state[None]))
     return counted if opened.max() < WHOLE else None

@@ -7,7 +7,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation.closed_model import guessed, link_poses
+from mechsim.simulation.closed_model import initial_guess, link_poses
 from mechsim.simulation.model_loops import ModelLoops
 
 # crank angles in a turn
@@ -20,7 +20,7 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
     Links other than the ground have as many poses as there are crank angles. Where the loops close
     nowhere, the one pose is the model's reference configuration.
     """
-    loops, start = guessed(mechanism, Scene(level="pose"))
+    loops, start = initial_guess(mechanism, Scene(level="pose"))
     ahead = _states(loops, start, 2.0 * np.pi / STEPS)
     states = ahead if len(ahead) >= STEPS else ahead + _states(loops, start, -2.0 * np.pi / STEPS)
     found = np.array(states or [loops.model.qpos0])
@@ -38,5 +38,5 @@ def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
             break
         states.append(closed)
         rough = closed.copy()
-        rough[loops.crank_place] += step
+        rough[loops.crank_address] += step
     return states

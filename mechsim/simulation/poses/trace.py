@@ -47,7 +47,7 @@ def walk(loops: ModelLoops, start: Array, end: float, *, through: bool = True) -
     Raises:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
     """
-    angle = float(start[loops.crank_place])
+    angle = float(start[loops.crank_address])
     walker = _Walker(loops, end, 1.0 if end > angle else -1.0, start[None])
     while walker.sense * (end - walker.angle) > SHORTEST and not walker.arrived:
         meeting = walker.meeting_ahead()
@@ -84,12 +84,12 @@ class _Walker:
     def _stand(self, here: Array, stride: float) -> None:
         """Stand at a state as if the walk began there."""
         jacobian = self.loops.linearise(here)[1]
-        self.here, self.angle = here, float(here[0, self.loops.crank_place])
-        self.slope, self.side = self.loops.tangent(jacobian), self.loops.side(jacobian)
+        self.here, self.angle = here, float(here[0, self.loops.crank_address])
+        self.slope, self.side = self.loops.tangent(jacobian), self.loops.determinant_sign(jacobian)
         self.height = self.loops.determinant(jacobian)[0]
         self.bend = np.zeros_like(self.slope)
         # a first stride past a meeting could end in the other assembly
-        beside = self.loops.moved(here, BEGUN * self.sense * self.slope)
+        beside = self.loops.displaced(here, BEGUN * self.sense * self.slope)
         low = self.loops.determinant(self.loops.linearise(beside)[1])[0]
         self.sinking = (self.height - low) / BEGUN
         self.trial, self.stride = TRIED, stride
@@ -107,7 +107,7 @@ class _Walker:
         self.trial = 0.03 * ahead
         for times in BEYOND:
             far = times * self.sense * ahead
-            beyond = self.loops.moved(self.here, far * self.slope + 0.5 * far**2 * self.bend)
+            beyond = self.loops.displaced(self.here, far * self.slope + 0.5 * far**2 * self.bend)
             meeting = _tried(self.loops, self.here[0], beyond, self.angle + far)
             if meeting is not None:
                 return meeting
@@ -116,13 +116,13 @@ class _Walker:
     def beyond(self, meeting: Meeting) -> Array:
         """Return the states of a meeting that are not behind, (k, nq)."""
         rows = meeting.states[:: int(self.sense)]
-        return rows[self.sense * (rows[:, self.loops.crank_place] - self.angle) > 0.0]
+        return rows[self.sense * (rows[:, self.loops.crank_address] - self.angle) > 0.0]
 
     def pass_through(self, meeting: Meeting) -> None:
         """Go to the far side of a meeting, or to the end where that is within it."""
         self.passed.append(meeting)
         rows = self.beyond(meeting)
-        inside = rows[self.sense * (self.end - rows[:, self.loops.crank_place]) >= 0.0]
+        inside = rows[self.sense * (self.end - rows[:, self.loops.crank_address]) >= 0.0]
         self.found += list(inside)
         if len(inside) < len(rows):
             self.found.append(_within(self.loops, meeting, self.end))
@@ -133,14 +133,14 @@ class _Walker:
     def stride_on(self) -> None:
         """Go one stride, or make the next one shorter where it could lead into another assembly."""
         loops, sense = self.loops, self.sense
-        longest = LONGEST / max(loops.fastest(self.slope), 1.0)
+        longest = LONGEST / max(loops.max_rate(self.slope), 1.0)
         self.stride = min(self.stride, max(min(0.7 * self.ahead, longest), SHORTEST))
         # a stride a tenth longer saves a last one that would be next to nothing
         left = abs(self.end - self.angle)
         step = left if left < 1.1 * self.stride else self.stride
         target = self.end if step == left else self.angle + sense * step
-        guess = loops.moved(self.here, sense * step * self.slope + 0.5 * step**2 * self.bend)
-        guess[0, loops.crank_place] = target
+        guess = loops.displaced(self.here, sense * step * self.slope + 0.5 * step**2 * self.bend)
+        guess[0, loops.crank_address] = target
         there = _landed(loops, self.here, guess, self.side)
         if there is None:
             self._shorten(step / 2.0)
@@ -167,14 +167,14 @@ class _Walker:
 
 
 def _passing(loops: ModelLoops, angle: float) -> str:
-    if loops.drive is None:
+    if loops.drivers is None:
         return f"crank cannot pass {angle:.7g} rad"
-    return f"drivers cannot pass {loops.said(angle)}"
+    return f"drivers cannot pass {loops.driver_text(angle)}"
 
 
 def _tried(loops: ModelLoops, here: Array, beyond: Array, angle: float) -> Meeting | None:
     """Return the meeting between a closed state and a rough one beyond it; None where there is none."""
-    beyond[0, loops.crank_place] = angle
+    beyond[0, loops.crank_address] = angle
     try:
         closed = loops.close(beyond)
     except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
@@ -187,29 +187,29 @@ def _tried(loops: ModelLoops, here: Array, beyond: Array, angle: float) -> Meeti
 def _within(loops: ModelLoops, meeting: Meeting, angle: float) -> Array:
     """Return the state at a crank angle close to a meeting, (nq,)."""
     state = meeting.at(np.array([angle]))
-    state[0, loops.crank_place] = angle
+    state[0, loops.crank_address] = angle
     return (settled(loops, state) if meeting.near(np.array([angle]))[0] else loops.close(state))[0]
 
 
 def _landed(loops: ModelLoops, here: Array, guess: Array, side: Array) -> tuple[Array, Array] | None:
     """Return the state that a guess leads to, and its slope; None if that may be another assembly."""
     there = guess
-    step_of_crank = float(guess[0, loops.crank_place] - here[0, loops.crank_place])
+    step_of_crank = float(guess[0, loops.crank_address] - here[0, loops.crank_address])
     for _ in range(MOST_STEPS):
         residual, jacobian = loops.linearise(there)
         try:
-            step, slope = loops.newton(residual, jacobian)
+            step, slope = loops.newton_step(residual, jacobian)
         except (np.linalg.LinAlgError, FloatingPointError):
             return None
-        there = loops.moved(there, step)
+        there = loops.displaced(there, step)
         if np.abs(there - guess).max() > SAFE * max(np.abs(here - guess).max(), FINE):
             return None
-        if loops.gap(residual)[0] < max(LOOSE * step_of_crank**2, ROUNDING):
+        if loops.closure_error(residual)[0] < max(LOOSE * step_of_crank**2, ROUNDING):
             # the last step may have crossed over, too
             reached = np.concatenate([jacobian, loops.linearise(there)[1]])
-            sides = loops.side(reached) * side
+            sides = loops.determinant_sign(reached) * side
             if not sides.all():
                 before = loops.linearise(here)[1].repeat(2, 0)
-                sides = np.where(loops.crossed(before, reached), -1.0, 1.0)
+                sides = np.where(loops.sign_changed(before, reached), -1.0, 1.0)
             return None if sides.min() < 0.0 else (there, slope)
     return None

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.maths.convergence import believed_order
-from mechsim.simulation.stiffest_element import stiffest_part
+from mechsim.simulation.stiffest_element import stiffness_cause
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 from mechsim.studies.scenes.user_scene import UserScene
 
@@ -111,7 +111,7 @@ def limit_of(
     found: SceneLimit | None = None
     for integrator in INTEGRATORS:
         finest = hardened(scene.model, 4.0 * scene.duration / MOST, integrator)
-        if integrator != INTEGRATORS[-1] and stiffest_part(finest):
+        if integrator != INTEGRATORS[-1] and stiffness_cause(finest):
             continue
         best = _finer(scene, first, integrator, goal, seconds, tell)
         if found is None or (found.broken and not best.broken) or best.bars[0] < found.bars[0]:

@@ -5,8 +5,8 @@ import copy
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.simulation.divergence_cause import met_last, near_singular
-from mechsim.simulation.stiffest_element import stiffest_part
+from mechsim.simulation.divergence_cause import limit_or_contact, near_singular
+from mechsim.simulation.stiffest_element import stiffness_cause
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 
 # a step that many times smaller tells whether stiffness broke it
@@ -18,12 +18,12 @@ def why_broken(run: SceneRun) -> str:
     if not run.broken:
         return ""
     again = stepped(run.scene, run.model, records=None)
-    seen = near_singular(again.time, _distance(again)) or met_last(
+    seen = near_singular(again.time, _distance(again)) or limit_or_contact(
         run.model, again.time, again.qpos, again.qvel
     )
     if seen:
         return seen
-    stiff = stiffest_part(run.model)
+    stiff = stiffness_cause(run.model)
     if stiff:
         return stiff
     fine = copy.copy(run.model)

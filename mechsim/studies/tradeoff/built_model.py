@@ -63,7 +63,7 @@ class BuiltModel:
 
     def stepped(self, settings: Settings) -> tuple[ModelLoops, Steps]:
         """Step through the crank motion once."""
-        loops = self.closed.loops.over_copy()
+        loops = self.closed.loops.with_model_copy()
         samples = min(SAMPLES, settings.steps_per_turn)
         stride = max(1, settings.steps_per_turn // samples)
         total = max(1, round(self.profile.turns * samples)) * stride
@@ -100,7 +100,7 @@ class BuiltModel:
     def _stretched(self, loops: ModelLoops, qpos: Array) -> Array:
         """Return by how much a rod that is only a length is longer or shorter than it was, (n,) in [m]."""
         ends = [i for i in range(self.closed.model.nsite) if self.closed.model.site(i).name.endswith(LENGTH)]
-        first, second = np.moveaxis(loops.sites(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0)
+        first, second = np.moveaxis(loops.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0)
         lengths = np.linalg.norm(second - first, axis=1)
         return np.abs(lengths[1:] - lengths[0])
 
@@ -131,7 +131,7 @@ def build_model(
     spec = build.made(source, variants)
     going_on()
     points = closed_model.tracked_points(source, spec)
-    closed = closed_model.of_spec(spec, points, _crank(source, spec))
+    closed = closed_model.from_spec(spec, points, _crank(source, spec))
     going_on()
     profile = profile or constant(speed, 1.0, closed.angle)
     if build.rod is None:

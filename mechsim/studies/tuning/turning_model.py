@@ -11,7 +11,7 @@ from mechsim.files import stem_of
 from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import constant
 from mechsim.model.mechanism import Mechanism
-from mechsim.simulation.closed_model import of_mechanism
+from mechsim.simulation.closed_model import from_mechanism
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.exact_text import to_xml
@@ -50,7 +50,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
             "--tolerance"
         )
     spec = spec.copy()
-    closed = of_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
+    closed = from_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
     qpos, qvel = first_state(closed, constant(speed, TURNS, mechanism.start))
     model, joint = plainly_compiled(spec.copy()), spec.joint(CRANK)
     weight = float(joint.armature) or STIFF * float(model.body_mass.sum()) * mechanism.size**2
