@@ -1,4 +1,4 @@
-"""Joints whose constraints MuJoCo meets with both sides' axes, or marks, against each other."""
+"""Rejects assemblies in which MuJoCo satisfies a joint's constraints with antiparallel axes."""
 
 from collections.abc import Mapping
 
@@ -11,11 +11,11 @@ from mechsim.model.mechanism import Mechanism
 
 
 def require_aligned(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
-    """Refuse a mechanism put together with sides of a joint opposed, as a point alone lets them be.
+    """Reject a mechanism assembled with antiparallel axes of a joint; point constraints allow that.
 
     Args:
         mechanism: the mechanism.
-        poses: moving link -> one pose.
+        poses: moving link -> its pose.
 
     Raises:
         AssemblyError: naming the joint.

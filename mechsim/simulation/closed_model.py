@@ -1,4 +1,4 @@
-"""A model with its loops closed: what every run in MuJoCo begins with, made once a run."""
+"""A model with closed loops: the start of every run in MuJoCo."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -31,21 +31,21 @@ from mechsim.simulation.straight_path import move_drivers
 
 
 class HasMechanism(Protocol):
-    """What has a description, as a catalogue mechanism has."""
+    """An object with a mechanism description, such as a catalogue mechanism."""
 
     @property
     def mechanism(self) -> Any:
-        """The description, a `Mechanism`; that it is one is checked when it is read."""
+        """The description, a `Mechanism`; its type is checked on use."""
         ...
 
 
 class ReadModel(Protocol):
-    """An MJCF file that was read: the file as MuJoCo is to run it, and what was read of it.
+    """An MJCF file after reading: its specification and the mechanism that it describes.
 
     Attributes:
-        spec: of the file, a site at every tracked point.
-        mechanism: what it describes, its drivers and holds with it.
-        qpos: in which it starts, (nq,).
+        spec: of the file, with a site at every tracked point.
+        mechanism: description, with its drivers and locked joints.
+        qpos: initial state, (nq,).
     """
 
     spec: mujoco.MjSpec
@@ -57,7 +57,7 @@ Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 Source = Model | HasMechanism | ReadModel
 
 NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-# turn, in [rad], by which a freedom that the crank leaves is tried
+# displacement, in [rad] or characteristic lengths, by which an undetermined DOF is probed
 NUDGE = 1e-4
 
 
@@ -68,10 +68,10 @@ class ClosedModel:
     Attributes:
         loops: of the model.
         track: what is recorded of it.
-        closed: state with closed loops, the drivers as in the model's reference configuration, (nq,); under
-            programs where these begin.
-        own: whether it is a model of one's own, with settings of its own.
-        note: what was changed of it, in one sentence; empty where nothing was.
+        qpos: state with closed loops, (nq,), the drivers as in the model's reference configuration or at the
+            start of their motion laws.
+        custom: whether it is a user's model, with its own settings.
+        note: changes of the model as a sentence; empty without changes.
     """
 
     loops: ModelLoops
@@ -87,33 +87,33 @@ class ClosedModel:
 
     @property
     def angle(self) -> float:
-        """Angle of the crank, or of the drivers' clock, in the closed state, in [rad]."""
+        """Angle of the crank, or the path parameter, in the closed state, in [rad]."""
         return float(self.qpos[self.loops.crank_address])
 
     @property
     def has_contacts(self) -> bool:
-        """Whether contacts act."""
+        """Whether contacts are enabled."""
         return not self.model.opt.disableflags & NO_CONTACT
 
     def without_contacts(self, settled: NDArray[np.bool_]) -> "ClosedModel":
-        """Return the same without contacts among some bodies, (nbody,)."""
+        """Return the model without contacts between the bodies of a mask, (nbody,)."""
         loops = self.loops.with_model_copy()
         exclude_contacts(loops.model, settled)
         return replace(self, loops=loops)
 
     def point_positions(self, states: Array) -> Array:
-        """Return the places of the tracked points at n states, (n, k, 3) in [m]."""
+        """Return the positions of the tracked points at n states, (n, k, 3) in [m]."""
         return self.loops.site_positions(states)[:, [self.model.site(name).id for name in self.track.points]]
 
     @property
     def driven_points(self) -> tuple[str, ...]:
-        """The tracked points that the crank moves alone; all where there is none."""
+        """The tracked points that the drivers determine; all points if none is determined."""
         settled = zip(self.track.points, self.undetermined_points, strict=True)
         return tuple(name for name, loose in settled if not loose) or self.track.points
 
     @cached_property
     def undetermined_points(self) -> NDArray[np.bool_]:
-        """Which tracked points can move with the drivers held, (k,): poses alone do not settle them."""
+        """Which tracked points can move with the drivers locked, (k,): poses do not determine them."""
         loops = self.loops
         held = loops.constrained_jacobian(loops.linearise(self.qpos[None])[1])[0]
         _, values, freedoms = np.linalg.svd(held)
@@ -122,7 +122,7 @@ class ClosedModel:
         moves[:, loops.free] = NUDGE * freedoms[rank:]
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
         places = self.point_positions(np.concatenate([self.qpos[None], nudged]))
-        # the second order, a nudge's square, is what a closed loop lets a point move
+        # a closed loop lets a point move by the second order of the displacement
         return np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.characteristic_length
 
 
@@ -134,21 +134,21 @@ def from_source(
     lock: Mapping[str, float | None] | None = None,
     key: str | None = None,
 ) -> ClosedModel:
-    """Return a mechanism, or a model of one's own, ready to be run.
+    """Return a mechanism, or a custom model, ready to be run.
 
     Args:
         source: the mechanism or model.
-        scene: what the model of a mechanism holds; under the source's forces where it names none.
-        drivers: of a model of one's own: the hinge that is the crank, or a sequence of those joints that
-            programs move; None for the hinge "crank". Of a mechanism a sequence says that programs move its
-            crank, too; several drivers are under programs always.
-        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad]; None for where
-            they start, at which alone a ball or a free joint can be held.
-        key: keyframe of a model of one's own in which it starts; None for its reference configuration.
+        scene: contents of the model of a mechanism; with the source's forces where it names none.
+        drivers: of a custom model: the hinge that is the crank, or a sequence of the joints that follow motion
+            laws; None for the hinge "crank". Of a mechanism: a sequence if its crank follows a motion law;
+            several drivers always do.
+        lock: joint of a custom model -> value at which it is locked, in [m] or [rad]; None for its initial
+            value, the only choice for a ball or a free joint.
+        key: initial keyframe of a custom model; None for its reference configuration.
 
     Raises:
         InputError: where the model cannot be read, or has no point to track.
-        AssemblyError: if its loops do not close where the drivers stand at first.
+        AssemblyError: if its loops do not close at the drivers' initial values.
     """
     closed = _from_source(source, scene, drivers, lock, key)
     closed.loops.change_point = getattr(source, "change_point", "smooth")
@@ -175,7 +175,7 @@ def _from_source(
 
 
 def read_model(source: Source) -> ReadModel | None:
-    """Return the MJCF file that was read, where a source is one or has one; else None."""
+    """Return the MJCF file of a source that is one or has one; else None."""
     for one in (source, getattr(source, "source", None)):
         if isinstance(getattr(one, "spec", None), mujoco.MjSpec):
             return cast(ReadModel, one)
@@ -183,9 +183,9 @@ def read_model(source: Source) -> ReadModel | None:
 
 
 def _from_read_model(source: Source, read: ReadModel, drivers: Sequence[str] | str | None) -> ClosedModel:
-    """Return the model of a file that was read; where its digits let no loop close, of the mechanism meant.
+    """Return the model of an MJCF file; where its digits let no loop close, of the corrected mechanism.
 
-    The mechanism is that of a source whose joints were moved until the loops close.
+    The joints of the corrected mechanism were moved until the loops close.
     """
     told, asked = read.mechanism, drivers if drivers is not None else read.mechanism.driver
     try:
@@ -208,8 +208,13 @@ def _custom_model(
     holds: Mapping[str, float | None],
     start: Array | None,
 ) -> ClosedModel:
+<<<<<<< HEAD
     """Return a model of one's own, its joints held, in the closed state nearest to its start."""
     spec, holds, start = without_locked_bodies(spec, holds, start)
+=======
+    """Return a custom model with locked joints, in the closed state nearest to its initial state."""
+    spec, holds, start = without_stilled(spec, holds, start)
+>>>>>>> 1a9e624 (Docstrings of simulation in plain words)
     if holds:
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
@@ -225,7 +230,7 @@ def _custom_model(
 
 
 def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
-    """Return the state of a keyframe, (nq,); None where none is asked for."""
+    """Return the state of a keyframe, (nq,); None without a name."""
     if key is None:
         return None
     model = compiled(spec.copy())
@@ -239,7 +244,7 @@ def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
 def from_mechanism(
     mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, programmed: bool
 ) -> ClosedModel:
-    """Return the model that was generated of a mechanism; `programmed` where programs move its drivers."""
+    """Return the model generated from a mechanism; `programmed` if its drivers follow motion laws."""
     asked = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
     closed = from_spec(spec, points, asked, called=_coordinate_names(mechanism, programmed=programmed))
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
@@ -247,10 +252,10 @@ def from_mechanism(
 
 
 def description(source: Source) -> Model:
-    """Return the description of what has one, and anything else that is a model as it is.
+    """Return the mechanism of an object that has one, or the model itself.
 
     Raises:
-        InputError: for what is no model.
+        InputError: for an object that is no model.
     """
     model = getattr(source, "mechanism", source)
     if not isinstance(model, Mechanism | mujoco.MjSpec | str | os.PathLike):
@@ -269,14 +274,14 @@ def from_spec(
     called: Mapping[str, tuple[str, int | None]] | None = None,
     start: Array | None = None,
 ) -> ClosedModel:
-    """Return the model of a specification, to which the sensors of the tracked points are added.
+    """Return the model of a specification with sensors for the tracked points.
 
     Args:
         spec: of the model.
         points: sites to track.
-        drivers: the hinge that is the crank, or the joints that programs move.
-        called: joint of the model -> as what it is recorded, as in `Track`.
-        start: state in which it starts, (nq,); None for the reference configuration.
+        drivers: the hinge that is the crank, or the joints that follow motion laws.
+        coordinates: joint of the model -> the coordinate it is recorded as, as in `Track`.
+        start: initial state, (nq,); None for the reference configuration.
     """
     track = replace(add_sensors(spec, points), coordinates=called or {})
     loops = closed_loops(spec, drivers)
@@ -287,7 +292,7 @@ def from_spec(
 
 
 def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoops:
-    """Return the loops of a specification: of a crank, or of drivers that stand where the model has them."""
+    """Return the loops of a specification with a crank, or with drivers locked at their reference values."""
     if isinstance(drivers, str):
         return ModelLoops(compiled(spec), drivers)
     model = compiled(with_parameter_joint(spec))
@@ -295,10 +300,10 @@ def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoop
 
 
 def _closed(loops: ModelLoops, rough: Array) -> Array:
-    """Return the closed state nearest to a rough one, (nq,).
+    """Return the closed state nearest to an initial guess, (nq,).
 
     Raises:
-        MobilityError: where it does not close as its drivers are too many.
+        MobilityError: where redundant drivers prevent closure.
     """
     try:
         return loops.close(rough[None])[0]
@@ -310,21 +315,21 @@ def _closed(loops: ModelLoops, rough: Array) -> Array:
 
 
 def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
-    """Return a start of the model's own as one of the loops, which may have a clock; else the reference."""
+    """Return an initial state of the model with the path parameter, if any; without one, the reference."""
     if start is None:
         return loops.model.qpos0.copy()
     return start.copy() if loops.drivers is None else np.insert(start, loops.crank_address, 0.0)
 
 
 def _closed_at_drivers(loops: ModelLoops, rough: Array) -> tuple[ModelLoops, Array]:
-    """Return loops whose drivers stand as in a rough state, and the closed state nearest to it, (nq,)."""
+    """Return loops with the drivers locked as in an initial guess, and the closed state nearest to it, (nq,)."""
     if loops.drivers is not None:
         loops = loops.with_drivers_locked(rough[loops.drivers.addresses])
     return loops, _closed(loops, rough)
 
 
 def _coordinate_names(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
-    """Return joint of the model -> coordinate, and which of several it is; a lone crank is called so."""
+    """Return joint of the model -> coordinate and its index in the joint; a single crank is named "crank"."""
     of = model_names(mechanism)
     called: dict[str, tuple[str, int | None]] = {
         of[name]: (name, i if len(joint.coordinates) > 1 else None)
@@ -336,7 +341,7 @@ def _coordinate_names(mechanism: Mechanism, *, programmed: bool) -> dict[str, tu
 
 
 def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Return the points of a mechanism, or the named sites of a model of one's own."""
+    """Return the points of a mechanism, or the named sites of a custom model."""
     sites = (site.name for site in spec.sites if site.name and "@" not in site.name)
     points = tuple(source.points if isinstance(source, Mechanism) else sites)
     if not points:
@@ -363,11 +368,11 @@ def load(source: Model, scene: Scene | None = None) -> mujoco.MjSpec:
 def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     """Return the model of a mechanism with its loops closed in the reference configuration.
 
-    The crank stands at the mechanism's `start`. The model solves its own assembly, from the guess
-    that says which assembly is meant; lengths come from the description alone.
+    The crank is at the mechanism's `start`. The model solves its own assembly from the initial guess, which
+    selects the assembly mode; lengths come from the description only.
 
     Raises:
-        AssemblyError: if the loops do not close there.
+        AssemblyError: if the loops do not close.
     """
     loops, rough = initial_guess(mechanism, scene)
     many = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
@@ -391,7 +396,7 @@ def link_poses(mechanism: Mechanism, model: mujoco.MjModel, states: Array) -> di
 
 
 def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
-    """Return the model whose links stand as the mechanism's guess has them, and its state at `start`, (nq,).
+    """Return the model of the mechanism's initial guess, and its state at `start`, (nq,).
 
     The loops are not closed in that state.
     """

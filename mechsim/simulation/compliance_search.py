@@ -7,7 +7,7 @@ in validation/choices/compliance.py.
 
 from collections.abc import Callable
 
-from mechsim.simulation.refine import TARGET_FRACTION, MIN_GAIN
+from mechsim.simulation.refine import MIN_GAIN, TARGET_FRACTION
 
 # beyond these nothing falls any more: MuJoCo's own least softness, and its own softness
 HARDEST, SOFTEST = 1e-16, 1.0

@@ -1,21 +1,22 @@
-"""Contacts among bodies that the drivers settle: they move nothing, and brake the drivers.
+"""Contact filtering: excludes contacts between bodies whose motion the drivers determine.
 
-Links as CAD exports them overlap where they are joined; as loops are held hard, so are contacts.
+Such contacts move nothing, but they brake the drivers. Links exported by CAD overlap at their joints, and the
+stiff loop constraints make these contacts stiff, too.
 """
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-# bits of a contact mask, the sign's left out
+# bits of a contact mask without the sign bit
 BITS = 31
 
 
 def exclude_contacts(model: mujoco.MjModel, settled: NDArray[np.bool_]) -> None:
-    """Take the contacts among some bodies out of a compiled model; where its masks have no bit left, none.
+    """Exclude the contacts between some bodies of a compiled model; none if no free mask bit remains.
 
-    What they meet with of other bodies stays: each kind of their geoms takes a bit of its own, by which the
-    others find it and it finds nothing.
+    Contacts with other bodies remain: every mask pair of the geoms gets a bit of its own, which the other
+    geoms' masks contain.
 
     Args:
         model: changed in place.
@@ -36,7 +37,7 @@ def exclude_contacts(model: mujoco.MjModel, settled: NDArray[np.bool_]) -> None:
         meets = ~of & (((kind & finds) | (affinity & mine)) != 0)
         model.geom_contype[same], model.geom_conaffinity[same] = 0, bit
         model.geom_contype[meets] |= bit
-    # what MuJoCo looks at first: the masks of whole bodies
+    # MuJoCo checks the masks of whole bodies first
     for whole, each in (
         (model.body_contype, model.geom_contype),
         (model.body_conaffinity, model.geom_conaffinity),

@@ -17,19 +17,24 @@ from mechsim.model.work_size import require_steps
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFFNESS_MESSAGE, limit_or_contact, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
-from mechsim.simulation.passed_change_points import passed_change_points, require_regular_start, undecided_note, change_points_text
+from mechsim.simulation.passed_change_points import (
+    change_points_text,
+    passed_change_points,
+    require_regular_start,
+    undecided_note,
+)
 from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_point_motion import held_off, mended
 from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Steps, Progress, step, no_progress
+from mechsim.simulation.stepping import Progress, Steps, no_progress, step
 from mechsim.simulation.stiffest_element import stiffness_cause
 from mechsim.simulation.undetermined_dofs import (
+    floating_bodies_note,
     require_path_within_limits,
     require_within_limits,
-    floating_bodies_note,
 )
 
 # instants recorded a turn where nothing else is asked
@@ -141,7 +146,12 @@ class DrivenRun:
     def _note(self) -> str:
         """Return what is to be said of a stepped run, in sentences; nothing where there is nothing."""
         changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
-        said = (self.closed.note, changed if self.closed.custom else "", self._change_points_note(), self.ending)
+        said = (
+            self.closed.note,
+            changed if self.closed.custom else "",
+            self._change_points_note(),
+            self.ending,
+        )
         return "; ".join(one for one in said if one)
 
     def _change_points_note(self) -> str:
@@ -211,7 +221,9 @@ class DrivenRun:
             bounds = np.where(loops.drivers.slides, LOST * loops.characteristic_length, LOST)
             driven = steps.states.qpos[:, loops.drivers.addresses].T
             units = np.where(loops.drivers.slides, "m", "rad")
-            what = [*zip(loops.drivers.names, driven, loops.drivers.law(meant)[0], bounds, units, strict=True)]
+            what = [
+                *zip(loops.drivers.names, driven, loops.drivers.law(meant)[0], bounds, units, strict=True)
+            ]
         for name, value, wanted, bound, unit in what:
             lost = np.abs(value - wanted) > bound
             if lost.any():

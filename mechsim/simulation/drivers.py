@@ -1,4 +1,7 @@
-"""What moves a model's drivers: functions of a clock that turns where a lone crank would."""
+"""The drivers of a model and their motion laws, as functions of a path parameter.
+
+The path parameter is the angle of an added hinge joint, which takes the place of a single crank.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,23 +13,23 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 
-# the clock's hinge and body in a model
+# name of the hinge joint, and of its body, whose angle is the path parameter
 PARAMETER_JOINT = "mechsim:clock"
-# angles of the clock (n,) in [rad] -> drivers' values and first two derivatives by it, (drivers, n) each
+# path parameter (n,) in [rad] -> drivers' values and first two derivatives by it, (drivers, n) each
 Law = Callable[[Array], tuple[Array, Array, Array]]
 
 
 @dataclass(frozen=True)
 class Drivers:
-    """The driven coordinates of a model under a clock.
+    """The driven coordinates of a model as functions of the path parameter.
 
     Attributes:
         names: of the model's joints.
-        places: of their coordinates in qpos, (k,).
-        dofs: of their freedoms, (k,).
+        addresses: of their coordinates in qpos, (k,).
+        dofs: indices of their DOFs, (k,).
         slides: whether each is a displacement, (k,).
-        law: how they go by the clock.
-        said: angle of the clock -> where they are, in words.
+        law: values and derivatives by the path parameter.
+        text: path parameter -> driver values as text.
     """
 
     names: tuple[str, ...]
@@ -41,16 +44,16 @@ class Drivers:
         return replace(self, law=law, text=said)
 
     def locked_at(self, values: Array) -> "Drivers":
-        """Return drivers that stand where they are, at values (k,), or (k, n) for n states."""
+        """Return drivers locked at values (k,), or (k, n) for n states."""
         return self.with_law(*_constant_law(self.names, values))
 
 
 def with_parameter_joint(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """Return a copy of a specification with a clock: a hinge beside everything, under no force."""
+    """Return a copy of a specification with the hinge of the path parameter, on which no force acts."""
     spec = spec.copy()
     body = spec.worldbody.add_body(name=PARAMETER_JOINT, gravcomp=0.0)
     body.explicitinertial = True
-    # a body that is nothing to the others, but no MuJoCo zero
+    # negligible, but above MuJoCo's minimum
     body.mass, body.inertia = 1e-9, np.full(3, 1e-12)
     body.add_joint(
         name=PARAMETER_JOINT,
@@ -71,7 +74,7 @@ def with_parameter_joint(spec: mujoco.MjSpec) -> mujoco.MjSpec:
 
 
 def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
-    """Return the drivers of those names, standing where the model has them.
+    """Return the drivers of given names, locked in the model's reference configuration.
 
     Raises:
         InputError: for a name that is no hinge or slide of the model.

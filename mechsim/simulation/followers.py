@@ -30,7 +30,9 @@ def _follows(coupling: CouplingConstraint, known: set[int]) -> bool:
     return {int(dof) for dof in coupling.right.dofs} <= known
 
 
-def rates(chain: Sequence[CouplingConstraint], values: dict[int, Array], speeds: dict[int, Array]) -> dict[int, Array]:
+def rates(
+    chain: Sequence[CouplingConstraint], values: dict[int, Array], speeds: dict[int, Array]
+) -> dict[int, Array]:
     """Return the rates of all coordinates of a chain, freedom -> (n,).
 
     Args:

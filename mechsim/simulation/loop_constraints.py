@@ -11,13 +11,13 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
-# four times the squared cosine of half the angle at which two frames are taken to be half a turn apart
+# 4 cos²(angle/2) below which two frames count as rotated by half a revolution
 HALF_TURN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class PointPair:
-    """Two points, each fixed in a body, that should coincide: of a `connect`, or of a `weld`."""
+    """Two body-fixed points that coincide: of a `connect` or a `weld`."""
 
     bodies: tuple[int, int]
     local: tuple[Array, Array]
@@ -41,7 +41,7 @@ class FramePair:
     local: tuple[Array, Array]
 
     def rotation_error(self, first: Array, second: Array) -> tuple[Array, Array]:
-        """Return by what the first frame is turned against the second, at rotations of both bodies.
+        """Return the rotation of the first frame relative to the second, at rotations of both bodies.
 
         Args:
             first: of the first body, (n, 3, 3).
@@ -49,7 +49,7 @@ class FramePair:
 
         Returns:
             Twice the vector part of the quaternion, in the second frame, (n, 3) in [rad] where small; and
-            its derivative by the turning of the first body against the second, (n, 3, 3).
+            its derivative with respect to the rotation of the first body relative to the second, (n, 3, 3).
         """
         frame = second @ self.local[1]
         turned = np.swapaxes(frame, 1, 2) @ first @ self.local[0]
@@ -62,7 +62,7 @@ class FramePair:
 
 @dataclass(frozen=True, slots=True)
 class Sum:
-    """A weighted sum of coordinates, each counted from the model's reference configuration, (k,) each."""
+    """A weighted sum of coordinates, each relative to the model's reference configuration; (k,) each."""
 
     addresses: NDArray[np.intp]
     dofs: NDArray[np.intp]
@@ -76,13 +76,13 @@ class Sum:
 
 @dataclass(frozen=True, slots=True)
 class CouplingConstraint:
-    """One sum of coordinates is a polynomial of another: of a `joint` constraint, or of fixed tendons.
+    """A sum of coordinates that is a polynomial of another: a `joint` constraint, or one of fixed tendons.
 
     Attributes:
-        left: the sum that depends.
-        right: on which it does; None where it is held.
+        left: the dependent sum.
+        right: the independent sum; None if the left one is constant.
         coefficients: of the polynomial, from the constant up.
-        number: of the equality in the model.
+        equality: index of the equality in the model.
     """
 
     left: Sum
@@ -97,33 +97,35 @@ class CouplingConstraint:
 
     @property
     def nonlinear(self) -> bool:
-        """Whether the polynomial is no straight line."""
+        """Whether the polynomial has terms of second or higher degree."""
         return self.right is not None and bool(np.any(self.coefficients[2:]))
 
     def evaluate(self, right: Array) -> tuple[Array, Array]:
-        """Return the polynomial and its slope at values of the right side."""
+        """Return the polynomial and its derivative at values of the right side."""
         return self._polynomials[0](right), self._polynomials[1](right)
 
     def target(self, qpos: Array) -> Array:
-        """Return what the left side should be at states (n, nq), (n,)."""
+        """Return the value that the constraint prescribes for the left side at states (n, nq), (n,)."""
         if self.right is None:
             return np.full(len(qpos), self.coefficients[0])
         return self._polynomials[0](self.right.value(qpos))
 
     def residual(self, qpos: Array) -> Array:
-        """Return how far it stands open at states (n, nq), (n,) in [m] or [rad]."""
+        """Return the constraint residual at states (n, nq), (n,) in [m] or [rad]."""
         return self.left.value(qpos) - self.target(qpos)
 
     def jacobian(self, qpos: Array, nv: int) -> Array:
-        """Return the derivative of the gap by all freedoms, (n, nv)."""
+        """Return the derivative of the residual with respect to all DOFs, (n, nv)."""
         slope = np.zeros((len(qpos), nv))
         slope[:, self.left.dofs] = self.left.weights
         if self.right is not None:
-            slope[:, self.right.dofs] -= self._polynomials[1](self.right.value(qpos))[:, None] * self.right.weights
+            slope[:, self.right.dofs] -= (
+                self._polynomials[1](self.right.value(qpos))[:, None] * self.right.weights
+            )
         return slope
 
     def velocity_product(self, qpos: Array, qvel: Array) -> Array:
-        """Return what the polynomial's bend adds to the left side's acceleration at rates (n, nv), (n,)."""
+        """Return the velocity-product term of the left side's acceleration at rates (n, nv), (n,)."""
         if self.right is None:
             return np.zeros(len(qpos))
         rate = qvel[:, self.right.dofs] @ self.right.weights
@@ -132,7 +134,7 @@ class CouplingConstraint:
 
 @dataclass(frozen=True, slots=True)
 class Constraints:
-    """What closes the loops of a model, each kind in the order of the model."""
+    """The equality constraints that close the loops of a model, each kind in the model's order."""
 
     pairs: Sequence[PointPair]
     frames: Sequence[FramePair]
@@ -140,7 +142,7 @@ class Constraints:
 
 
 def constraints(model: mujoco.MjModel) -> Constraints:
-    """Return the points that should coincide, frames that stay parallel, and coordinates that depend.
+    """Return the coincident points, the parallel frames and the coupled coordinates of a model.
 
     Raises:
         InputError: for an equality of another kind, as of a flex or of a tendon round bodies.
@@ -218,7 +220,7 @@ def _matrix(quaternion: Array) -> Array:
 
 
 def _cross_matrix(vector: Array) -> Array:
-    """Return the matrices that make cross products with vectors (n, 3), (n, 3, 3)."""
+    """Return the cross-product matrices of vectors (n, 3), (n, 3, 3)."""
     out = np.zeros((len(vector), 3, 3))
     x, y, z = vector.T
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x

@@ -1,7 +1,7 @@
-"""The loops of a compiled model: how far they stand open, for many states at once, and closing them.
+"""The loops of a compiled model: residuals and Jacobians of many states at once, and Newton's method.
 
-MuJoCo gives the kinematics and the Jacobians; the equations solved are the model's own equality
-constraints. No closed form is near.
+MuJoCo computes the kinematics and the Jacobians; the equations are the model's own equality constraints.
+No closed form is used.
 """
 
 import copy
@@ -32,29 +32,30 @@ FREE, BALL, SLIDE, HINGE = (
     )
 )
 
-# closed to rounding: what Newton's method leaves on a well-conditioned loop, with a margin of a few
+# closure error, in characteristic lengths or [rad], that counts as rounding: a few times what Newton's method
+# leaves in a well-conditioned loop
 CLOSED = 1e-14
 
 
 class ModelLoops:
     """The equality constraints of a model with a crank, evaluated and solved in batches.
 
-    Where programs move several drivers, or one that is no hinge, the crank is their clock, and what they
-    should be by it stands among the equations.
+    With several drivers, or one that is no hinge, the crank is the joint of the path parameter, and the motion
+    laws are among the equations.
 
     Attributes:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
-        crank_place: its index in qpos.
-        drive: the drivers that follow a clock; None where a crank alone is driven.
-        free: indices of all other degrees of freedom than the crank.
+        crank_address: its index in qpos.
+        drivers: the drivers that follow motion laws; None where only a crank is driven.
+        free: indices of all degrees of freedom but the crank.
         passive: indices of those that are neither crank nor driver.
-        passing: how a path of poses goes on where two assemblies meet.
-        sizes: yardsticks of lengths in the model, in [m], (n,); of one where states share its fields.
-        hinges: for each number of qpos whether it is the angle of a hinge.
-        quaternions: where quaternions begin in qpos.
-        turning: for each number of qpos whether it is one of a quaternion's.
-        posed: where the model's bodies stand, and which fields of it each state has of its own.
+        change_point: policy of a path of poses at change points.
+        characteristic_lengths: of the model, in [m], (n,); (1,) where states share its fields.
+        hinges: whether each entry of qpos is the angle of a hinge.
+        quaternions: addresses of the quaternions in qpos.
+        in_quaternion: whether each entry of qpos belongs to a quaternion.
+        posed: the kinematics of the model, and the fields that differ between states.
     """
 
     def __init__(self, model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None):
@@ -97,50 +98,57 @@ class ModelLoops:
         self._log_scale: float | None = None
 
     def _scale(self) -> Array:
-        """Return the factors that make residuals free of units, (m,); (n, m) where states have fields."""
+        """Return the factors that make residuals dimensionless, (m,); (n, m) where states have fields."""
         if self.posed.fields:
             return np.repeat(1.0 / self.characteristic_lengths[:, None], 3 * len(self.pairs), 1)
-        coupled = [1.0 if self._angles[one.left.dofs].all() else 1.0 / self.characteristic_length for one in self.couplings]
-        driven = [] if self.drivers is None else np.where(self.drivers.slides, 1.0 / self.characteristic_length, 1.0)
+        coupled = [
+            1.0 if self._angles[one.left.dofs].all() else 1.0 / self.characteristic_length
+            for one in self.couplings
+        ]
+        driven = (
+            []
+            if self.drivers is None
+            else np.where(self.drivers.slides, 1.0 / self.characteristic_length, 1.0)
+        )
         lengths = np.full(3 * len(self.pairs), 1.0 / self.characteristic_length)
         return np.concatenate([lengths, np.ones(3 * len(self.frames)), coupled, driven])
 
     @property
     def characteristic_length(self) -> float:
-        """Yardstick of lengths in the model, in [m], where all states share its fields."""
+        """Characteristic length of the model, in [m], where all states share its fields."""
         (size,) = self.characteristic_lengths.tolist()
         return size
 
     @property
     def units(self) -> Array:
-        """Units of the freedoms in [rad] and [m], (nv,): one, and the size."""
+        """Scales of the DOFs, (nv,): 1 for angles in [rad], the characteristic length for displacements."""
         return np.where(self._angles, 1.0, self.characteristic_length)
 
     @property
     def rounding(self) -> float:
-        """Below which slopes, in [m] or [rad] by [m] or [rad], are rounding."""
+        """Jacobian entries below this, in [m] or [rad] per [m] or [rad], are rounding."""
         return FLOOR * max(1.0, float(self.characteristic_lengths.max()))
 
     @property
     def frame_rows(self) -> slice:
-        """Which residuals are of frames that should be parallel."""
+        """The residuals of parallel frames."""
         return slice(3 * len(self.pairs), 3 * (len(self.pairs) + len(self.frames)))
 
     @property
     def coupled_rows(self) -> slice:
-        """Which residuals are of coupled coordinates."""
+        """The residuals of coupled coordinates."""
         first = self.frame_rows.stop
         return slice(first, first + len(self.couplings))
 
     @property
     def driven_rows(self) -> slice:
-        """Which residuals are of what programs drive: the last."""
+        """The residuals of the motion laws, which are the last."""
         first = self.coupled_rows.stop
         return slice(first, first + (0 if self.drivers is None else len(self.drivers.dofs)))
 
     @cached_property
     def followers(self) -> list[CouplingConstraint]:
-        """The couplings of coordinates that follow from those driven, but not in a straight line."""
+        """The nonlinear couplings of coordinates that depend on the drivers only."""
         return [one for one in self._chain if one.nonlinear]
 
     @property
@@ -150,12 +158,12 @@ class ModelLoops:
 
     @cached_property
     def actuated_dofs(self) -> NDArray[np.int64]:
-        """The freedoms that forces move in steps: the crank or all drivers, then what bends with them."""
+        """The DOFs that forces move in a stepped run: the crank or all drivers, then nonlinear followers."""
         bent = [int(one.left.dofs[0]) for one in self.followers]
         return np.array([*self._driven, *bent], dtype=np.int64)
 
     def actuated_rates(self, angle: Array, speed: Array) -> Array:
-        """Return the rates of `moved_dofs` at angles of the crank or clock, (n,), and its speeds, (n, k)."""
+        """Return the rates of `actuated_dofs`, (n, k), at angles and speeds of the crank or parameter, (n,)."""
         values, speeds = {self.crank_address: angle}, {self.crank: speed}
         if self.drivers is not None:
             value, slope, _ = self.drivers.law(angle)
@@ -173,28 +181,28 @@ class ModelLoops:
         return followers.chained(self.couplings, self._driven)
 
     def with_law(self, law: Law, said: Callable[[float], str]) -> "ModelLoops":
-        """Return the same loops, their drivers under another law of the clock."""
+        """Return the same loops with another motion law."""
         assert self.drivers is not None
         other = copy.copy(self)
         other.drivers = self.drivers.with_law(law, said)
         return other
 
     def with_drivers_locked(self, values: Array) -> "ModelLoops":
-        """Return the same loops, their drivers held at values, (k,) or (k, n) for n states."""
+        """Return the same loops with the drivers locked at values, (k,) or (k, n) for n states."""
         assert self.drivers is not None
         other = copy.copy(self)
         other.drivers = self.drivers.locked_at(values)
         return other
 
     def driver_text(self, angle: float) -> str:
-        """Return where the crank or the drivers are, in words."""
+        """Return the crank angle or the driver values as text."""
         return f"crank angle {angle:.6g} rad" if self.drivers is None else self.drivers.text(angle)
 
     def with_fields(self, fields: Mapping[str, Array]) -> "ModelLoops":
-        """Return the loops of n states of which each has fields of the model of its own, name -> (n, ...).
+        """Return the loops of n states with different model fields, name -> (n, ...).
 
-        Its methods then take n states. Only loops that points of sites close may be so; which of their rows
-        say something is that of the model itself.
+        Its methods then take n states. All loops must be closed by site points; the independent constraint
+        rows are those of the model itself.
         """
         other = copy.copy(self)
         other.posed, other._log_scale = PosedBodies(self.model, fields), None
@@ -208,13 +216,13 @@ class ModelLoops:
         return other
 
     def with_model_copy(self) -> "ModelLoops":
-        """Return the same loops over a copy of the model that may be set up for stepping."""
+        """Return the same loops with a copy of the model that may be set up for stepping."""
         other = copy.copy(self)
         other.model = copy.copy(self.model)
         return other
 
     def residual(self, qpos: Array) -> Array:
-        """Return how far the constraints stand open, (n, m) in [m] or [rad]."""
+        """Return the constraint residuals, (n, m) in [m] or [rad]."""
         return self._evaluate(qpos)[0]
 
     def linearise(self, qpos: Array) -> tuple[Array, Array]:
@@ -223,7 +231,7 @@ class ModelLoops:
         return residual, jacobian()
 
     def _evaluate(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
-        """Return the residuals, and what computes their Jacobian as long as nothing else is looked at."""
+        """Return the residuals and a function for their Jacobian, which is valid until the next evaluation."""
         position, rotation, slope = self.posed.poses(qpos)
         n, nv = len(qpos), self.model.nv
         ends = [
@@ -257,12 +265,12 @@ class ModelLoops:
         return np.concatenate(parts, 1), jacobian
 
     def body_poses(self, qpos: Array) -> tuple[Array, Array]:
-        """Return the places and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
+        """Return the positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
         position, rotation, _ = self.posed.batch_poses(qpos)
         return position.copy(), rotation.copy()
 
     def site_positions(self, qpos: Array) -> Array:
-        """Return the places of all sites at n states, (n, nsite, 3) in [m]."""
+        """Return the positions of all sites at n states, (n, nsite, 3) in [m]."""
         position, rotation, _ = self.posed.batch_poses(qpos)
         bodies, local = self.model.site_bodyid, self.posed.fields.get("site_pos", self.model.site_pos)
         return position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
@@ -273,25 +281,27 @@ class ModelLoops:
         return position + (rotation @ self.model.body_ipos[..., None])[..., 0]
 
     def point_positions(self, qpos: Array) -> Array:
-        """Return the places of all sites and of all points that close loops at n states, (n, k, 3) in [m]."""
+        """Return the positions of all sites and loop-closing points at n states, (n, k, 3) in [m]."""
         position, rotation, _ = self.posed.batch_poses(qpos)
         ends = [end for pair in self.pairs for end in pair.ends]
         points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
-        return np.concatenate([np.stack(points, 1) if points else position[:, :0], self.site_positions(qpos)], 1)
+        return np.concatenate(
+            [np.stack(points, 1) if points else position[:, :0], self.site_positions(qpos)], 1
+        )
 
     def closure_error(self, residual: Array) -> Array:
-        """Return the worst opening of each state in units of the model's size and in [rad], (n,)."""
+        """Return the largest loop-closure error of each state, in characteristic lengths or [rad], (n,)."""
         return np.abs(residual * self.scale).max(1, initial=0.0)
 
     def constrained_jacobian(self, jacobian: Array) -> Array:
-        """Return the slopes by all freedoms but the crank, (n, m, nv - 1); nought where all are rounding."""
+        """Return the Jacobian without the crank's column, (n, m, nv - 1); zero where all of it is rounding."""
         held = jacobian[:, :, self.free]
         if np.abs(held).max(initial=0.0) <= self.rounding:
             held[:] = 0.0
         return held
 
     def solve(self, jacobian: Array, right: Array) -> Array:
-        """Return the least-norm x (n, nv - 1, k) of J x = right (n, m, k) in all freedoms but the crank."""
+        """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank."""
         held = self.constrained_jacobian(jacobian)
         rows = self._independent(held)
         if rows is None:
@@ -304,13 +314,13 @@ class ModelLoops:
         return turned @ np.linalg.solve(held @ turned, right)
 
     def _independent(self, held: Array) -> Array | None:
-        """Return a basis, (m, rank), of the rows that say something new; None if it changes with the pose.
+        """Return a basis, (m, rank), of the independent constraints; None if it changes with the pose.
 
-        A planar loop's third row says nothing anywhere; in an overconstrained loop such as Bennett's
-        every row counts, and which repeat others changes from pose to pose.
+        The third equation of a planar loop is redundant in every pose. In an overconstrained loop such as
+        Bennett's, which equations are redundant changes from pose to pose.
         """
         if self._basis is None:
-            # a model may have thousands of freedoms that no loop holds, and needs no basis of those
+            # a model may have thousands of unconstrained DOFs, of which no basis is needed
             left, values, right = np.linalg.svd(held[0], full_matrices=held.shape[1] > held.shape[2])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
             self._basis = left[:, :rank], left[:, rank:], right[:rank]
@@ -322,23 +332,25 @@ class ModelLoops:
 
     @property
     def has_undetermined_dofs(self) -> bool:
-        """Whether the loops leave freedoms open beside the crank, as was seen when they were last solved."""
+        """Whether the loops leave DOFs other than the crank undetermined, as of the last solution."""
         return self._basis is not None and len(self._basis[2]) < len(self.free)
 
     def determinant_sign(self, jacobian: Array) -> Array:
-        """Return on which side of the dead centres states lie, (n,): +1 or -1; 0 where that is not known.
+        """Return the sign of the Jacobian's determinant with the crank locked, (n,): +1 or -1; 0 if unknown.
 
-        It is the sign of the Jacobian's determinant with the crank held: two assemblies that meet at a
-        dead centre have opposite signs, and from one dead centre to the next it stays.
+        Two assemblies that coincide at a dead centre have opposite signs; between dead centres the sign is
+        constant.
         """
         held = self.constrained_jacobian(jacobian)
         rows = self._independent(held)
-        return np.zeros(len(held)) if rows is None else np.linalg.slogdet(self._square_jacobian(held, rows))[0]
+        return (
+            np.zeros(len(held)) if rows is None else np.linalg.slogdet(self._square_jacobian(held, rows))[0]
+        )
 
     def sign_changed(self, before: Array, beyond: Array) -> NDArray[np.bool_]:
-        """Return whether states lie on other sides than those near by from which they were reached, (n,).
+        """Return whether the determinant's sign changed from states to states near them, (n,).
 
-        Where which rows say something changes with the pose, in the rows that do so before.
+        Where the independent constraints change with the pose, those of the states before are used.
 
         Args:
             before, beyond: Jacobians, (n, m, nv).
@@ -349,10 +361,10 @@ class ModelLoops:
         return sides < 0.0
 
     def determinant(self, jacobian: Array) -> Array:
-        """Return the determinant whose sign is the side, (n,), in a unit of its own.
+        """Return the determinant of the Jacobian with the crank locked, (n,), with a common scale.
 
-        Where which rows say something changes with the pose, it is that of the rows that do so in the first
-        state, and positive there: states in one call are then on the same side, or not.
+        Where the independent constraints change with the pose, it is that of the first state's constraints and
+        positive there; signs are then comparable within one call only.
         """
         held = self.constrained_jacobian(jacobian)
         rows = self._independent(held)
@@ -367,9 +379,9 @@ class ModelLoops:
         return turned * side * np.exp(np.minimum(size - self._log_scale, 300.0))
 
     def least_constrained_direction(self, jacobian: Array) -> Array:
-        """Return the direction in which the loops of one state, (1, m, nv), hold it least, (nv,).
+        """Return the direction that the loops of one state, (1, m, nv), constrain least, (nv,).
 
-        The crank is held; of freedoms that no row holds there is no part in it.
+        The crank is locked; unconstrained DOFs do not contribute.
         """
         held = self.constrained_jacobian(jacobian)
         self._independent(held)
@@ -378,16 +390,15 @@ class ModelLoops:
         return self._with_crank_rate(np.linalg.svd(held @ told.T)[2][:, len(told) - 1] @ told, 0.0)[0]
 
     def _square_jacobian(self, held: Array, rows: Array) -> Array:
-        # freedoms that no row holds (a passive spin) are left out: as rows of their own they would stand for
-        # themselves, and change no determinant
+        # unconstrained DOFs (a passive spin) are left out: they would not change the determinant
         assert self._basis is not None
         return (rows.T @ held) @ self._basis[2].T
 
     def conditioning(self, jacobian: Array) -> Array:
-        """Return how far states are from singular ones with the crank held, (n,), 0 to about 1.
+        """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
 
-        The smallest singular value in units of the model's size; those that are nought at every state, of
-        rows that repeat others and freedoms that nothing holds, do not count.
+        It is the smallest singular value of the scaled Jacobian, without those that are zero at every state
+        because of redundant constraints or unconstrained DOFs.
         """
         lengths = self.characteristic_lengths[:, None, None]
         held = jacobian[:, :, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
@@ -399,37 +410,37 @@ class ModelLoops:
         return values[:, rank - 1] if rank else np.ones(len(held))
 
     def max_rate(self, rates: Array) -> float:
-        """Return the largest of rates (n, nv), of angles in [rad] and of displacements in sizes."""
+        """Return the largest of rates (n, nv), in [rad] or in characteristic lengths."""
         return float(np.abs(rates / self.units).max(initial=0.0))
 
     def tangent(self, jacobian: Array) -> Array:
-        """Return the rates of all freedoms per radian of the crank, (n, nv), that keep the loops closed."""
+        """Return the rates of all DOFs per radian of the crank, (n, nv), that keep the loops closed."""
         driven = -jacobian[:, :, [self.crank]]
         rates = self.solve(jacobian, driven)
-        # least norm comes by normal equations, which square the condition; what they left undone mends that
+        # normal equations square the condition number; one refinement step corrects that
         rates += self.solve(jacobian, driven - jacobian[:, :, self.free] @ rates)
         return self._with_crank_rate(rates[..., 0], 1.0)
 
     def newton_step(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:
-        """Return the step that closes the linearised loops, the crank held, and the tangent; (n, nv) each."""
+        """Return the step that closes the linearised loops with the crank locked, and the tangent; (n, nv)."""
         both = self.solve(jacobian, np.stack([-residual, -jacobian[:, :, self.crank]], -1))
         step = both[..., 0]
-        # a turn of more than half a radian at once is beyond the linear model
+        # a rotation of more than half a radian is beyond the linear model
         longest = np.abs(step).max(1, initial=0.0, where=self.angular)
         step *= (0.5 / np.maximum(0.5, longest))[:, None]
         return self._with_crank_rate(step, 0.0), self._with_crank_rate(both[..., 1], 1.0)
 
     def _with_crank_rate(self, held: Array, crank: float) -> Array:
-        """Return rates of all freedoms from those of all but the crank."""
+        """Return rates of all DOFs from those of all but the crank."""
         rates = np.empty((len(held), self.model.nv))
         rates[:, self.crank], rates[:, self.free] = crank, held
         return rates
 
     def close(self, qpos: Array, *, most_steps: int = 50) -> Array:
-        """Return n states with their loops closed, their cranks held, by Newton's method.
+        """Return n states with closed loops and unchanged crank angles, by Newton's method.
 
         Args:
-            qpos: rough states, (n, nq).
+            qpos: initial guesses, (n, nq).
             most_steps: Newton steps before giving up.
 
         Raises:
@@ -438,9 +449,9 @@ class ModelLoops:
         return self.close_with_jacobian(qpos, most_steps)[0]
 
     def close_with_jacobian(self, qpos: Array, most_steps: int = 50) -> tuple[Array, Array | None]:
-        """Return n states closed as `close` does, and the Jacobian of the last Newton step, (n, m, nv).
+        """Return n states closed as by `close`, and the Jacobian of the last Newton step, (n, m, nv).
 
-        None for the Jacobian where the states came closed.
+        The Jacobian is None where the given states were closed.
         """
         qpos, before, slope = qpos.copy(), np.inf, None
         gap = np.full(len(qpos), np.inf)
@@ -448,7 +459,7 @@ class ModelLoops:
             residual, jacobian = self._evaluate(qpos)
             gap = self.closure_error(residual)
             worst = gap.max(initial=0.0)
-            # stop at rounding: below the bound, or no better than the step before
+            # stop at rounding: below the tolerance, or no better than the step before
             if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):
                 return qpos, slope
             before, slope = worst, jacobian()
@@ -467,7 +478,7 @@ class ModelLoops:
         )
 
     def displaced(self, qpos: Array, step: Array) -> Array:
-        """Return states displaced by a step in the freedoms, (n, nq): mj_integratePos for many at once."""
+        """Return states displaced by a step in the DOFs, (n, nq): mj_integratePos in batches."""
         model, out = self.model, qpos.copy()
         if len(out) == 1:
             mujoco.mj_integratePos(model, out[0], step[0], 1.0)
@@ -485,13 +496,13 @@ class ModelLoops:
 
 
 def _extent(model: mujoco.MjModel) -> float:
-    """Return how far sites, joints and centres of mass lie from their bodies' origins; 1 m if nowhere."""
+    """Return the largest distance of sites, joints and centres of mass from their bodies' origins, or 1 m."""
     places = np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos])
     return float(np.linalg.norm(places, axis=1).max(initial=0.0)) or 1.0
 
 
 def _rotated_quaternions(quaternion: Array, vector: Array) -> Array:
-    """Return unit quaternions turned by rotation vectors given in their own frames, (n, 4)."""
+    """Return unit quaternions rotated by rotation vectors in their own frames, (n, 4)."""
     angle = np.sqrt((vector * vector).sum(1))
     half = 0.5 * angle
     factor = np.where(angle > 1e-8, np.sin(half) / np.where(angle > 1e-8, angle, 1.0), 0.5)
@@ -510,7 +521,7 @@ def _rotated_quaternions(quaternion: Array, vector: Array) -> Array:
 
 
 def _angle_dofs(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Say of each freedom whether it is an angle; of the six of a free joint the first three are lengths."""
+    """Return whether each DOF is an angle; of the six of a free joint the first three are lengths."""
     kinds = model.jnt_type[model.dof_jntid]
     order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
     return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))

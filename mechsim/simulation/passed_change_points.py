@@ -1,4 +1,4 @@
-"""Which meetings of two assemblies a stepped motion passes, and what is to be said of them."""
+"""Change points that a stepped motion passes, and the notes and errors about them."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,14 +17,14 @@ from mechsim.simulation.poses.branch_path import FoldedPath
 
 # crank angles at which a profile is probed
 PROBES = 64
-# a meeting nearer to the start than this, in [rad], is at it: rounding of poses there is as large
+# distance from a change point, in [rad], below which the start is at it: poses there are rounded as much
 AT_START = 1e-6
 # distance in [rad] by which a path is followed beyond the first crank angle
 BEYOND = 0.05
 
 
 def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[float]:
-    """Return at which angles of the crank, or of the clock, a motion meets other assemblies, in [rad].
+    """Return the angles of the crank, or values of the path parameter, of the change points passed, in [rad].
 
     Raises:
         AssemblyError: where the loops do not close on it.
@@ -39,9 +39,9 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
 
 
 def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | FoldedPath:
-    """Return the path over crank angles (n,), and a little beyond the first of them where it goes on.
+    """Return the path over crank angles (n,), extended a little beyond the first of them where possible.
 
-    A meeting is detected only from beyond, and the model may stand on either side of where a motion starts.
+    A branch point is confirmed only after the path has passed it, and the model may start on either side.
     """
     first = float(angles[0])
     behind = BEYOND * np.sign(first - closed.angle)
@@ -51,14 +51,14 @@ def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | FoldedPath:
 
 
 def change_points_text(loops: ModelLoops, met: Sequence[float]) -> str:
-    """Return where assemblies meet, in words."""
+    """Return the positions of change points as text."""
     if loops.drivers is not None:
         return ", ".join(loops.driver_text(at) for at in met[:3])
     return f"crank angle {', '.join(f'{at:.4g}' for at in met[:3])} rad"
 
 
 def undecided_note(loops: ModelLoops, met: Sequence[float]) -> str:
-    """Return in one sentence that dynamics do not decide there; nothing where no assemblies meet."""
+    """Return the note that dynamics do not determine the branch; empty without change points."""
     if not met:
         return ""
     return (
@@ -68,10 +68,10 @@ def undecided_note(loops: ModelLoops, met: Sequence[float]) -> str:
 
 
 def require_regular_start(loops: ModelLoops, met: Sequence[float], start: float) -> None:
-    """Refuse to step from where two assemblies meet.
+    """Reject a time-stepped run that starts at a change point.
 
     Raises:
-        AssemblyError: with the place.
+        AssemblyError: with the crank angle or the driver values.
     """
     if any(abs(at - start) <= AT_START for at in met):
         raise AssemblyError(

@@ -1,4 +1,4 @@
-"""How far recorded states are from the poses solved at their crank angles; whether they left the assembly."""
+"""Distances of recorded states from the poses solved at their crank angles; changes of assembly."""
 
 import numpy as np
 
@@ -8,17 +8,17 @@ from mechsim.model.motion import Motion
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.poses import follow
 
-# a pose this much nearer than the right one, and in units of the stroke this far from it, is another
-# assembly; it is looked for at so many pairs of records. Places are rounded by this part of the size at the
-# most, which of a motion of next to nothing is more
+# a state is in another assembly if its distance from the nearest pose is below this fraction of its distance
+# from the expected pose, and the latter is above this fraction of the half stroke; pairs of records that are
+# tested; rounding of positions relative to the characteristic length, which decides for a tiny stroke
 NEARER, APART, MOST_PAIRS, ROUNDING = 0.5, 0.02, 100, 1e-12
 
 
 def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Array, Array]:
-    """Return how far the farthest tracked point is from its place in the solved pose, and those places.
+    """Return the largest distance of a tracked point from its position in the solved pose, and the positions.
 
-    A point that the crank leaves free, as of a body beside the linkage, belongs where the closed loops
-    nearest to the recorded state put it.
+    The reference of a point that the crank does not determine is the closed pose nearest to the recorded
+    state.
 
     Args:
         closed: the model.
@@ -26,8 +26,8 @@ def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Arr
         states: at the same instants, (n, nq).
 
     Returns:
-        Distances in [m], (n,), infinite from the first crank angle on that has no pose; and the places
-        before that, (known, k, 3) in [m].
+        Distances in [m], (n,), infinite from the first crank angle on that has no pose; and the positions
+        before that, (solved, k, 3) in [m].
     """
     places = closed.point_positions(_solved_poses(closed, states))
     if closed.undetermined_points.any():
@@ -42,28 +42,31 @@ def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Arr
 
 
 def lag_distance(closed: ClosedModel, motion: Motion, angles: Array) -> float:
-    """Return how far driven points are from the poses solved at other angles than they reached, in [m].
+    """Return the largest distance of a driven point from its pose at the prescribed angles, in [m].
 
     Args:
         closed: the model.
         motion: at n instants.
-        angles: of the crank or clock at these instants, (n,) in [rad].
+        angles: prescribed for the crank or the path parameter at these instants, (n,) in [rad].
     """
-    meant, moved = closed.point_positions(follow.follow(closed.loops, closed.qpos, angles)), _is_driven(closed)
+    meant, moved = (
+        closed.point_positions(follow.follow(closed.loops, closed.qpos, angles)),
+        _is_driven(closed),
+    )
     return float(_distances(_recorded(motion)[:, moved], meant[:, moved]).max())
 
 
 def in_another_assembly(
     closed: ClosedModel, motion: Motion, states: Array, error: Array, places: Array
 ) -> bool:
-    """Say whether two records in a row, both far off, lie in another assembly, not in none.
+    """Return whether two successive distant records lie in another assembly.
 
     Args:
         closed: the model.
         motion: at n instants.
         states: at the same instants, (n, nq).
         error: as from `pose_errors`.
-        places: as from `pose_errors`.
+        positions: as from `pose_errors`.
     """
     known, recorded = len(places), _recorded(motion)
     stroke = float(np.ptp(places[:, _is_driven(closed)], axis=0).max())
@@ -82,10 +85,10 @@ def in_another_assembly(
 
 
 def _solved_poses(closed: ClosedModel, states: Array) -> Array:
-    """Return the poses solved at the crank angles of states, from the first to the last that has one.
+    """Return the poses solved at the crank angles of states, up to the last that has one.
 
-    A crank that the linkage drove beyond a dead centre has none there. Under programs the drivers stand where
-    they really were.
+    A crank driven beyond a dead centre by the linkage has no pose there. Under motion laws the drivers take
+    their recorded values.
     """
     loops = closed.loops
     angles = states[:, loops.crank_address]
@@ -106,16 +109,16 @@ def _solved_poses(closed: ClosedModel, states: Array) -> Array:
 
 
 def _distances(recorded: Array, places: Array) -> Array:
-    """Return the distance of the farthest of points (n, k, 3) from their places, (n,); NaN is infinite."""
+    """Return the largest distance of points (n, k, 3) from reference positions, (n,); NaN counts as infinite."""
     gaps = np.sqrt(((recorded - places) ** 2).sum(-1)).max(1, initial=0.0)
     return np.where(np.isfinite(gaps), gaps, np.inf)
 
 
 def _is_driven(closed: ClosedModel) -> list[bool]:
-    """Say of each tracked point whether what is driven moves it."""
+    """Return for each tracked point whether the drivers move it."""
     return [name in closed.driven_points for name in closed.track.points]
 
 
 def _recorded(motion: Motion) -> Array:
-    """Return the places of all points of a motion, (n, k, 3)."""
+    """Return the positions of all points of a motion, (n, k, 3)."""
     return np.stack([point.position for point in motion.points.values()], 1)

@@ -1,4 +1,4 @@
-"""Where the bodies of a compiled model stand, for many states at once, and how their points move with it."""
+"""Batched forward kinematics of a compiled model: body poses and point Jacobians."""
 
 import copy
 from collections.abc import Callable, Mapping
@@ -9,7 +9,7 @@ from mujoco import batch
 
 from mechsim.maths.arrays import Array
 
-# body and points of it, (n, 3) -> the Jacobians of the points and of the body's turning, (n, 3, nv) each
+# body and points on it, (n, 3) -> the Jacobians of the points and of the body's rotation, (n, 3, nv) each
 PointJacobians = Callable[[int, Array], tuple[Array, Array]]
 
 # states up to which one thread is as fast as two: below a few milliseconds of work
@@ -17,11 +17,11 @@ ONE_THREAD = 4096
 
 
 class PosedBodies:
-    """MuJoCo's kinematics of a model, and nothing else of it.
+    """MuJoCo's kinematics of a model.
 
     Attributes:
-        looking: a copy of the model as it was given, reduced to its kinematics; not to be changed.
-        fields: of the model, which each state has of its own, as those of designs: name -> (n, ...).
+        kinematic_model: a copy of the model reduced to its kinematics; it must not be changed.
+        fields: model fields that differ between states, such as those of designs: name -> (n, ...).
     """
 
     def __init__(self, model: mujoco.MjModel, fields: Mapping[str, Array] | None = None):
@@ -31,18 +31,18 @@ class PosedBodies:
         self._batches: dict[int, batch.Batch] = {}
 
     def poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
-        """Return what `many` does, of one state sooner: a batch of one costs three times this."""
+        """Return what `batch_poses` does; a single state takes a third of the time of a batch of one."""
         return self._single_pose(qpos) if len(qpos) == 1 and not self.fields else self.batch_poses(qpos)
 
     def batch_poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
-        """Return places and rotations of all bodies at n states, and the Jacobians of points fixed in them.
+        """Return positions and rotations of all bodies at n states, and the Jacobians of points fixed in them.
 
         Args:
             qpos: states, (n, nq).
 
         Returns:
-            Places of the bodies' origins, (n, nbody, 3) in [m], their rotations, (n, nbody, 3, 3), and what
-            gives Jacobians; all hold until the next states are looked at.
+            Positions of the bodies' origins, (n, nbody, 3) in [m], their rotations, (n, nbody, 3, 3), and a
+            function for Jacobians; all are valid until the next call.
         """
         sims = self._batch(len(qpos))
         position, matrix = sims.bind("xpos"), sims.bind("xmat")
@@ -81,12 +81,12 @@ class PosedBodies:
 
 
 def rotated(rotation: Array, local: Array) -> Array:
-    """Return vectors fixed in bodies of rotations (n, 3, 3), seen from without: one, (3,), or (n, 3)."""
+    """Return body-fixed vectors, (3,) or (n, 3), in the world frame; rotations are (n, 3, 3)."""
     return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
 
 
 def _kinematic_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of a model that computes places and no more than it must beside them."""
+    """Return a copy of a model that computes kinematics only, as far as MuJoCo allows."""
     looking = copy.copy(model)
     off = mujoco.mjtDisableBit
     looking.opt.disableflags |= int(off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR)

@@ -1,6 +1,6 @@
-"""How many steps a tolerance of places needs: estimated from short trials, proved by the run itself.
+"""The number of steps that a position tolerance requires: estimated by short trials, checked by the run.
 
-Steps are counted over a turn, or over all of a shorter swing. Measured in
+Steps are counted per revolution, or over the whole of a shorter motion. Measured in
 validation/choices/tolerance_study.py.
 """
 
@@ -14,39 +14,51 @@ from mechsim.maths.convergence import believed_order
 from mechsim.simulation.compliance_search import improving_compliance
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.pose_errors import lag_distance
-from mechsim.simulation.refine import TARGET_FRACTION, MOST, Attempt, ToleranceReport, refine, rounded, steps_for
+from mechsim.simulation.refine import (
+    MOST,
+    TARGET_FRACTION,
+    Attempt,
+    ToleranceReport,
+    refine,
+    rounded,
+    steps_for,
+)
 from mechsim.simulation.run_result import Run
 from mechsim.simulation.settings import Settings
 
-# steps of the first trial, and the fewest of any run
+# steps per cycle of the first trial, and the minimum of any run
 TRIAL_STEPS, LEAST_STEPS = 100, 24
-# the settings err as a power of the step (measured in validation/choices/constraint_settings.py)
+# order of convergence of the default settings (measured in validation/choices/constraint_settings.py)
 ORDER = 4.0
-# fewer steps than the first trial had are tried over this part of all turns, so many at least and most
+# a trial with fewer steps than the first covers this fraction of the revolutions, within these limits
 PART, TURNS = 0.2, (2.0, 20.0)
-# errors settle within a few turns; where a turn errs this many times more than the one before, they grow.
-# Settling: up to 2.7 times; growing: 4.4 times and more, in the study's trials of two turns
+# ratio of the errors of successive revolutions above which errors grow instead of levelling off;
+# in the study's trials of two revolutions: levelling off up to 2.7, growing from 4.4
 MAX_GROWTH = 3.5
-# with more than this part of the first trial's steps all mechanisms of the study have begun to converge;
-# beyond the lower one a second guess saves less than a lost run would cost
+# fraction of the first trial's steps from which all mechanisms of the study converge; and the fraction above
+# which a second estimate saves less than a failed run would cost
 ENOUGH, WORTH = 0.75, 0.6
-# steps of a whole motion up to which more than the most in a turn are spent: a linkage that whips past a
-# nearly singular pose, 450 times as fast as its crank, needs a million (verdicts.py --case 235)
+# steps of a whole motion up to which the maximum per revolution may be exceeded: a linkage that passes a
+# nearly singular pose 450 times as fast as its crank needs a million (verdicts.py --case 235)
 MAX_STEPS_OF_MOTION = 2_000_000
-# an error below this, in [m], is none
+# error in [m] that avoids a division by zero
 TINY = 1e-300
 
 
 def run_within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
-    """Return a run whose number of steps was chosen for a tolerance in [m], and its outcome."""
+    """Return a run, with its outcome, whose number of steps is chosen for a tolerance in [m]."""
     first, spent = steps_needed(drive, settings, tolerance)
     run, promise = _run_to_tolerance(drive, settings, tolerance, first, spent)
-    run = _with_report(run, promise) if run.outcome != "missed" else _with_affordable_compliance(drive, settings, run, promise)
+    run = (
+        _with_report(run, promise)
+        if run.outcome != "missed"
+        else _with_affordable_compliance(drive, settings, run, promise)
+    )
     return replace(run, note="; ".join(one for one in (run.note, _lag_note(drive, run)) if one))
 
 
 def _lag_note(drive: DrivenRun, run: Run) -> str:
-    """Return in a sentence how far places of a run that is met are from where programs want them by then."""
+    """Return a note about the lag of the drivers behind their motion laws; empty where it is within tolerance."""
     time = run.motion.time
     if drive.closed.loops.drivers is None or time is None or run.outcome != "met":
         return ""
@@ -59,8 +71,10 @@ def _lag_note(drive: DrivenRun, run: Run) -> str:
     )
 
 
-def _with_affordable_compliance(drive: DrivenRun, settings: Settings, run: Run, promise: ToleranceReport) -> Run:
-    """Return what `_held_otherwise` does, or the run as it is where the budget ends before."""
+def _with_affordable_compliance(
+    drive: DrivenRun, settings: Settings, run: Run, promise: ToleranceReport
+) -> Run:
+    """Return the result of `_with_other_compliance`, or the run unchanged if the budget ends first."""
     budget = drive.budget
     if budget is not None and not budget.affords(run.seconds):
         return _with_report(run, promise)
@@ -71,11 +85,13 @@ def _with_affordable_compliance(drive: DrivenRun, settings: Settings, run: Run, 
 
 
 def _with_other_compliance(drive: DrivenRun, settings: Settings, run: Run, promise: ToleranceReport) -> Run:
-    """Return the run that keeps a tolerance by another compliance; a given one is only named."""
+    """Return a run with a compliance that satisfies the tolerance; if the user set one, only suggest it."""
     steps, tolerance, tried = _per_cycle(drive, run), promise.tolerance, list[Run]()
 
     def error(compliance: float) -> float:
-        tried.append(drive.stepped(replace(_with_steps(drive, settings, steps), compliance=compliance), tolerance))
+        tried.append(
+            drive.stepped(replace(_with_steps(drive, settings, steps), compliance=compliance), tolerance)
+        )
         return tried[-1].estimate
 
     known = promise.estimate
@@ -99,7 +115,7 @@ def _with_other_compliance(drive: DrivenRun, settings: Settings, run: Run, promi
 
 
 def _with_report(run: Run, promise: ToleranceReport, *said: str) -> Run:
-    """Return a run with its promise, and in its note what is said of it."""
+    """Return a run with its tolerance report and with notes added."""
     note = "; ".join(one for one in (run.note, *said, promise.reason) if one)
     return replace(run, promise=promise, note=note)
 
@@ -107,7 +123,7 @@ def _with_report(run: Run, promise: ToleranceReport, *said: str) -> Run:
 def _run_to_tolerance(
     drive: DrivenRun, settings: Settings, tolerance: float, first: int, spent: int
 ) -> tuple[Run, ToleranceReport]:
-    """Return the run that keeps a tolerance, or errs least, from so many steps on; and its promise."""
+    """Return the run that satisfies a tolerance, or has the least error, and its tolerance report."""
 
     def attempt(steps: int) -> Attempt[Run]:
         run = drive.stepped(_with_steps(drive, settings, steps), tolerance)
@@ -126,12 +142,19 @@ def _run_to_tolerance(
 
     most = max(MOST, int(MAX_STEPS_OF_MOTION * drive.cycle / drive.profile.turns))
     return refine(
-        attempt, tolerance, first, why, trials=spent, tried=_trial_steps(drive), most=most, budget=drive.budget
+        attempt,
+        tolerance,
+        first,
+        why,
+        trials=spent,
+        tried=_trial_steps(drive),
+        most=most,
+        budget=drive.budget,
     )
 
 
 def steps_needed(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
-    """Return the steps a cycle that a tolerance needs, by trials over some of the turns; and steps spent."""
+    """Return the steps per cycle that a tolerance requires, by trials over a few revolutions; and steps spent."""
     short, trial = drive.over_first_turns(1.0), _trial_steps(drive)
     known = float(short.errors_by_turn(_with_steps(drive, settings, trial)).max())
     spent = round(trial * short.profile.turns / drive.cycle)
@@ -141,12 +164,12 @@ def steps_needed(drive: DrivenRun, settings: Settings, tolerance: float) -> tupl
     part = drive.over_first_turns(np.round(float(np.clip(PART * drive.profile.turns, *TURNS))))
     if steps >= ENOUGH * trial or part.profile.turns > 0.5 * drive.profile.turns:
         return steps, spent
-    # no trial has shown that so few steps have begun to converge, nor that errors do not grow
+    # no trial has shown that so few steps converge, nor that errors do not grow
     before, last = part.errors_by_turn(_with_steps(drive, settings, steps))[-2:]
     spent += round(steps * part.profile.turns)
     if not last <= MAX_GROWTH * before:
         return trial, spent
-    # what grew over the last turn goes on growing for a while
+    # an error that grew over the last revolution continues to grow
     whole = last * max(1.0, last / max(before, TINY)) ** 2
     if whole > tolerance:
         order = believed_order(last, known, trial / steps)
@@ -158,9 +181,9 @@ def steps_needed(drive: DrivenRun, settings: Settings, tolerance: float) -> tupl
 def _after_diverging(
     drive: DrivenRun, short: DrivenRun, settings: Settings, tolerance: float, spent: int
 ) -> tuple[int, int]:
-    """Return the steps a cycle by finer trials, where the first diverges; and steps spent.
+    """Return the steps per cycle by finer trials, where the first trial diverges; and steps spent.
 
-    Of a file of one's own its own step is one of them.
+    For a custom model the file's own time step is one of the trials.
     """
     finer = {settings.steps_per_turn}
     if drive.closed.custom:
@@ -170,12 +193,14 @@ def _after_diverging(
         known = float(short.errors_by_turn(_with_steps(drive, settings, trial)).max())
         spent += round(trial * short.profile.turns / drive.cycle)
         if np.isfinite(known):
-            return max(trial, _whole_steps(drive, steps_for(trial, known, TARGET_FRACTION * tolerance, ORDER))), spent
+            return max(
+                trial, _whole_steps(drive, steps_for(trial, known, TARGET_FRACTION * tolerance, ORDER))
+            ), spent
     return settings.steps_per_turn, spent
 
 
 def _trial_steps(drive: DrivenRun) -> int:
-    """Return the steps a cycle of the first trial: those that it takes, however few are asked for."""
+    """Return the steps per cycle of the first trial."""
     return max(TRIAL_STEPS, drive.min_steps)
 
 

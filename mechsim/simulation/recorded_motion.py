@@ -42,7 +42,9 @@ class Track:
     points: tuple[str, ...]
     links: tuple[str, ...]
     hidden: frozenset[str] = frozenset()
-    coordinates: Mapping[str, tuple[str, int | None]] = field(default_factory=dict[str, tuple[str, int | None]])
+    coordinates: Mapping[str, tuple[str, int | None]] = field(
+        default_factory=dict[str, tuple[str, int | None]]
+    )
 
     def name(self, joint: str) -> tuple[str, int | None]:
         """Return what a joint of the model is recorded as, and which of several coordinates it is."""
@@ -254,7 +256,9 @@ def _correction(
     return change
 
 
-def closure_acceleration(loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, LinkMotion]) -> Array:
+def closure_acceleration(
+    loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, LinkMotion]
+) -> Array:
     """Return the second rate at which the loops open under given accelerations, (n, m)."""
     model = loops.model
     rates: list[Array] = [np.zeros((len(qacc), 0))]

@@ -1,4 +1,4 @@
-"""Drivers that the loops do not let move by themselves: one of them is too many."""
+"""Drivers that the loop constraints do not allow to move independently: at least one is redundant."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 
-# part of a driver's own row that the other freedoms cannot follow where it is locked
+# residual, relative to the largest Jacobian entry, above which the other DOFs cannot follow a driver
 LOCKED_FRACTION = 1e-6
 
 
 def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
-    """Return the crank, or the drivers, that the loops do not let move, each while the others are held.
+    """Return the crank, or the drivers, that cannot move while the other drivers are locked.
 
     Args:
         loops: of the model.
@@ -28,7 +28,7 @@ def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
 
 
 def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: float) -> MobilityError:
-    """Return the error that names the drivers the loops do not let move, the crank at an angle in [rad]."""
+    """Return the error that names the immobile drivers; `angle` is the crank's, in [rad]."""
     if loops.drivers is None:
         said = f"the loops leave the crank no motion at {loops.driver_text(angle)}"
         remedy = "take away a driver, a gear or a joint"

@@ -218,7 +218,9 @@ class Settings:
             model,
             np.array([loops.crank]),
             self.drive_inertia
-            or drive_inertia(model.body_mass, model.body_inertia, loops.characteristic_length, self.compliance_used),
+            or drive_inertia(
+                model.body_mass, model.body_inertia, loops.characteristic_length, self.compliance_used
+            ),
         )
         used = replace(self, compliance=self.compliance_used)
         if self.jacobian == "auto":

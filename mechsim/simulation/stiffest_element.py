@@ -1,4 +1,4 @@
-"""The spring, damper or servo of a model that asks for the shortest steps, where its step is longer."""
+"""The spring, damper or servo that requires a shorter step than the model's time step."""
 
 from collections.abc import Iterator
 
@@ -12,10 +12,10 @@ SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 def stiffness_cause(model: mujoco.MjModel) -> str:
-    """Return what asks for shorter steps than a model has, in one clause; empty where nothing does.
+    """Return which element requires shorter steps than the model's, as one clause; empty if none does.
 
-    A spring is stepped stably below 2/w, w its circular frequency beside the inertia that MuJoCo gives the
-    freedom in the reference configuration; a damper not taken implicitly below twice its time constant.
+    A spring is stable for steps below 2/w, where w is its circular frequency with the inertia that MuJoCo
+    assigns to the DOF in the reference configuration; an explicit damper below twice its time constant.
     """
     if int(model.opt.integrator) == DISCRETE:
         return ""

@@ -1,4 +1,4 @@
-"""Drivers brought straight from where they stand to where they are wanted, the assembly kept."""
+"""Moves drivers along a straight path in joint space to target values; the assembly is kept."""
 
 import numpy as np
 
@@ -6,30 +6,32 @@ from mechsim.maths.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 
-# parts of the way before its start and after its end at which it still goes straight
+# fraction of the path by which the straight line extends beyond both of its ends
 BEYOND = 0.5
 
 
 def move_drivers(loops: ModelLoops, state: Array, there: Array, whither: str) -> Array:
-    """Return the closed state in which the drivers stand where they are wanted, (nq,), the clock at zero.
+    """Return the closed state with the drivers at their targets, (nq,), and the path parameter at zero.
 
-    They go there straight, all at once.
+    All drivers move at once along a straight path.
 
     Args:
-        loops: of drivers under a clock.
+        loops: with drivers that follow a path parameter.
         state: closed, (nq,).
         there: values of the drivers, (k,) in [m] or [rad].
         whither: where that is, in words.
 
     Raises:
-        AssemblyError: where the loops do not close on the way.
+        AssemblyError: where the loops do not close on the path.
     """
     drive = loops.drivers
     assert drive is not None
     start = state.copy()
     start[loops.crank_address] = 0.0
     here = start[drive.addresses]
-    far = float(np.abs((there - here) / np.where(drive.slides, loops.characteristic_length, 1.0)).max(initial=0.0))
+    far = float(
+        np.abs((there - here) / np.where(drive.slides, loops.characteristic_length, 1.0)).max(initial=0.0)
+    )
     if far > 0.0:
 
         def straight(angle: Array) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""What the drivers leave open: rank decides before anything is run, so that no motion is invented."""
+"""Undetermined DOFs: the rank of the loop Jacobian decides, before a run, whether the drivers suffice."""
 
 from dataclasses import dataclass
 
@@ -13,24 +13,24 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
-from mechsim.simulation.redundant_drivers import overdetermined_error, immobile_drivers
+from mechsim.simulation.redundant_drivers import immobile_drivers, overdetermined_error
 
-# displacement, in [rad] and in units of the size, by which a freedom is tried; part of it that stays where
-# there is one, and that a point or joint moves by which it matters
+# displacement, in [rad] and in characteristic lengths, by which a null-space direction is probed; fraction of
+# it that remains after closing the loops if the DOF is real; fraction by which a moving point or joint moves
 NUDGE, STAYS, MATTERS = 1e-3, 0.5, 1e-2
-# bodies that a note lists
+# maximum number of bodies that a note lists
 MAX_LISTED = 6
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualMobility:
-    """How a model stands with its drivers held.
+    """What can still move in a model with its drivers locked.
 
     Attributes:
-        open: joints and points that can still move; idle freedoms, such as a rod's spin, are none.
-        locked: the drivers that cannot move by themselves though nothing is open.
-        meeting: whether two assemblies meet in this very pose.
-        settled: the bodies whose centres cannot move, (nbody,).
+        undetermined: joints and points that can still move, without passive DOFs such as a rod's spin.
+        immobile_drivers: the drivers that cannot move independently although nothing is undetermined.
+        at_change_point: whether the pose is a change point.
+        determined_bodies: the bodies whose centres cannot move, (nbody,).
     """
 
     undetermined: tuple[str, ...]
@@ -40,7 +40,7 @@ class ResidualMobility:
 
 
 def residual_mobility(closed: ClosedModel) -> ResidualMobility:
-    """Return what the drivers leave open at the closed state of a model."""
+    """Return what the drivers leave undetermined at the closed state of a model."""
     loops, state = closed.loops, closed.qpos[None]
     jacobian = loops.linearise(state)[1]
     held = loops.constrained_jacobian(jacobian)[0]
@@ -65,10 +65,10 @@ def residual_mobility(closed: ClosedModel) -> ResidualMobility:
 
 
 def require_determined(closed: ClosedModel, found: ResidualMobility) -> None:
-    """Refuse a model whose poses the crank does not settle.
+    """Reject a model whose poses the drivers do not determine.
 
     Raises:
-        MobilityError: with the joints and points left open.
+        MobilityError: with the undetermined joints and points.
     """
     if found.undetermined:
         raise MobilityError(
@@ -80,11 +80,11 @@ def require_determined(closed: ClosedModel, found: ResidualMobility) -> None:
 
 
 def require_movable(closed: ClosedModel, found: ResidualMobility) -> None:
-    """Refuse a crank that cannot move, and a start from which two motions lead.
+    """Reject immobile drivers, and a start at a change point, from which two motions lead.
 
     Raises:
-        MobilityError: for a crank that cannot move.
-        AssemblyError: where two assemblies meet in the pose it starts from.
+        MobilityError: for immobile drivers.
+        AssemblyError: for a start at a change point.
     """
     if found.immobile_drivers:
         raise overdetermined_error(closed.loops, found.immobile_drivers, closed.angle)
@@ -97,10 +97,10 @@ def require_movable(closed: ClosedModel, found: ResidualMobility) -> None:
 
 
 def require_within_limits(closed: ClosedModel, states: Array) -> None:
-    """Refuse poses beyond the range of a joint, states being (n, nq).
+    """Reject states (n, nq) beyond the range of a joint.
 
     Raises:
-        AssemblyError: with the joint, its value, its bound and the crank angle or the time.
+        AssemblyError: with the joint, its value, its limit and the crank angle or the time.
     """
     model, limited = closed.model, _limited(closed)
     names = {i: str(model.joint(i).name or i) for i in limited}
@@ -115,11 +115,11 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
 
 
 def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
-    """Refuse a motion on which a joint leaves its range, between its recorded instants too.
+    """Reject a motion on which a joint leaves its range, also between recorded instants.
 
     Args:
         closed: the model.
-        angles: of the crank or of the clock, (n,) in [rad].
+        angles: of the crank, or values of the path parameter, (n,) in [rad].
 
     Raises:
         AssemblyError: as `require_within_limits`.
@@ -129,7 +129,7 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
         return
     drive = closed.loops.drivers
     if drive is not None and not drive.law(angles)[1].any():
-        # rows of driver coordinates, each a pose by itself
+        # the law is constant: each set of driver coordinates is a separate pose
         return
     instants = check_instants(float(angles.min()), float(angles.max()))
     try:
@@ -138,13 +138,13 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
         if len(between):
             states = np.concatenate([states, follow.follow(closed.loops, closed.qpos, between)])
     except AssemblyError:
-        # instants at which the loops do not close are no part of what was requested
+        # instants at which the loops do not close were not requested
         return
     require_within_limits(closed, states)
 
 
 def _limited(closed: ClosedModel) -> list[int]:
-    """Return the hinges and slides whose ranges count."""
+    """Return the hinges and slides whose limits are active."""
     model = closed.model
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
         return []
@@ -166,7 +166,7 @@ def _nudged(loops: ModelLoops, state: Array, freedom: Array) -> Array:
 
 
 def _closed_after_nudge(loops: ModelLoops, state: Array, freedom: Array) -> Array | None:
-    """Return the state moved along a freedom and closed; None where the loops do not let it."""
+    """Return the state moved along a null-space direction and closed; None where the loops prevent it."""
     nudged = _nudged(loops, state, freedom)
     try:
         closed = loops.close(nudged[None])[0]
@@ -185,7 +185,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
     for i, (kind, place) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
         scale = loops.characteristic_length if kind == SLIDE else 1.0
         turned = kind in (HINGE, SLIDE) and abs(moved[place] - state[place]) > MATTERS * NUDGE * scale
-        # a link that spins about its own line stands as it did
+        # a link that spins about its own axis has not moved
         if turned and swings[model.jnt_bodyid[i]]:
             found.append(f"joint {model.joint(i).name or i!r}")
     places = closed.point_positions(np.stack([state, moved]))
@@ -198,18 +198,18 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
 
 
 def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
-    """Return whose centres differ between two states, (nbody,)."""
+    """Return which bodies' centres of mass differ between two states, (nbody,)."""
     gone = np.diff(loops.centres(np.stack([state, moved])), axis=0)[0]
     return np.linalg.norm(gone, axis=1) > MATTERS * NUDGE * loops.characteristic_length
 
 
 def _is_floating(loops: ModelLoops, body: int) -> bool:
-    """Say whether a body hangs on nothing: free, and in no loop."""
+    """Return whether a body floats: it belongs to a free body that is in no loop."""
     return int(loops.model.body_rootid[body]) in _floating_bodies(loops)
 
 
 def _floating_bodies(loops: ModelLoops) -> list[int]:
-    """Return the bodies with free joints of which nothing is in a loop."""
+    """Return the bodies with free joints whose subtrees are in no loop."""
     model = loops.model
     free = model.jnt_bodyid[model.jnt_type == FREE].tolist()
     closing = {int(model.body_rootid[body]) for pair in (*loops.pairs, *loops.frames) for body in pair.bodies}
@@ -217,7 +217,7 @@ def _floating_bodies(loops: ModelLoops) -> list[int]:
 
 
 def floating_bodies_note(closed: ClosedModel) -> str:
-    """Return in one sentence which bodies poses leave where they start, hanging on nothing; else none."""
+    """Return a note about floating bodies, which poses leave at their initial poses; empty without any."""
     model, bodies = closed.model, _floating_bodies(closed.loops)
     if not bodies:
         return ""

@@ -30,7 +30,9 @@ def crosscheck_driven(
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
     at = (motion.angle, motion.speed, motion.acceleration)
     study = prescribed(machine, *at, time=motion.time, as_run=motion, watch=watch)
-    tolerance = None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
+    tolerance = (
+        None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
+    )
     return judge_efforts(
         run.efforts,
         study.efforts,

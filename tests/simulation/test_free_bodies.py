@@ -86,7 +86,12 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
     shifted = np.repeat(loops.model.qpos0[None], 2, 0)
     shifted[:, 1:4] += 1e-3
     residual, jacobian = loops.linearise(shifted)
-    assert loops.closure_error(loops.residual(loops.displaced(shifted, loops.newton_step(residual, jacobian)[0]))).max() < 1e-4
+    assert (
+        loops.closure_error(
+            loops.residual(loops.displaced(shifted, loops.newton_step(residual, jacobian)[0]))
+        ).max()
+        < 1e-4
+    )
 
 
 def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):

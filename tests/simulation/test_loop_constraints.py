@@ -8,7 +8,13 @@ from mechsim.errors import InputError
 from mechsim.simulation.followers import chained
 from mechsim.simulation.loop_constraints import CouplingConstraint, Sum
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import States, add_sensors, has_dry_friction, link_motions, closure_acceleration
+from mechsim.simulation.recorded_motion import (
+    States,
+    add_sensors,
+    closure_acceleration,
+    has_dry_friction,
+    link_motions,
+)
 
 MODEL = """<mujoco model="every kind">
   <option gravity="0 0 0"/>

@@ -134,7 +134,10 @@ def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism)
     assert tangent[0, loops.crank] == 1.0
     # a linear solve: rounding times the condition of the loop, below 100 here
     assert np.abs(jacobian @ tangent[..., None]).max() < 1e-14
-    opened = [loops.closure_error(loops.residual(loops.displaced(start, step * tangent)))[0] for step in (1e-3, 2e-3)]
+    opened = [
+        loops.closure_error(loops.residual(loops.displaced(start, step * tangent)))[0]
+        for step in (1e-3, 2e-3)
+    ]
     # what is left is of second order
     assert 3.5 < opened[1] / opened[0] < 4.5
     assert loops.closure_error(residual)[0] < 1e-14

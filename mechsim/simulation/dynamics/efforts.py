@@ -20,7 +20,7 @@ from mechsim.simulation.numerical_rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_point_motion import Near, held_off
 from mechsim.simulation.poses.change_points import Meeting, fitted
-from mechsim.simulation.recorded_motion import CHUNK, States, link_motions, closure_acceleration
+from mechsim.simulation.recorded_motion import CHUNK, States, closure_acceleration, link_motions
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_tendons
 

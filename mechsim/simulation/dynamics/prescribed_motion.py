@@ -17,13 +17,17 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
 from mechsim.simulation.initial_state import at_initial_state, parameter_profile
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.passed_change_points import passed_change_points, require_regular_start, undecided_note
+from mechsim.simulation.passed_change_points import (
+    passed_change_points,
+    require_regular_start,
+    undecided_note,
+)
 from mechsim.simulation.poses.change_point_motion import mended
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.refine import ToleranceReport
 from mechsim.simulation.run_result import Driven, Method
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Progress, step, no_progress
+from mechsim.simulation.stepping import Progress, no_progress, step
 from mechsim.units import si
 
 # instants recorded a turn where nothing else is asked
@@ -210,12 +214,15 @@ def _stepped(
 def _barely_held(loaded: LoadedModel, states: States) -> str:
     """Return in one sentence where the loops of a run are nearly singular; nothing where they are not."""
     loops, parts = loaded.loops, range(0, len(states.time), CHUNK)
-    held = np.concatenate([loops.conditioning(loops.linearise(states.chunk(first).qpos)[1]) for first in parts])
+    held = np.concatenate(
+        [loops.conditioning(loops.linearise(states.chunk(first).qpos)[1]) for first in parts]
+    )
     least = int(np.argmin(held))
     if not held[least] < BARELY:
         return ""
     return (
         f"at {loops.driver_text(float(states.qpos[least, loops.crank_address]))} the loops hardly hold the links "
         f"(conditioning {held[least]:.2g}), as where a redundant crank lies almost in line with the others: "
-        "forces grow there, and errors of stepped ones with them; solved poses have none (method pose)"
+        "forces grow there, and errors of stepped ones with them; solved poses have none "
+        "(method pose)"
     )

@@ -64,6 +64,9 @@ def _has_undetermined(scene: Inspected) -> bool:
     """Say whether anything that matters can move with the drivers held; not where the loops never close."""
     try:
         with quiet():
-            return residual_mobility(closed_model.from_source(scene.read, drivers=scene.drivers)).undetermined != ()
+            return (
+                residual_mobility(closed_model.from_source(scene.read, drivers=scene.drivers)).undetermined
+                != ()
+            )
     except (MechsimError, np.linalg.LinAlgError):
         return False

@@ -161,7 +161,9 @@ def judged(stepped: SteppedDesigns) -> JudgedDesigns:
     sure = ((left <= SECOND * gap) | (left <= 100.0 * CLOSED)).reshape(d, k).all(1)
     kept = sure & (side == side[:, :1]).all(1) & (side[:, 0] != 0.0) & np.isfinite(distance).all(1)
     spans = np.ptp(solved.reshape(d, k, len(sites), 3), axis=1)
-    tolerance = np.maximum(PLACE * 0.5 * spans.max((1, 2)), CLOSED * loops.characteristic_lengths.reshape(d, k)[:, 0])
+    tolerance = np.maximum(
+        PLACE * 0.5 * spans.max((1, 2)), CLOSED * loops.characteristic_lengths.reshape(d, k)[:, 0]
+    )
     return JudgedDesigns(distance.max(1), tolerance, kept)
 
 

@@ -120,7 +120,9 @@ class AssemblyPath:
     @cached_property
     def _guess(self) -> Callable[[Array], Array]:
         knots = _spread(self.knots, self.loops.crank_address) if len(self.knots) > 1 else self.knots
-        return partial(_between, knots[:, self.loops.crank_address], _same_sign_quaternions(self.loops, knots))
+        return partial(
+            _between, knots[:, self.loops.crank_address], _same_sign_quaternions(self.loops, knots)
+        )
 
 
 def walked_path(
@@ -129,7 +131,9 @@ def walked_path(
     """Return the path through nearly closed states by rising crank angle, (k, nq), that were walked."""
     path = AssemblyPath(loops, loops.close(knots), gain, 1.0, meetings=tuple(meetings))
     # most of the knots: at a dead centre, where a path may begin or end, rounding settles the sign
-    sides = loops.determinant_sign(loops.linearise(path.knots)[1]) * path.changes(path.knots[:, loops.crank_address])
+    sides = loops.determinant_sign(loops.linearise(path.knots)[1]) * path.changes(
+        path.knots[:, loops.crank_address]
+    )
     return replace(path, side=float(np.sign(sides.sum())))
 
 

@@ -83,9 +83,9 @@ def settled(loops: ModelLoops, states: Array) -> Array:
     for _ in range(2):
         residual, jacobian = loops.linearise(states)
         step = np.zeros((len(states), loops.model.nv))
-        step[:, loops.free] = -(np.linalg.pinv(loops.constrained_jacobian(jacobian), rcond=HELD) @ residual[..., None])[
-            ..., 0
-        ]
+        step[:, loops.free] = -(
+            np.linalg.pinv(loops.constrained_jacobian(jacobian), rcond=HELD) @ residual[..., None]
+        )[..., 0]
         states = loops.displaced(states, step)
     return states
 

@@ -100,7 +100,9 @@ class BuiltModel:
     def _stretched(self, loops: ModelLoops, qpos: Array) -> Array:
         """Return by how much a rod that is only a length is longer or shorter than it was, (n,) in [m]."""
         ends = [i for i in range(self.closed.model.nsite) if self.closed.model.site(i).name.endswith(LENGTH)]
-        first, second = np.moveaxis(loops.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0)
+        first, second = np.moveaxis(
+            loops.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0
+        )
         lengths = np.linalg.norm(second - first, axis=1)
         return np.abs(lengths[1:] - lengths[0])
 
