@@ -208,13 +208,8 @@ def _custom_model(
     holds: Mapping[str, float | None],
     start: Array | None,
 ) -> ClosedModel:
-<<<<<<< HEAD
-    """Return a model of one's own, its joints held, in the closed state nearest to its start."""
-    spec, holds, start = without_locked_bodies(spec, holds, start)
-=======
     """Return a custom model with locked joints, in the closed state nearest to its initial state."""
-    spec, holds, start = without_stilled(spec, holds, start)
->>>>>>> 1a9e624 (Docstrings of simulation in plain words)
+    spec, holds, start = without_locked_bodies(spec, holds, start)
     if holds:
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
