@@ -26,7 +26,7 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.recorded_motion import Track, add_sensors
-from mechsim.simulation.redundant_drivers import overdetermined_error, immobile_drivers
+from mechsim.simulation.redundant_drivers import immobile_drivers, overdetermined_error
 from mechsim.simulation.straight_path import move_drivers
 
 
@@ -123,7 +123,9 @@ class ClosedModel:
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
         places = self.point_positions(np.concatenate([self.qpos[None], nudged]))
         # a closed loop lets a point move by the second order of the displacement
-        return np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.characteristic_length
+        return (
+            np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.characteristic_length
+        )
 
 
 def from_source(
@@ -139,9 +141,9 @@ def from_source(
     Args:
         source: the mechanism or model.
         scene: contents of the model of a mechanism; with the source's forces where it names none.
-        drivers: of a custom model: the hinge that is the crank, or a sequence of the joints that follow motion
-            laws; None for the hinge "crank". Of a mechanism: a sequence if its crank follows a motion law;
-            several drivers always do.
+        drivers: of a custom model: the hinge that is the crank, or a sequence of the joints that follow
+            motion laws; None for the hinge "crank". Of a mechanism: a sequence if its crank
+            follows a motion law; several drivers always do.
         lock: joint of a custom model -> value at which it is locked, in [m] or [rad]; None for its initial
             value, the only choice for a ball or a free joint.
         key: initial keyframe of a custom model; None for its reference configuration.
@@ -171,7 +173,9 @@ def _from_source(
     if isinstance(model, Mechanism):
         programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))
         return from_mechanism(model, spec, points, programmed=programmed)
-    return _custom_model(spec, points, CRANK if drivers is None else drivers, holds or {}, _keyframe_qpos(spec, key))
+    return _custom_model(
+        spec, points, CRANK if drivers is None else drivers, holds or {}, _keyframe_qpos(spec, key)
+    )
 
 
 def read_model(source: Source) -> ReadModel | None:
@@ -281,7 +285,9 @@ def from_spec(
     track = replace(add_sensors(spec, points), coordinates=called or {})
     loops = closed_loops(spec, drivers)
     if loops.drivers is not None:
-        loops.drivers = replace(loops.drivers, names=tuple(track.name(name)[0] for name in loops.drivers.names))
+        loops.drivers = replace(
+            loops.drivers, names=tuple(track.name(name)[0] for name in loops.drivers.names)
+        )
     loops, closed = _closed_at_drivers(loops, _start_qpos(loops, start))
     return ClosedModel(loops, track, closed)
 
@@ -317,7 +323,7 @@ def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
 
 
 def _closed_at_drivers(loops: ModelLoops, rough: Array) -> tuple[ModelLoops, Array]:
-    """Return loops with the drivers locked as in an initial guess, and the closed state nearest to it, (nq,)."""
+    """Return loops with the drivers locked as in an initial guess, and the nearest closed state, (nq,)."""
     if loops.drivers is not None:
         loops = loops.with_drivers_locked(rough[loops.drivers.addresses])
     return loops, _closed(loops, rough)

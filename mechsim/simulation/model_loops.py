@@ -40,8 +40,8 @@ CLOSED = 1e-14
 class ModelLoops:
     """The equality constraints of a model with a crank, evaluated and solved in batches.
 
-    With several drivers, or one that is no hinge, the crank is the joint of the path parameter, and the motion
-    laws are among the equations.
+    With several drivers, or one that is no hinge, the crank is the joint of the path parameter, and the
+    motion laws are among the equations.
 
     Attributes:
         model: the compiled model.
@@ -163,7 +163,7 @@ class ModelLoops:
         return np.array([*self._driven, *bent], dtype=np.int64)
 
     def actuated_rates(self, angle: Array, speed: Array) -> Array:
-        """Return the rates of `actuated_dofs`, (n, k), at angles and speeds of the crank or parameter, (n,)."""
+        """Return the rates of `actuated_dofs`, (n, k), at angles and speeds of the crank, (n,)."""
         values, speeds = {self.crank_address: angle}, {self.crank: speed}
         if self.drivers is not None:
             value, slope, _ = self.drivers.law(angle)
@@ -231,7 +231,7 @@ class ModelLoops:
         return residual, jacobian()
 
     def _evaluate(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
-        """Return the residuals and a function for their Jacobian, which is valid until the next evaluation."""
+        """Return the residuals and a function for their Jacobian, valid until the next evaluation."""
         position, rotation, slope = self.posed.poses(qpos)
         n, nv = len(qpos), self.model.nv
         ends = [
@@ -265,7 +265,7 @@ class ModelLoops:
         return np.concatenate(parts, 1), jacobian
 
     def body_poses(self, qpos: Array) -> tuple[Array, Array]:
-        """Return the positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
+        """Return positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
         position, rotation, _ = self.posed.batch_poses(qpos)
         return position.copy(), rotation.copy()
 
@@ -294,7 +294,7 @@ class ModelLoops:
         return np.abs(residual * self.scale).max(1, initial=0.0)
 
     def constrained_jacobian(self, jacobian: Array) -> Array:
-        """Return the Jacobian without the crank's column, (n, m, nv - 1); zero where all of it is rounding."""
+        """Return the Jacobian without the crank's column, (n, m, nv - 1); zero where all is rounding."""
         held = jacobian[:, :, self.free]
         if np.abs(held).max(initial=0.0) <= self.rounding:
             held[:] = 0.0
@@ -363,8 +363,8 @@ class ModelLoops:
     def determinant(self, jacobian: Array) -> Array:
         """Return the determinant of the Jacobian with the crank locked, (n,), with a common scale.
 
-        Where the independent constraints change with the pose, it is that of the first state's constraints and
-        positive there; signs are then comparable within one call only.
+        Where the independent constraints change with the pose, it is that of the first state's constraints
+        and positive there; signs are then comparable within one call only.
         """
         held = self.constrained_jacobian(jacobian)
         rows = self._independent(held)
@@ -422,7 +422,7 @@ class ModelLoops:
         return self._with_crank_rate(rates[..., 0], 1.0)
 
     def newton_step(self, residual: Array, jacobian: Array) -> tuple[Array, Array]:
-        """Return the step that closes the linearised loops with the crank locked, and the tangent; (n, nv)."""
+        """Return the Newton step of the loops with the crank locked, and the tangent, (n, nv) each."""
         both = self.solve(jacobian, np.stack([-residual, -jacobian[:, :, self.crank]], -1))
         step = both[..., 0]
         # a rotation of more than half a radian is beyond the linear model
@@ -472,8 +472,9 @@ class ModelLoops:
                 break
         worst = int(np.argmax(gap))
         raise AssemblyError(
-            f"{self.name}: the loops do not close at {self.driver_text(float(qpos[worst, self.crank_address]))}: "
-            f"a gap of {gap[worst]:.3g} of the longest link is left; change the dimensions, "
+            f"{self.name}: the loops do not close at "
+            f"{self.driver_text(float(qpos[worst, self.crank_address]))}: a gap of "
+            f"{gap[worst]:.3g} of the longest link is left; change the dimensions, "
             f"{'the crank angle' if self.drivers is None else 'where the drivers are'} or the start"
         )
 

@@ -62,8 +62,8 @@ def undecided_note(loops: ModelLoops, met: Sequence[float]) -> str:
     if not met:
         return ""
     return (
-        f"at {change_points_text(loops, met)} two assemblies meet, and dynamics alone cannot decide which one "
-        "goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
+        f"at {change_points_text(loops, met)} two assemblies meet, and dynamics alone cannot decide which "
+        "one goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
     )
 
 
@@ -75,8 +75,8 @@ def require_regular_start(loops: ModelLoops, met: Sequence[float], start: float)
     """
     if any(abs(at - start) <= AT_START for at in met):
         raise AssemblyError(
-            f"{loops.name}: it starts at {loops.driver_text(start)}, where two assemblies meet and dynamics alone "
-            "cannot decide which one goes on; give a start at "
+            f"{loops.name}: it starts at {loops.driver_text(start)}, where two assemblies meet and dynamics "
+            "alone cannot decide which one goes on; give a start at "
             f"{'another crank angle' if loops.drivers is None else 'other values of the drivers'}, "
             "hold it by a second parallel crank, or run it by pose"
         )

@@ -109,7 +109,7 @@ def _solved_poses(closed: ClosedModel, states: Array) -> Array:
 
 
 def _distances(recorded: Array, places: Array) -> Array:
-    """Return the largest distance of points (n, k, 3) from reference positions, (n,); NaN counts as infinite."""
+    """Return the largest distance of points (n, k, 3) from reference positions, (n,); NaN is infinite."""
     gaps = np.sqrt(((recorded - places) ** 2).sum(-1)).max(1, initial=0.0)
     return np.where(np.isfinite(gaps), gaps, np.inf)
 

@@ -35,7 +35,7 @@ class PosedBodies:
         return self._single_pose(qpos) if len(qpos) == 1 and not self.fields else self.batch_poses(qpos)
 
     def batch_poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
-        """Return positions and rotations of all bodies at n states, and the Jacobians of points fixed in them.
+        """Return positions and rotations of all bodies at n states, and Jacobians of points fixed in them.
 
         Args:
             qpos: states, (n, nq).

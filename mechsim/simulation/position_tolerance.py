@@ -58,7 +58,7 @@ def run_within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
 
 
 def _lag_note(drive: DrivenRun, run: Run) -> str:
-    """Return a note about the lag of the drivers behind their motion laws; empty where it is within tolerance."""
+    """Return a note about the lag of the drivers behind their motion laws; empty within tolerance."""
     time = run.motion.time
     if drive.closed.loops.drivers is None or time is None or run.outcome != "met":
         return ""
@@ -117,7 +117,7 @@ def _with_other_compliance(drive: DrivenRun, settings: Settings, run: Run, promi
 def _with_report(run: Run, promise: ToleranceReport, *said: str) -> Run:
     """Return a run with its tolerance report and with notes added."""
     note = "; ".join(one for one in (run.note, *said, promise.reason) if one)
-    return replace(run, promise=promise, note=note)
+    return replace(run, tolerance_report=promise, note=note)
 
 
 def _run_to_tolerance(
@@ -154,7 +154,7 @@ def _run_to_tolerance(
 
 
 def steps_needed(drive: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
-    """Return the steps per cycle that a tolerance requires, by trials over a few revolutions; and steps spent."""
+    """Return the steps per cycle that a tolerance requires, by trials over revolutions; and steps spent."""
     short, trial = drive.over_first_turns(1.0), _trial_steps(drive)
     known = float(short.errors_by_turn(_with_steps(drive, settings, trial)).max())
     spent = round(trial * short.profile.turns / drive.cycle)

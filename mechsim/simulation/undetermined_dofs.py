@@ -90,8 +90,8 @@ def require_movable(closed: ClosedModel, found: ResidualMobility) -> None:
         raise overdetermined_error(closed.loops, found.immobile_drivers, closed.angle)
     if found.at_change_point:
         raise AssemblyError(
-            f"{closed.loops.name}: it starts at {closed.loops.driver_text(closed.angle)}, where two assemblies "
-            "meet and none can be told from the other; give a start at "
+            f"{closed.loops.name}: it starts at {closed.loops.driver_text(closed.angle)}, where two "
+            "assemblies meet and none can be told from the other; give a start at "
             f"{'another crank angle' if closed.loops.drivers is None else 'other values of the drivers'}"
         )
 

@@ -90,7 +90,7 @@ def free(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
     def keeps(steps: int) -> bool:
         return off(settings=Settings(steps_per_turn=steps, **given))[1] <= part
 
-    least = fewest(keeps) if run.promise.met else None
+    least = fewest(keeps) if run.tolerance_report.satisfied else None
     turns = run.steps / run.settings.steps_per_turn
     return _row("free", drive, speed, part, run, error, least, turns)
 
@@ -110,12 +110,12 @@ def _row(
         "mechanism": drive.name,
         "rpm": speed / units.rpm(1.0),
         "T": part,
-        "met": run.promise.met,
+        "met": run.tolerance_report.satisfied,
         "error/T": error / part,
-        "estimate/error": run.promise.estimate / error,
-        "order": float(run.promise.order),
+        "estimate/error": run.tolerance_report.estimate / error,
+        "order": float(run.tolerance_report.order),
         "steps a turn": run.settings.steps_per_turn,
-        "price": (run.steps + run.promise.trials) / (turns * least) if least else float("nan"),
+        "price": (run.steps + run.tolerance_report.trials) / (turns * least) if least else float("nan"),
     }
 
 

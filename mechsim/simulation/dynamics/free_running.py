@@ -138,7 +138,7 @@ def free_run(
         found = _recorded(plan, stepping)
         if found.free.outcome == "done" and not promise.satisfied:
             found = replace(found, free=replace(found.free, outcome="missed", reason=promise.reason))
-        return replace(found, promise=promise)
+        return replace(found, tolerance_report=promise)
     if timestep is None:
         return _recorded(plan, plan.let_run(settings.steps_per_turn))
     return _recorded(plan, plan.let_run(settings.steps_per_turn, timestep=timestep))

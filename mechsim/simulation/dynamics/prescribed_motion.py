@@ -150,7 +150,7 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     if tolerance is None:
         return run
     promise = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
-    return replace(run, outcome="met" if promise.satisfied else "missed", promise=promise)
+    return replace(run, outcome="met" if promise.satisfied else "missed", tolerance_report=promise)
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Progress) -> Driven:
@@ -221,8 +221,8 @@ def _barely_held(loaded: LoadedModel, states: States) -> str:
     if not held[least] < BARELY:
         return ""
     return (
-        f"at {loops.driver_text(float(states.qpos[least, loops.crank_address]))} the loops hardly hold the links "
-        f"(conditioning {held[least]:.2g}), as where a redundant crank lies almost in line with the others: "
-        "forces grow there, and errors of stepped ones with them; solved poses have none "
+        f"at {loops.driver_text(float(states.qpos[least, loops.crank_address]))} the loops hardly hold the "
+        f"links (conditioning {held[least]:.2g}), as where a redundant crank lies almost in line with the "
+        "others: forces grow there, and errors of stepped ones with them; solved poses have none "
         "(method pose)"
     )

@@ -79,7 +79,7 @@ def within(
         multiple=EVEN,
     )
     missed = "diverged" if run.outcome == "diverged" else "missed"
-    return replace(run, outcome="met" if promise.satisfied else missed, promise=promise)
+    return replace(run, outcome="met" if promise.satisfied else missed, tolerance_report=promise)
 
 
 def _why(steps: int, estimate: float) -> str:

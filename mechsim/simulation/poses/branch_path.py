@@ -143,8 +143,8 @@ def _beside(loops: ModelLoops, meeting: Meeting, sense: float) -> Array:
         away *= 0.5
     who = "the crank" if loops.drivers is None else "the drivers"
     raise AssemblyError(
-        f"{loops.name}: {who} cannot pass {loops.driver_text(meeting.angle)} by folding, for it does not turn in "
-        "the assembly that is met there; go on smoothly"
+        f"{loops.name}: {who} cannot pass {loops.driver_text(meeting.angle)} by folding, for it does not "
+        "turn in the assembly that is met there; go on smoothly"
     )
 
 
