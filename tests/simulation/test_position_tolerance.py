@@ -80,14 +80,14 @@ def test_a_short_run_is_not_tried_longer_than_it_is(stepped) -> None:
 def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
     class Exact:
         profile = type("Profile", (), {"turns": TURNS})
-        cycle, fewest = 1.0, 1
+        cycle, min_steps = 1.0, 1
 
-        def first(self, turns):
+        def over_first_turns(self, turns):
             part = Exact()
             part.profile = type("Profile", (), {"turns": turns})
             return part
 
-        def tried(self, _settings):
+        def errors_by_turn(self, _settings):
             return np.zeros(max(1, round(self.profile.turns)))
 
     assert position_tolerance.steps_needed(Exact(), Settings(), 1e-6)[0] == position_tolerance.LEAST_STEPS
