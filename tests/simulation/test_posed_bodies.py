@@ -28,7 +28,7 @@ def turned(angle):
 
 
 def assert_posed(posed, states, pivots, *, many=False):
-    places, rotations, slope = (posed.many if many else posed.at)(states)
+    places, rotations, slope = (posed.batch_poses if many else posed.poses)(states)
     pivots = np.broadcast_to(pivots, (len(states), 3))
     turns = np.array([turned(angle) for angle, _ in states])
     arms = turns @ (OUT + states[:, 1:] * WAY)[..., None]
