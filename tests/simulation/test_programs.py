@@ -165,7 +165,7 @@ def test_drivers_that_go_where_the_loops_do_not_close_are_stopped_with_the_time(
 def test_programs_that_begin_where_the_loops_cannot_go_are_refused_with_the_place():
     mechanism = five_bar()
     moves = programs(mechanism, {"left": steady(3.1, 1.0), "right": steady(0.0, 1.0)}, 0.1)
-    with pytest.raises(AssemblyError, match=r"left = .*on the way to where the programs begin"):
+    with pytest.raises(AssemblyError, match=r"left = .*on the way to the start of the motion laws"):
         simulate(mechanism, programs=moves)
 
 
