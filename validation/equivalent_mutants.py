@@ -60,7 +60,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SPEED,
     (
         LOOPS,
-        "def closed(self, qpos: Array, most_steps: int=50) -> tuple[Array, Array | None]:",
+        "def close_with_jacobian(self, qpos: Array, most_steps: int=50) -> tuple[Array, Array | None]:",
         "...",
     ): "Newton's method has converged after ten steps, or never does",
     (
