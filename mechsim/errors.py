@@ -34,10 +34,10 @@ class MobilityError(MechsimError, ValueError):
     """A mechanism whose motion its drivers do not settle, or that has more drivers than freedoms.
 
     Attributes:
-        outcome: "undetermined" or "overdriven".
+        outcome: "underdetermined" or "overdetermined".
     """
 
-    def __init__(self, message: str, outcome: str = "undetermined"):
+    def __init__(self, message: str, outcome: str = "underdetermined"):
         super().__init__(message)
         self.outcome = outcome
 

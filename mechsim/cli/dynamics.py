@@ -167,7 +167,7 @@ def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool, shown: Outp
         if found is not None and found.note:
             typer.echo(found.note)
         print_promise(promise)
-    return (verdict is None or verdict.passed) and (promise is None or promise["met"])
+    return (verdict is None or verdict.passed) and (promise is None or promise["satisfied"])
 
 
 def _steady(machine: Machine, asked: DynamicsOptions) -> tuple[Fluctuation | None, Fluctuation | None]:
@@ -244,7 +244,7 @@ def _free(
         print_free(machine.mechanism.name, run)
         print_judged(verdict)
         print_promise(promise)
-    kept = promise is None or promise["met"]
+    kept = promise is None or promise["satisfied"]
     return run.outcome == "done" and (verdict is None or verdict.passed) and kept
 
 

@@ -49,9 +49,9 @@ def print_promise(told: dict[str, Any] | None) -> None:
     if told is None:
         return
     reason = f": {told['reason']}" if told["reason"] else ""
-    kept = "kept" if told["met"] else "MISSED"
+    result = "satisfied" if told["satisfied"] else "FAILED"
     typer.echo(
-        f"tolerance {told['tolerance']:.3g} {told['of']} {kept} by {told['estimate']:.2g}, "
+        f"tolerance {told['tolerance']:.3g} {told['of']} {result}: error {told['estimate']:.2g}, "
         f"a margin of {told['margin']:.3g}{reason}"
     )
     if told["settings"]:
@@ -89,7 +89,7 @@ def _promise(run: Any, one: Any) -> dict[str, Any]:
     used = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
     return {
         "tolerance": one.tolerance,
-        "met": one.met,
+        "satisfied": one.satisfied,
         "estimate": one.estimate,
         "margin": one.margin,
         "order": one.order,

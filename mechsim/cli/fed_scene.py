@@ -14,7 +14,7 @@ from mechsim.cli.plain_options import plain_settings
 from mechsim.cli.scene_options import CTRL, SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
-from mechsim.model.outcome import PLACE, Outcome
+from mechsim.model.outcome import POSITION_TOLERANCE, Outcome
 from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene, start_error
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.why_broken import why_broken
@@ -47,14 +47,14 @@ def simulate_fed(
         driven,
     )
     settings = plain_settings(asked, timestep, float(scene.model.opt.timestep))
-    bound = PLACE * scene.size if tolerance is None else tolerance
+    bound = POSITION_TOLERANCE * scene.size if tolerance is None else tolerance
     hopeless = bool(_stands_open(scene, bound))
     run, errors, used = finer(scene, settings, bound, fixed=tolerance is None or hopeless, records=samples)
-    outcome: Outcome = "diverged" if run.broken else "met" if errors.closure <= bound else "missed"
+    outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= bound else "failed"
     if place is not None:
         files.write_table(place, table_of(run))
     _tell(scene, run, errors, used, outcome, bound, output, as_json)
-    raise typer.Exit(0 if outcome == "met" else 1)
+    raise typer.Exit(0 if outcome == "passed" else 1)
 
 
 def table_of(run: SceneRun) -> dict[str, Array]:

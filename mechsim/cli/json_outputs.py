@@ -38,23 +38,24 @@ TEXTS, NUMBERS = many(TEXT), many(NUMBER)
 OUTCOME: Schema = {"enum": list(get_args(Outcome))}
 CHECK = record(
     quantity=TEXT,
+    method=TEXT,
     unit=TEXT,
     worst=NUMBER,
     at=NUMBER,
     at_unit={"enum": list(get_args(InstantUnit))},
     rms=NUMBER,
-    bound=NUMBER,
-    why=TEXT,
+    tolerance=NUMBER,
+    reason=TEXT,
     passed=YES,
 )
 SETTINGS = record({"timestep": NUMBER}) | {"additionalProperties": ANY}
 FINDING = record(
-    {"remedy": TEXT, "line": maybe(WHOLE), "file": TEXT, "sure": YES},
+    {"remedy": TEXT, "line": maybe(WHOLE), "file": TEXT, "certain": YES},
     kind=TEXT,
     what=TEXT,
     by=NUMBER,
     explains=NUMBER,
-    say=TEXT,
+    message=TEXT,
 )
 NOISE_TEST = record(squares=NUMBER, degrees=WHOLE, probability=NUMBER, worst=NUMBER, limit=NUMBER, passed=YES)
 NOISE = record(
@@ -96,7 +97,7 @@ PROMISE = record(
     by=TEXT,
     reason=TEXT,
     tolerance=NUMBER,
-    met=YES,
+    satisfied=YES,
     estimate=NUMBER,
     margin=NUMBER,
     steps=WHOLE,
@@ -145,7 +146,7 @@ OUTPUTS: dict[str, Schema] = {
     ),
     "show": record(
         {
-            "outcome": {"enum": ["determined", "undetermined", "overdriven"]},
+            "outcome": {"enum": ["determined", "underdetermined", "overdetermined"]},
             "programs": named(TEXT),
             "duration": NUMBER,
             "crank_range": TEXT,

@@ -168,7 +168,7 @@ def simulate(
         tell_findings(found)
         tell_digits(lost)
         _tell(run, output)
-    raise typer.Exit(0 if run.outcome == "met" else 1)
+    raise typer.Exit(0 if run.outcome == "passed" else 1)
 
 
 def _motion(drive: Form, options: RunOptions) -> CrankProfile:
@@ -241,7 +241,7 @@ def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:
     try:
         arcs = drive.crank_range()
     except MobilityError as error:
-        if error.outcome != "undetermined":
+        if error.outcome != "underdetermined":
             raise
         # how far it can turn no pose says, but a run in time does
         return simulation.constant(speed, turns, drive.mechanism.start)

@@ -183,7 +183,7 @@ def _print_checked(checked: CheckedDesigns | None) -> None:
         f"{checked.worst:.3g} m off"
     )
     for number, why in checked.failed.items():
-        typer.echo(f"MISSED: design {number}: {why}")
+        typer.echo(f"FAILED: design {number}: {why}")
 
 
 def _print(found: "Dataset", title: str) -> None:

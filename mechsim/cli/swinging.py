@@ -25,7 +25,7 @@ def swing_of(form: Form, speed: float) -> CrankProfile | None:
     try:
         arcs = form.crank_range()
     except MobilityError as error:
-        if error.outcome != "undetermined":
+        if error.outcome != "underdetermined":
             raise
         # how far it can turn no pose says, but a run in time does
         return None

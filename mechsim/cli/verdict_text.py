@@ -74,7 +74,7 @@ def method_lines(checks: Sequence[Check], labels: Mapping[str, str]) -> list[str
     """Return a line for each method: how many checks, and the one nearest to its tolerance."""
     groups: dict[str, list[Check]] = {}
     for check in checks:
-        label = labels.get(check.road, check.road)
+        label = labels.get(check.method, check.method)
         groups.setdefault(f"{check.variant}: {label}" if check.variant else label, []).append(check)
     worst = {label: max(group, key=_severity) for label, group in groups.items()}
     names = _aligned([*groups])
@@ -122,8 +122,8 @@ def causes(findings: Sequence[Finding]) -> list[tuple[str, str]]:
     """Return what explains a difference: labels and sentences."""
     named = [finding for finding in findings if finding.kind != "none"]
     if not named:
-        return [("cause", finding.say) for finding in findings]
-    likely = [finding for finding in named if finding.sure]
+        return [("cause", finding.message) for finding in findings]
+    likely = [finding for finding in named if finding.certain]
     if likely:
         return [("likely cause", _explained(finding)) for finding in likely]
     return [("possible cause", _explained(finding)) for finding in named]
@@ -135,14 +135,14 @@ def percentage(checks: Sequence[Check]) -> str:
 
 
 def _explained(finding: Finding) -> str:
-    cause, states_fraction, _ = finding.say.partition(": explains")
+    cause, states_fraction, _ = finding.message.partition(": explains")
     if not states_fraction:
-        return finding.say
+        return finding.message
     return f"{RELATIVE_CHANGE.sub('', cause)}, explains {100.0 * finding.explains:.0f} % of the error"
 
 
 def _name(check: Check) -> str:
-    quantity = check.quantity.removeprefix(f"{check.variant}, ").removeprefix(f"{check.road}: ")
+    quantity = check.quantity.removeprefix(f"{check.variant}, ")
     return "loop closure" if quantity == "loop residual" else quantity
 
 
@@ -150,7 +150,13 @@ def _severity(check: Check) -> float:
     """Return by which fraction of its tolerance a check errs; NaN counts as the largest."""
     if math.isnan(check.worst):
         return math.inf
-    return check.used if check.used is not None else 0.0 if check.passed else math.inf
+    return (
+        check.fraction_of_tolerance
+        if check.fraction_of_tolerance is not None
+        else 0.0
+        if check.passed
+        else math.inf
+    )
 
 
 def _part(check: Check) -> str:
@@ -165,7 +171,7 @@ def _part(check: Check) -> str:
 def _off_by(check: Check) -> str:
     if math.isnan(check.worst):
         return f"not a number at {_instant(check)}"
-    tolerance = readable(check.bound, check.unit)
+    tolerance = readable(check.tolerance, check.unit)
     return f"off by {readable(check.worst, check.unit)} at {_instant(check)}   (tolerance {tolerance})"
 
 

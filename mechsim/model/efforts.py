@@ -212,7 +212,7 @@ class FreeRun:
         motor: torque of the motor on the crank, (n,) in [N m].
         outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time), "cannot
             start" (never left its place, or swung back without a turn), "turned back" (ran, but did not
-            make the turns), "stopped" (friction holds it), "dead centre", "diverged", "missed" (done,
+            make the turns), "stopped" (friction holds it), "dead centre", "diverged", "failed" (done,
             but not within the tolerance asked for).
         reason: one sentence where the outcome is not "done".
     """

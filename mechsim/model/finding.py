@@ -21,24 +21,24 @@ class Finding:
     Attributes:
         kind: one word for it.
         what: the part, parameter or quantity it is of.
-        by: its size, in the unit that `say` names.
+        by: its size, in the unit that `message` names.
         explains: part of a difference that it explains, 0 to 1; 0 where nothing was compared.
-        say: one sentence for people.
+        message: one sentence for people.
         remedy: what mends it; empty where nothing needs to be mended.
         line: of the file it is in; None where it is in none, or in no single line.
         file: the included file that holds the line; empty for the file itself.
-        sure: whether a difference that was compared is gone once this is mended.
+        certain: whether a difference that was compared is gone once this is mended.
     """
 
     kind: str
     what: str
     by: float
     explains: float
-    say: str
+    message: str
     remedy: str = ""
     line: int | None = None
     file: str = ""
-    sure: bool = False
+    certain: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Return the finding as JSON has it."""
@@ -47,7 +47,7 @@ class Finding:
     @property
     def advice(self) -> str:
         """What was found and what mends it."""
-        return self.say + (f"; {self.remedy}" if self.remedy else "")
+        return self.message + (f"; {self.remedy}" if self.remedy else "")
 
     @property
     def told(self) -> str:

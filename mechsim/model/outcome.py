@@ -5,14 +5,14 @@ from typing import Literal
 
 Outcome = Literal[
     # of a comparison, or of a run that was given a tolerance
-    "met",
-    "missed",
+    "passed",
+    "failed",
     "changed assembly",
     "diverged",
     "cannot assemble",
     # of a model whose drivers leave freedoms open, or are more than there are freedoms
-    "undetermined",
-    "overdriven",
+    "underdetermined",
+    "overdetermined",
     # of a run without one: "done" is what was asked for
     "done",
     "time over",
@@ -23,21 +23,21 @@ Outcome = Literal[
 ]
 
 # bound on places where none is asked for, in units of the stroke: a twentieth of what a link 0.1 % long does
-PLACE = 1e-4
+POSITION_TOLERANCE = 1e-4
 
 # from good to bad
-GRAVITY: tuple[Outcome, ...] = (
-    "met",
-    "missed",
+SEVERITY: tuple[Outcome, ...] = (
+    "passed",
+    "failed",
     "changed assembly",
     "diverged",
     "cannot assemble",
-    "undetermined",
-    "overdriven",
+    "underdetermined",
+    "overdetermined",
 )
 
 
-def gravest(outcomes: Iterable[Outcome]) -> int:
+def most_severe(outcomes: Iterable[Outcome]) -> int:
     """Return which of some outcomes of comparisons is the worst, the first of equals."""
-    ranks = [GRAVITY.index(outcome) for outcome in outcomes]
+    ranks = [SEVERITY.index(outcome) for outcome in outcomes]
     return ranks.index(max(ranks))

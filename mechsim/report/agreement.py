@@ -52,7 +52,7 @@ def write_agreement_report(folder: Path, found: Agreement, results: dict[str, An
 
 def worst_first(found: Agreement) -> list[TwoCurves]:
     """Return the curves of all quantities, those that use most of their bounds first."""
-    order = sorted(range(len(found.claims)), key=lambda i: -(found.checks[i].used or 0.0))
+    order = sorted(range(len(found.claims)), key=lambda i: -(found.checks[i].fraction_of_tolerance or 0.0))
     return [_curves(found, i) for i in order]
 
 
@@ -69,7 +69,7 @@ def _curves(found: Agreement, i: int) -> TwoCurves:
         exact=found.exact[i],
         claimed=claim.values,
         parts=claim.named.axes,
-        bound=found.checks[i].bound if noise is None else noise.largest.limit * noise.deviation,
+        bound=found.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
         source=found.source,
         shares={part: apart[part] for part in PARTS if part in apart},
     )
@@ -111,7 +111,7 @@ def explanations(found: Agreement) -> dict[str, Any]:
     if found.measured:
         facts["noise of what was measured"] = [found.noise_report]
     if found.findings:
-        facts["what explains the difference"] = [[one.say] for one in found.findings]
+        facts["what explains the difference"] = [[one.message] for one in found.findings]
     if "says" in found.attribution:
         facts["a run in time"] = [str(found.attribution["run"]), str(found.attribution["says"])]
     return facts

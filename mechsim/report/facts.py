@@ -110,10 +110,12 @@ def _mobility(drive: LoopForm) -> dict[str, Any]:
         lines.append(f"held: {', '.join(mechanism.locked)}")
     if found.undetermined:
         lines.append(
-            f"undetermined: {', '.join(found.undetermined)} can still move; drive, hold or couple them"
+            f"underdetermined: {', '.join(found.undetermined)} can still move; drive, hold or couple them"
         )
     if found.redundant_drivers:
-        lines.append(f"overdriven: {', '.join(found.redundant_drivers)} asked for beside what others settle")
+        lines.append(
+            f"overdetermined: {', '.join(found.redundant_drivers)} asked for beside what others settle"
+        )
     counts = {
         "freedoms": found.dofs,
         "drivers": list(found.drivers),

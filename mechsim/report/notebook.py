@@ -179,7 +179,7 @@ def run_html(run: Shown) -> str:
     rows = [(name, _text(value)) for name, value in said.items() if name != "settings"]
     rows += [(name.replace("_", " "), _text(value)) for name, value in said["settings"].items()]
     picture = figure_svg(plots.motion_plot(run.motion)) if len(run.motion) > 1 else ""
-    colour = GOOD if run.outcome == "met" else BAD
+    colour = GOOD if run.outcome == "passed" else BAD
     return (
         _title(run.outcome, colour) + f"<details><summary>how</summary>{_table((), rows)}</details>{picture}"
     )

@@ -33,8 +33,8 @@ UNUSED = 1e-3
 WIDE = 450.0
 # what a reader should know of each outcome, in a word or two
 OUTCOMES = {
-    "met": "every bound met",
-    "missed": "a bound missed",
+    "passed": "all checks passed",
+    "failed": "a check failed",
     "diverged": "diverged",
     "changed assembly": "changed assembly",
     "cannot assemble": "cannot be assembled",
@@ -134,7 +134,7 @@ def render(
         passed=bool(results["passed"]),
         outcomes=OUTCOMES,
         mechanisms=shown,
-        met=sum(one["passed"] for one in shown),
+        count_passed=sum(one["passed"] for one in shown),
         failures=[one for one in shown if not one["passed"]],
         notes=notes,
         studies=studies,
@@ -219,17 +219,17 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
     result = results["mechanisms"].get(section.name, {})
     seconds = result.get("seconds")
     costs = {"steps": result.get("steps"), "whole case": None if seconds is None else f"{seconds:.3g} s"}
-    used = [check for check in section.checks if check.used is not None]
+    used = [check for check in section.checks if check.fraction_of_tolerance is not None]
     return {
         "section": section,
         "name": section.name,
         "title": section.title or section.name,
         "passed": bool(result.get("passed", False)),
-        "outcome": result.get("outcome", "missed"),
+        "outcome": result.get("outcome", "failed"),
         "reason": result.get("reason", ""),
         "checks": section.checks,
         "tightest": _tightest(section.checks),
-        "met": sum(check.passed for check in section.checks),
+        "checks_passed": sum(check.passed for check in section.checks),
         "nearest": max(used, key=_share) if used else None,
         "seconds": seconds,
         "settings": {**section.settings, **{k: v for k, v in costs.items() if v is not None}},
@@ -243,7 +243,7 @@ def _tightest(checks: Sequence[Check]) -> list[Check]:
     """
     found: dict[tuple[str, ...], Check] = {}
     for check in checks:
-        kind = (check.variant, check.road, check.kind)
+        kind = (check.variant, check.method, check.kind)
         best = found.get(kind)
         if not check.passed:
             found[*kind, check.subject] = check
@@ -254,7 +254,7 @@ def _tightest(checks: Sequence[Check]) -> list[Check]:
 
 
 def _share(check: Check) -> float:
-    return check.used or 0.0
+    return check.fraction_of_tolerance or 0.0
 
 
 def _uri(kind: str, data: bytes) -> str:

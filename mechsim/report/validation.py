@@ -133,7 +133,9 @@ def _plots(case: Case) -> dict[str, bytes]:
 
 
 def _bound(case: Case, road: str) -> float:
-    bounds = (check.bound for check in case.verdict.checks if (check.road, check.kind) == (road, "position"))
+    bounds = (
+        check.tolerance for check in case.verdict.checks if (check.method, check.kind) == (road, "position")
+    )
     return next(bounds, math.nan)
 
 

@@ -12,7 +12,7 @@ from mechsim.maths.convergence import half_extent
 from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
-from mechsim.model.outcome import PLACE, Outcome
+from mechsim.model.outcome import POSITION_TOLERANCE, Outcome
 from mechsim.model.work_size import require_steps
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFFNESS_MESSAGE, limit_or_contact, near_singular
@@ -107,7 +107,7 @@ class DrivenRun:
         elif elsewhere:
             outcome = "changed assembly"
         elif not estimate <= tolerance:
-            outcome = "missed"
+            outcome = "failed"
         return Run(
             motion=motion,
             outcome=outcome,
@@ -289,7 +289,7 @@ def solved_run(
     tolerance = default_tolerance(closed, motion) if tolerance is None else tolerance
     return Run(
         motion=motion,
-        outcome="met" if estimate <= tolerance else "missed",
+        outcome="passed" if estimate <= tolerance else "failed",
         tolerance=tolerance,
         estimate=estimate,
         steps=len(qpos),

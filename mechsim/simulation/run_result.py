@@ -22,7 +22,7 @@ class Run:
 
     Attributes:
         motion: at the recorded instants; its rates and accelerations belong to the same instants.
-        outcome: "met", "missed", "diverged" or "changed assembly".
+        outcome: "passed", "failed", "diverged" or "changed assembly".
         tolerance: bound on the place of any tracked point, in [m]: what was asked for, or a
             ten-thousandth of the stroke.
         estimate: the worst place error by the simulator's own account: distance from the pose solved
@@ -72,7 +72,7 @@ class Driven:
     Attributes:
         motion: at the recorded instants.
         efforts: at the same instants.
-        outcome: "done" or "diverged"; where a tolerance was asked for, "met" or "missed".
+        outcome: "done" or "diverged"; where a tolerance was asked for, "passed" or "failed".
         method: "pose" or "step".
         steps: time steps taken, or poses solved.
         seconds: time spent stepping or solving, the evaluation of the records not counted.

@@ -6,9 +6,9 @@ from mechsim.analytic import closure
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.links import Pose
 from mechsim.model.motion import Motion, taken
-from mechsim.verdict.checks import Verdict, allowances, check_of, checks_of, concluded
+from mechsim.verdict.checks import Verdict, check_of, checks_of, concluded, tolerances_of
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import EPS, Asked, Tolerance
+from mechsim.verdict.tolerances import EPS, Requested, Tolerance
 
 # so near to a change point, in [rad], neither steps nor rates from the loops are looked at
 KEPT_OFF = 0.05
@@ -35,6 +35,6 @@ def against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
     scales = motion_scales(stroke_of(exact), float(np.abs(exact.speed).max()), reach_of(exact))
     for kind in ("velocity", "acceleration"):
         rows = (QUANTITIES[kind],)
-        allowed = allowances(rows, "closed form", scales, Asked())
+        allowed = tolerances_of(rows, "closed form", scales, Requested())
         checks += checks_of(rows, loops, exact, allowed, drive.conditioning(exact))
     return concluded(checks)

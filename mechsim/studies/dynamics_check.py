@@ -36,7 +36,7 @@ def crosscheck_driven(
     return judge_efforts(
         run.efforts,
         study.efforts,
-        road=run.method,
+        method=run.method,
         tolerance=tolerance,
         bounds=bounds,
         conditioning=machine.drive.conditioning(motion),

@@ -16,10 +16,10 @@ from mechsim.model.efforts import Efforts
 from mechsim.model.motion import Motion, PointMotion, taken
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motion_source import simulated
-from mechsim.verdict.checks import Check, Verdict, allowances, check_of, checks_of, concluded, over_roads
+from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
 from mechsim.verdict.instants import instants_of
 from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import Asked, Tolerance
+from mechsim.verdict.tolerances import Requested, Tolerance
 
 KNOWN = tuple(row for row in MOTION if row.name in ("position", "velocity", "acceleration"))
 # of drive efforts, as a part of the largest root mean square; measured 9e-13 at the worst of 33 mechanisms
@@ -54,7 +54,7 @@ def by_reference(form: Form, known: Known, closed: Form | None = None) -> Verdic
     if closed is not None:
         roads["closed form"] = _judged(_solved(closed, known), known, "closed form")
     roads["loop equations"], roads["pose"] = _by_equations(form, known), _by_poses(form, known)
-    return over_roads(roads)
+    return combined(roads)
 
 
 def _solved(form: Form, known: Known) -> Motion:
@@ -120,7 +120,9 @@ def _judged(found: Motion, known: Known, road: str, efforts: Efforts | None = No
     reach = max(reach_of(found), reach_of(exact))
     scales = motion_scales(stroke_of(exact), speed, reach, quickest)
     # places of formulas are rounded as solved poses are
-    allowed = allowances(KNOWN, "pose", scales, Asked()) | allowances(KNOWN, road, scales, Asked())
+    allowed = tolerances_of(KNOWN, "pose", scales, Requested()) | tolerances_of(
+        KNOWN, road, scales, Requested()
+    )
     checks = list(checks_of(KNOWN, found, exact, allowed, found.conditioning))
     if efforts is not None:
         checks += _effort_checks(found, known, efforts)

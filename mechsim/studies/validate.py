@@ -17,7 +17,7 @@ from mechsim.maths.budget import ProcessorBudget
 from mechsim.model.crank_profile import CrankProfile, arc_around, swing
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.outcome import gravest
+from mechsim.model.outcome import most_severe
 from mechsim.simulation import Run, Settings
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.agreement.agreement import Agreement, held
@@ -26,7 +26,7 @@ from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.studies.scenes.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.parametric_models import parametric_model as dimension_family
-from mechsim.verdict.checks import Verdict, check_of, concluded, over_roads
+from mechsim.verdict.checks import Verdict, check_of, combined, concluded
 from mechsim.verdict.instants import RecordInstants
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.quantities import stroke_of
@@ -121,7 +121,7 @@ def case_of(
         tolerance: on positions of stepped runs in [m]; an MJCF file's own settings must satisfy it too. None
             takes 1e-8 of the stroke or the size, and only reports what the file's own settings do.
         budget: processor time in [s] for stepped runs; where they do not converge within it the verdict
-            is "missed", and its reason states the budget and the error that was reached.
+            is "failed", and its reason states the budget and the error that was reached.
         watch: told what is being done, and as a part of the whole 0 until it is done.
 
     Raises:
@@ -143,7 +143,7 @@ def case_of(
 def _with_variant(case: Case, name: str, variant: Case) -> Case:
     """Return a case that holds a variant's checks too, each with the variant's name."""
     own, other = case.verdict, variant.verdict
-    worse = gravest([own.outcome, other.outcome]) == 1
+    worse = most_severe([own.outcome, other.outcome]) == 1
     verdict = Verdict(
         outcome=other.outcome if worse else own.outcome,
         checks=own.checks + tuple(replace(check, variant=name) for check in other.checks),
@@ -178,14 +178,14 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
         try:
             run, verdicts["step"] = _stepped(drive, profile, speed, place, work)
         except BudgetError as error:
-            verdicts["step"] = Verdict("missed", (), str(error))
+            verdicts["step"] = Verdict("failed", (), str(error))
         if isinstance(drive, MjcfForm) and drive.source is not None:
             published = published_run(drive, profile)
             if tolerance is not None:
                 verdicts["as published"] = _of_published(published, place)
     return Case(
         drive=drive,
-        verdict=over_roads(verdicts),
+        verdict=combined(verdicts),
         exact=exact,
         poses=poses,
         run=run,
@@ -212,10 +212,10 @@ def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | N
 def _of_published(published: PublishedRun, place: Tolerance) -> Verdict:
     """Return the verdict on a file's own settings."""
     if not published.run:
-        return Verdict("missed", (), f"not run: {published.note}")
+        return Verdict("failed", (), f"not run: {published.note}")
     if published.note:
         return Verdict("diverged", (), published.note)
-    allowed = replace(place, why=f"{place.why}; the file's own settings: {published.label}")
+    allowed = replace(place, reason=f"{place.reason}; the file's own settings: {published.label}")
     compared = {("loop residual", ""): published.gaps, ("position", "all points"): published.errors}
     return concluded(
         check_of(kind, subject, error, RecordInstants(published.at, published.at_unit), allowed)
@@ -227,7 +227,7 @@ def _stepped(
     drive: Form, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
 ) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
-    place = allowed.bound
+    place = allowed.value
     programmed = drive.programs is not None
     decided = profile if programmed else _decided(drive, profile, speed)
     runs = 0

@@ -67,12 +67,12 @@ def _tell(running: RunningTest, found: Agreement) -> None:
     running.tell("mechsim.against", found.source)
     running.tell("mechsim.outcome", found.outcome)
     if found.checks:
-        worst = max(found.checks, key=lambda check: check.used or 0.0)
-        running.tell("mechsim.worst", worst.quantity)
+        worst = max(found.checks, key=lambda check: check.fraction_of_tolerance or 0.0)
+        running.tell("mechsim.worst", worst.title)
         running.tell("mechsim.worst.value", f"{worst.worst:.6g} {worst.unit}")
-        running.tell("mechsim.worst.bound", f"{worst.bound:.6g} {worst.unit}")
+        running.tell("mechsim.worst.tolerance", f"{worst.tolerance:.6g} {worst.unit}")
     if found.findings:
-        running.tell("mechsim.cause", found.findings[0].say)
+        running.tell("mechsim.cause", found.findings[0].message)
 
 
 def _command(

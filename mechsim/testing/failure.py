@@ -18,7 +18,9 @@ def failure(found: Agreement, command: str, page: Path | None) -> str:
         command: shows it again.
         page: the report; None where none was written.
     """
-    missed = sorted((one for one in found.checks if not one.passed), key=lambda one: -(one.used or 0.0))
+    missed = sorted(
+        (one for one in found.checks if not one.passed), key=lambda one: -(one.fraction_of_tolerance or 0.0)
+    )
     lines = [f"{found.form.name} does not agree with {found.source}"]
     lines += [_missed(check) for check in missed[:FEW]]
     if len(missed) > FEW:
@@ -34,17 +36,17 @@ def failure(found: Agreement, command: str, page: Path | None) -> str:
 
 def cause_of(found: Agreement) -> str:
     """Return what explains a difference, and how surely; empty where nothing does."""
-    sure = [one for one in found.findings if one.sure]
+    sure = [one for one in found.findings if one.certain]
     if sure:
-        return " or ".join(one.say for one in sure)
+        return " or ".join(one.message for one in sure)
     if not found.findings:
         return ""
     best = found.findings[0]
-    return f"perhaps: {best.say} (explains {100.0 * best.explains:.0f} %)"
+    return f"perhaps: {best.message} (explains {100.0 * best.explains:.0f} %)"
 
 
 def _missed(check: Check) -> str:
-    said = f"{check.quantity}: off by {check.worst:.3g} {check.unit}, bound {check.bound:.3g}"
+    said = f"{check.title}: off by {check.worst:.3g} {check.unit}, tolerance {check.tolerance:.3g}"
     return f"  {textwrap.shorten(said, WIDE - 2)}"
 
 

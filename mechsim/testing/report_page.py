@@ -19,7 +19,7 @@ LONGEST = 80
 STYLE = (
     "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:60em;padding:0 1em}"
     "table{border-collapse:collapse}td,th{padding:.2em .8em;text-align:left;border-bottom:1px solid #ccc}"
-    ".missed{color:#a00;font-weight:bold}code{background:#eee;padding:.1em .3em}svg{background:#f7f7f7}"
+    ".failed{color:#a00;font-weight:bold}code{background:#eee;padding:.1em .3em}svg{background:#f7f7f7}"
 )
 
 
@@ -40,26 +40,28 @@ def page(found: Agreement, command: str) -> str:
     """Return the page as HTML that needs nothing beside itself."""
     title = html.escape(f"{found.form.name} against {found.source}: {found.outcome}")
     rows = "".join(
-        f"<tr><td>{html.escape(check.quantity)}</td><td>{check.worst:.3g}</td><td>{check.bound:.3g}</td>"
+        f"<tr><td>{html.escape(check.title)}</td><td>{check.worst:.3g}</td><td>{check.tolerance:.3g}</td>"
         f"<td>{html.escape(check.unit)}</td>"
-        f"<td{'' if check.passed else ' class=missed'}>{'met' if check.passed else 'missed'}</td></tr>"
+        f"<td{'' if check.passed else ' class=failed'}>{'passed' if check.passed else 'failed'}</td></tr>"
         for check in found.checks
     )
     cause = html.escape(cause_of(found) or "No known mistake explains the difference.")
-    causes = "".join(f"<li>{html.escape(one.say)}</li>" for one in found.findings) or "<li>none found</li>"
+    causes = (
+        "".join(f"<li>{html.escape(one.message)}</li>" for one in found.findings) or "<li>none found</li>"
+    )
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
         f"<h1>{title}</h1><p>{cause}</p>"
         f"<p>Again: <code>{html.escape(command)}</code></p>{_curve(found)}"
         f"<h2>What was tried</h2><ul>{causes}</ul>"
-        f"<h2>Every quantity</h2><table><tr><th>quantity<th>worst<th>bound<th>unit<th>verdict</tr>{rows}"
+        f"<h2>Every quantity</h2><table><tr><th>quantity<th>worst<th>tolerance<th>unit<th>result</tr>{rows}"
         "</table></html>\n"
     )
 
 
 def _curve(found: Agreement) -> str:
     """Return the difference of the quantity that is off most, over the instants compared."""
-    used = [check.used or 0.0 for check in found.checks]
+    used = [check.fraction_of_tolerance or 0.0 for check in found.checks]
     if not used or len(used) != len(found.claims):
         return ""
     i = int(np.argmax(used))
@@ -68,7 +70,7 @@ def _curve(found: Agreement) -> str:
     if not 0.0 < top < np.inf:
         return ""
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in _scaled(off / top))
-    label = html.escape(f"difference of {found.checks[i].quantity}, up to {top:.3g} {found.checks[i].unit}")
+    label = html.escape(f"difference of {found.checks[i].title}, up to {top:.3g} {found.checks[i].unit}")
     return (
         f'<figure><svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" role="img" aria-label="{label}">'
         f'<polyline fill="none" stroke="#a00" stroke-width="1.5" points="{points}"/></svg>'

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from mechsim.maths.arrays import Array
-from mechsim.model.outcome import Outcome, gravest
+from mechsim.model.outcome import Outcome, most_severe
 from mechsim.verdict.instants import InstantUnit, RecordInstants, instant_text, instants_of
 from mechsim.verdict.quantities import QUANTITIES, Quantity
-from mechsim.verdict.tolerances import OF, Asked, Bound, Tolerance
+from mechsim.verdict.tolerances import FRACTION_OF, Requested, Tolerance, ToleranceRule
 
-Bounds = Mapping[str, Tolerance]
+Tolerances = Mapping[str, Tolerance]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,64 +23,72 @@ class Check:
     Attributes:
         kind: what was compared, a name of `QUANTITIES` or words of its own.
         subject: point, link or joint; empty for the whole.
-        road: by which road, where a verdict tells of several.
+        method: "pose", "step" or another; empty if the verdict covers one method only.
         variant: of the mechanism, where it tells of several.
-        unit: of worst, rms and bound.
+        unit: of worst, rms and tolerance.
         worst: error where it is the largest part of its bound.
         at: crank angle there in [rad], or time in [s] where motion laws drive, as `at_unit` has it.
         at_unit: "rad", "s", or "row" of a table without times.
         rms: root mean square of the error over the run.
-        bound: largest error allowed there.
-        why: reason for the bound.
+        tolerance: largest error allowed there.
+        reason: for the tolerance.
     """
 
     kind: str
     subject: str = ""
-    road: str = ""
+    method: str = ""
     variant: str = ""
     unit: str
     worst: float
     at: float
     at_unit: InstantUnit = "rad"
     rms: float
-    bound: float
-    why: str
+    tolerance: float
+    reason: str
 
     @property
     def quantity(self) -> str:
-        """What was compared in words: variant, road, quantity and subject."""
+        """The quantity and its subject in words, after the variant if there is one."""
+        return f"{self.variant}, {self._name}" if self.variant else self._name
+
+    @property
+    def title(self) -> str:
+        """Variant, method, quantity and subject in words."""
+        label = ", ".join(filter(None, (self.variant, self.method)))
+        return f"{label}: {self._name}" if self.method else self.quantity
+
+    @property
+    def _name(self) -> str:
         row = QUANTITIES.get(self.kind)
-        said = row.said(self.subject) if row else self.kind
-        by_road = f"{self.road}: {said}" if self.road else said
-        return f"{self.variant}, {by_road}" if self.variant else by_road
+        return row.said(self.subject) if row else self.kind
 
     @property
     def passed(self) -> bool:
         """Whether the worst error is within the bound; NaN is not."""
-        return self.worst <= self.bound
+        return self.worst <= self.tolerance
 
     @property
-    def used(self) -> float | None:
+    def fraction_of_tolerance(self) -> float | None:
         """The part of its bound that the worst error uses; None where that is no number."""
-        return self.worst / self.bound if np.isfinite(self.worst) and self.bound > 0.0 else None
+        return self.worst / self.tolerance if np.isfinite(self.worst) and self.tolerance > 0.0 else None
 
     @property
     def cells(self) -> tuple[str, str, str, str, str, str, str]:
         """The check as a row of `check_table`."""
         at = f"{self.at:g}" if self.at_unit == "row" else f"{self.at:.4f}"
-        numbers = f"{self.worst:.2e}", at, f"{self.bound:.1e}"
-        return self.quantity, *numbers, self.unit, "met" if self.passed else "MISSED", self.why
+        numbers = f"{self.worst:.2e}", at, f"{self.tolerance:.1e}"
+        return self.title, *numbers, self.unit, "PASS" if self.passed else "FAIL", self.reason
 
     def as_dict(self) -> dict[str, Any]:
         """Return the check as plain data."""
-        names = ("quantity", "unit", "worst", "at", "at_unit", "rms", "bound", "why")
+        names = ("quantity", "method", "unit", "worst", "at", "at_unit", "rms", "tolerance", "reason")
         return {name: getattr(self, name) for name in names} | {"passed": self.passed}
 
     def __str__(self) -> str:
         relation = "<=" if self.passed else "> " if self.worst == self.worst else "? "
         return (
-            f"{self.quantity:<34} {self.worst:9.2e} {relation} {self.bound:8.1e} {self.unit:<6} "
-            f"at {self.at:7.4f} {self.at_unit}  ({self.why})"
+            f"{self.title:<34} {self.worst:9.2e} {relation} {self.tolerance:8.1e} {self.unit:<6} "
+            f"at {self.at:7.4f} {self.at_unit}  ({self.reason})"
         )
 
 
@@ -89,9 +97,9 @@ class Verdict:
     """What a comparison came to; print it to see the table.
 
     Attributes:
-        outcome: one of "met", "missed", "diverged", "changed assembly", "cannot assemble".
+        outcome: one of "passed", "failed", "diverged", "changed assembly", "cannot assemble".
         checks: quantity by quantity.
-        reason: one sentence where the outcome is not "met".
+        reason: one sentence where the outcome is not "passed".
     """
 
     outcome: Outcome
@@ -101,7 +109,7 @@ class Verdict:
     @property
     def passed(self) -> bool:
         """Whether every quantity is within its bound."""
-        return self.outcome == "met"
+        return self.outcome == "passed"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the verdict as plain data."""
@@ -127,33 +135,33 @@ def check_table(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[st
     for check in checks:
         quantity, worst, place, *rest = check.cells
         rows.append((quantity, worst, place if len(units) == 1 else f"{place} {check.at_unit}", *rest))
-    return ("quantity", "worst", at, "bound", "unit", "", "why"), rows
+    return ("quantity", "worst", at, "tolerance", "unit", "", "reason"), rows
 
 
-def allowances(
+def tolerances_of(
     rows: Iterable[Quantity],
-    road: str,
+    method: str,
     scales: Mapping[str, float],
-    asked: Asked,
-    given: Bounds | None = None,
+    asked: Requested,
+    given: Tolerances | None = None,
 ) -> dict[str, Tolerance]:
     """Return the tolerances of quantities that have a bound by a road, and in their place those given."""
     found: dict[str, Tolerance] = {}
     for row in rows:
         own = None if given is None else given.get(row.name)
         if own is not None and own.unit == "1" != row.unit:
-            part = Bound(OF + own.why, own.bound)
-            found[row.name] = part.tolerance(row.unit, scales[row.scale], Asked())
+            part = ToleranceRule(FRACTION_OF + own.reason, own.value)
+            found[row.name] = part.tolerance(row.unit, scales[row.scale], Requested())
         elif own is not None:
             found[row.name] = own
-        elif road in row.bounds:
-            bound = row.bounds[road]
+        elif method in row.bounds:
+            bound = row.bounds[method]
             found[row.name] = bound.tolerance(row.unit, scales[bound.scale or row.scale], asked)
     return found
 
 
 def checks_of(
-    rows: Iterable[Quantity], found: Any, exact: Any, allowed: Bounds, conditioning: Array | None = None
+    rows: Iterable[Quantity], found: Any, exact: Any, allowed: Tolerances, conditioning: Array | None = None
 ) -> Iterator[Check]:
     """Compare two records in some quantities: subject by subject, each in all quantities of its kind.
 
@@ -194,9 +202,9 @@ def check_of(
     # NaN counts as the worst there is; where nothing is allowed, any error does
     part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)
     at = int(np.argmax(np.where(np.isnan(part), np.inf, part)))
-    why, wider = tolerance.why, bound[at] > tolerance.bound
+    why, wider = tolerance.reason, bound[at] > tolerance.value
     if wider and conditioning is not None:
-        times = bound[at] / tolerance.bound
+        times = bound[at] / tolerance.value
         why += f"; x {times:.3g} where the loops' conditioning is {conditioning[at]:.2g}"
     return Check(
         kind=kind,
@@ -206,8 +214,8 @@ def check_of(
         at=float(instants.value[at]),
         at_unit=instants.unit,
         rms=float(np.sqrt(np.mean(error**2))),
-        bound=float(bound[at]),
-        why=why,
+        tolerance=float(bound[at]),
+        reason=why,
     )
 
 
@@ -227,26 +235,26 @@ def concluded(
     found = tuple(checks)
     failed = [check for check in found if not check.passed]
     if not failed:
-        return Verdict("met", found)
+        return Verdict("passed", found)
     where = None if elsewhere is None else elsewhere()
     if where is not None:
         return Verdict("changed assembly", found, f"first seen at {instant_text(where, unit)}")
     if not all(check.worst == check.worst for check in found):
         return Verdict("diverged", found, "an error is not a number")
-    names = ", ".join(f"{check.quantity} {_beyond(check)}" for check in failed[:3])
+    names = ", ".join(f"{check.title} {_beyond(check)}" for check in failed[:3])
     more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
-    return Verdict("missed", found, f"beyond the bound: {names}{more}")
+    return Verdict("failed", found, f"beyond the tolerance: {names}{more}")
 
 
-def over_roads(verdicts: Mapping[str, Verdict]) -> Verdict:
+def combined(verdicts: Mapping[str, Verdict]) -> Verdict:
     """Return the verdict over several roads: the gravest outcome and whose it is, and each road's checks."""
-    road, worst = list(verdicts.items())[gravest(verdict.outcome for verdict in verdicts.values())]
-    checks = [replace(check, road=name) for name, one in verdicts.items() for check in one.checks]
+    road, worst = list(verdicts.items())[most_severe(verdict.outcome for verdict in verdicts.values())]
+    checks = [replace(check, method=name) for name, one in verdicts.items() for check in one.checks]
     return Verdict(worst.outcome, tuple(checks), f"{road}: {worst.reason}" if worst.reason else "")
 
 
 def _beyond(check: Check) -> str:
     """Return by how much a check failed, in words."""
-    if check.bound > 0.0:
-        return f"by {check.worst / check.bound:.3g} times"
+    if check.tolerance > 0.0:
+        return f"by {check.worst / check.tolerance:.3g} times"
     return f"by {check.worst:.3g} {check.unit} where none is allowed"

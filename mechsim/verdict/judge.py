@@ -10,9 +10,9 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.given import require
 from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion, Solver
-from mechsim.model.outcome import PLACE
+from mechsim.model.outcome import POSITION_TOLERANCE
 from mechsim.model.programs import Programs
-from mechsim.verdict.checks import Bounds, Verdict, allowances, checks_of, concluded
+from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
 from mechsim.verdict.instants import instants_of
 from mechsim.verdict.other_assembly import elsewhere
 from mechsim.verdict.point_function import PointFunction, differentiated
@@ -28,11 +28,11 @@ from mechsim.verdict.quantities import (
     reach_of,
     stroke_of,
 )
-from mechsim.verdict.tolerances import Asked, Tolerance
+from mechsim.verdict.tolerances import Requested, Tolerance
 
 
 class Judged(Protocol):
-    """A run in MuJoCo: a motion, and the bound on its places in [m] by which it calls itself met."""
+    """A run in MuJoCo: a motion, and the bound on its places in [m] by which it calls itself passed."""
 
     @property
     def motion(self) -> Motion: ...
@@ -46,7 +46,7 @@ def crosscheck(
     analytic: Motion | Solver | PointFunction,
     *,
     tolerance: float | None = None,
-    bounds: Bounds | None = None,
+    bounds: Tolerances | None = None,
     speed: float | None = None,
 ) -> Verdict:
     """Compare a simulated motion with an analytic one, at the crank angles the simulation really had.
@@ -102,9 +102,9 @@ def judge_efforts(
     found: Efforts,
     exact: Efforts,
     *,
-    road: Literal["pose", "step"],
+    method: Literal["pose", "step"],
     tolerance: float | None = None,
-    bounds: Bounds | None = None,
+    bounds: Tolerances | None = None,
     conditioning: Array | None = None,
 ) -> Verdict:
     """Compare the efforts of a prescribed crank with the true ones at the same angles, speeds and instants.
@@ -112,7 +112,7 @@ def judge_efforts(
     Args:
         found: what is judged.
         exact: what it should be.
-        road: how it was found: "pose" or "step".
+        method: how it was found: "pose" or "step".
         tolerance: that a stepped run was asked to keep, as a part; None where it was asked nothing.
         bounds: bounds that replace those of `EFFORTS`, by name; parts of the scale where their unit is "1".
         conditioning: of the loops at each instant, (n,), by which bounds widen; None where it is not known.
@@ -123,14 +123,14 @@ def judge_efforts(
         links do not determine are left out, and so are forces at instants where a joint with dry
         friction stands still, and the torque where the crank does.
     """
-    asked = Asked() if tolerance is None else Asked(tolerance)
-    by = "asked" if tolerance is not None else road
-    allowed = allowances(EFFORTS, by, efforts_scales(exact), asked, bounds)
+    asked = Requested() if tolerance is None else Requested(tolerance)
+    by = "asked" if tolerance is not None else method
+    allowed = tolerances_of(EFFORTS, by, efforts_scales(exact), asked, bounds)
     return concluded(checks_of(EFFORTS, found, exact, allowed, conditioning))
 
 
 def judge_free_run(
-    found: FreeRun, exact: FreeRun, *, tolerance: float | None = None, bounds: Bounds | None = None
+    found: FreeRun, exact: FreeRun, *, tolerance: float | None = None, bounds: Tolerances | None = None
 ) -> Verdict:
     """Compare a free run with the true one from the same start, at the same instants.
 
@@ -149,10 +149,10 @@ def judge_free_run(
         raise InputError("a free run of fewer than two instants says nothing; run it longer")
     if len(exact) < len(found):
         why = f"the reduced equation ends after {exact.time[-1]:.6g} s: {exact.reason}"
-        return Verdict("missed", (), why)
+        return Verdict("failed", (), why)
     turns = float(np.ptp(exact.angle)) / (2.0 * np.pi)
     by = "step" if tolerance is None else "asked"
-    allowed = allowances(FREE, by, free_scales(exact), Asked(tolerance or 0.0, turns=turns), bounds)
+    allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 0.0, turns=turns), bounds)
     return concluded(checks_of(FREE, found, exact, allowed))
 
 
@@ -171,11 +171,11 @@ def _motion_bounds(simulated: Motion, exact: Motion, tolerance: float | None) ->
     quickest = _quickest(exact, reach)
     rows, scales = (*MOTION, *DRIVE, *PROGRAMMED), motion_scales(stroke, fastest, reach, quickest)
     road = "pose" if simulated.source == "pose" and tolerance is None else "step"
-    asked = Asked(PLACE * stroke if tolerance is None else tolerance, of=stroke)
-    allowed = allowances(rows, road, scales, asked)
+    asked = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, of=stroke)
+    allowed = tolerances_of(rows, road, scales, asked)
     if exact.source == "user":
-        rough = allowances(rows, "function", motion_scales(reach, fastest, reach, quickest), Asked())
-        allowed |= {name: most for name, most in rough.items() if most.bound > allowed[name].bound}
+        rough = tolerances_of(rows, "function", motion_scales(reach, fastest, reach, quickest), Requested())
+        allowed |= {name: most for name, most in rough.items() if most.value > allowed[name].value}
     return allowed
 
 

@@ -16,7 +16,7 @@ from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion
 from mechsim.verdict import record_errors as errors
 from mechsim.verdict.record_errors import Error, Subjects, alone, of
-from mechsim.verdict.tolerances import EPS, OF, Bound
+from mechsim.verdict.tolerances import EPS, FRACTION_OF, ToleranceRule
 
 # a drive torque that is a smaller part of the energy of motion counts as none
 IDLE = 1e-3
@@ -49,7 +49,7 @@ class Quantity:
     unit: str
     error: Error
     scale: str
-    bounds: Mapping[str, Bound]
+    bounds: Mapping[str, ToleranceRule]
     over: Subjects = errors.whole
     text: str = ""
     title: str = ""
@@ -66,12 +66,12 @@ class Quantity:
 
 SWING = "x position bound x crank speed{}: the loop's swing"
 # measured 7.3 over random mechanisms, by a Bennett of twists 0.07 and 1.2: validation/robustness/bounds.py
-LEVERS = Bound("position bound over the stroke, for levers a tenth as long", asked=10.0, power=1)
+LEVERS = ToleranceRule("position bound over the stroke, for levers a tenth as long", requested=10.0, power=1)
 
 
-def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "rounding") -> Bound:
+def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "rounding") -> ToleranceRule:
     """Return the bound of a solved pose: so many eps, where so many were measured over random drives."""
-    return Bound(f"{how}: {eps} eps, measured {measured}", eps * EPS, power=power, scale=scale)
+    return ToleranceRule(f"{how}: {eps} eps, measured {measured}", eps * EPS, power=power, scale=scale)
 
 
 FUNCTION = "eighth-order differences of the function given: rounding {}, harmonics up to the tenth"
@@ -85,7 +85,7 @@ MOTION = (
         "stroke",
         {
             "pose": _rounding(512, 100, 1, "reach"),
-            "step": Bound("asked for: {part:.1g} of the stroke of {scale:.4g} m", asked=1.0),
+            "step": ToleranceRule("asked for: {part:.1g} of the stroke of {scale:.4g} m", requested=1.0),
         },
         over=errors.points,
         text="position of {}",
@@ -98,8 +98,8 @@ MOTION = (
         "stroke · crank speed",
         {
             "pose": _rounding(2048, 220, 3, "reach · crank speed", "a linear solve"),
-            "step": Bound(f"{RATE_GAIN:.0f} {SWING.format('')}", asked=RATE_GAIN, power=2),
-            "function": Bound(FUNCTION.format("1e-13"), 1e-10),
+            "step": ToleranceRule(f"{RATE_GAIN:.0f} {SWING.format('')}", requested=RATE_GAIN, power=2),
+            "function": ToleranceRule(FUNCTION.format("1e-13"), 1e-10),
             "closed form": _rounding(1024, 100, 3, "reach · crank speed", "a linear solve"),
         },
         over=errors.points,
@@ -113,10 +113,10 @@ MOTION = (
         "stroke · crank speed²",
         {
             "pose": _rounding(8192, 1000, 5, "reach · crank speed²", "two linear solves"),
-            "step": Bound(
-                f"{ACCELERATION_GAIN:.0f} {SWING.format(' squared')}", asked=ACCELERATION_GAIN, power=4
+            "step": ToleranceRule(
+                f"{ACCELERATION_GAIN:.0f} {SWING.format(' squared')}", requested=ACCELERATION_GAIN, power=4
             ),
-            "function": Bound(FUNCTION.format("1e-11"), 1e-9),
+            "function": ToleranceRule(FUNCTION.format("1e-11"), 1e-9),
             "closed form": _rounding(4096, 160, 5, "reach · crank speed²", "two linear solves"),
         },
         over=errors.points,
@@ -141,7 +141,7 @@ MOTION = (
         "m",
         errors.of_joints("m"),
         "stroke",
-        {"pose": _rounding(128, 8, 1, "reach"), "step": Bound("position bound", asked=1.0)},
+        {"pose": _rounding(128, 8, 1, "reach"), "step": ToleranceRule("position bound", requested=1.0)},
         over=errors.joints,
         text="joint {}",
     ),
@@ -164,7 +164,9 @@ MOTION = (
         "stroke",
         {
             "pose": _rounding(256, 51, 0, "reach"),
-            "step": Bound("an open loop of this size moves a point by about the bound", asked=10.0),
+            "step": ToleranceRule(
+                "an open loop of this size moves a point by about the bound", requested=10.0
+            ),
         },
         text="loop residual",
         title="loop residual",
@@ -178,8 +180,8 @@ DRIVE = (
         of("speed"),
         "crank speed",
         {
-            "pose": Bound(PLACED, PLACED_TO),
-            "step": Bound("flywheel of 1e12 times the links: no reaction changes its speed", 1e-8),
+            "pose": ToleranceRule(PLACED, PLACED_TO),
+            "step": ToleranceRule("flywheel of 1e12 times the links: no reaction changes its speed", 1e-8),
         },
         text="drive: crank speed",
     ),
@@ -189,8 +191,8 @@ DRIVE = (
         errors.drive_angle,
         "rad",
         {
-            "pose": Bound(PLACED, 10.0 * PLACED_TO),
-            "step": Bound("does not enter the errors, which are taken at the angle reached", 1e-7),
+            "pose": ToleranceRule(PLACED, 10.0 * PLACED_TO),
+            "step": ToleranceRule("does not enter the errors, which are taken at the angle reached", 1e-7),
         },
         text="drive: crank angle",
         title="error of the crank angle over time",
@@ -208,7 +210,7 @@ PROGRAMMED = (
         "rad",
         errors.of_joints("rad"),
         "rad",
-        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-3)},
+        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(HELD_FORCE, 1e-3)},
         over=errors.drivers,
         text="drive: {}",
     ),
@@ -217,42 +219,46 @@ PROGRAMMED = (
         "m",
         errors.of_joints("m"),
         "reach",
-        {"pose": Bound(PLACED, 10.0 * PLACED_TO), "step": Bound(HELD_FORCE, 1e-3)},
+        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(HELD_FORCE, 1e-3)},
         over=errors.drivers,
         text="drive: {}",
     ),
 )
 
-SPRINGS = Bound(
-    f"{OF}rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance",
+SPRINGS = ToleranceRule(
+    f"{FRACTION_OF}rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance",
     1e-10,
     power=5,
 )
-ASKED = Bound(f"{OF}asked for", asked=1.0)
-AS_TORQUE = Bound(f"{OF}as the torque; rates of closed loops: measured 1e-9", 1e-8, asked=1.0)
-SHARED = Bound("redundant constraints share what their softness says: 1e-4", 1e-3)
+ASKED = ToleranceRule(f"{FRACTION_OF}asked for", requested=1.0)
+AS_TORQUE = ToleranceRule(
+    f"{FRACTION_OF}as the torque; rates of closed loops: measured 1e-9", 1e-8, requested=1.0
+)
+SHARED = ToleranceRule("redundant constraints share what their softness says: 1e-4", 1e-3)
 TORQUE = {
     "pose": SPRINGS,
-    "step": Bound(f"{OF}error of 1,000 steps a turn, fourth order: measured 6e-8 at the worst", 1e-6),
+    "step": ToleranceRule(
+        f"{FRACTION_OF}error of 1,000 steps a turn, fourth order: measured 6e-8 at the worst", 1e-6
+    ),
     "asked": ASKED,
 }
 REACTION = {
     "pose": SPRINGS,
-    "step": Bound(f"{OF}as the torque, and forces that add up to none in it: 1.5e-7", 1e-5),
+    "step": ToleranceRule(f"{FRACTION_OF}as the torque, and forces that add up to none in it: 1.5e-7", 1e-5),
     "asked": ASKED,
 }
 ENERGY = {
-    "pose": Bound(f"{OF}rounding: measured 1e-14", 1e-12, power=3),
-    "step": Bound(f"{OF}rates of closed loops: measured 1e-9", 1e-8),
+    "pose": ToleranceRule(f"{FRACTION_OF}rounding: measured 1e-14", 1e-12, power=3),
+    "step": ToleranceRule(f"{FRACTION_OF}rates of closed loops: measured 1e-9", 1e-8),
     "asked": AS_TORQUE,
 }
 POWER = {
     "pose": SPRINGS,
-    "step": Bound(f"{OF}rates of loops closed to 1e-8: measured 4e-9", 4e-7),
+    "step": ToleranceRule(f"{FRACTION_OF}rates of loops closed to 1e-8: measured 4e-9", 4e-7),
     "asked": AS_TORQUE,
 }
 RESIDUAL = {
-    "pose": Bound("rounding times the condition of the mass matrix; measured 1e-10", 1e-8),
+    "pose": ToleranceRule("rounding times the condition of the mass matrix; measured 1e-10", 1e-8),
     "step": SHARED,
     "asked": SHARED,
 }
@@ -274,16 +280,16 @@ EFFORTS = (
 )
 
 GROWING = "1e-6 over 10 turns: an energy error that grows evenly shifts the angle by its square"
-FOLLOWS = f"{OF}ten times the angle: speed follows the angle as inertia varies over the turn"
-SUMMED = f"{OF}a hundred times the angle: work is summed over records as far apart as the steps"
-ANGLE = {"step": Bound(GROWING, 1e-6, growth=2), "asked": Bound("asked for", asked=1.0)}
+FOLLOWS = f"{FRACTION_OF}ten times the angle: speed follows the angle as inertia varies over the turn"
+SUMMED = f"{FRACTION_OF}a hundred times the angle: work is summed over records as far apart as the steps"
+ANGLE = {"step": ToleranceRule(GROWING, 1e-6, growth=2), "asked": ToleranceRule("asked for", requested=1.0)}
 SPEED = {
-    "step": Bound(f"{OF}1e-6 over 10 turns, growing evenly", 1e-6, growth=1),
-    "asked": Bound(FOLLOWS, 1e-6, asked=10.0, growth=1),
+    "step": ToleranceRule(f"{FRACTION_OF}1e-6 over 10 turns, growing evenly", 1e-6, growth=1),
+    "asked": ToleranceRule(FOLLOWS, 1e-6, requested=10.0, growth=1),
 }
 BALANCE = {
-    "step": Bound(f"{OF}energy of all the turns; a frictionless run keeps it to 4e-7", 1e-6),
-    "asked": Bound(SUMMED, 1e-6, asked=100.0),
+    "step": ToleranceRule(f"{FRACTION_OF}energy of all the turns; a frictionless run keeps it to 4e-7", 1e-6),
+    "asked": ToleranceRule(SUMMED, 1e-6, requested=100.0),
 }
 
 FREE = (

@@ -14,11 +14,11 @@ from mechsim.maths.arrays import Array
 EPS = 2.0**-52
 # conditioning of the loops from which they count as sound: below it bounds widen. Measured over random
 # drives: validation/robustness/bounds.py
-SOUND = 0.1
+WELL_CONDITIONED = 0.1
 # turns over which errors of a free run are bounded; over more they may grow
 FREE_TURNS = 10.0
 # before the reason of a bound that is a part of something measured
-OF = "{part:.0e} of {scale:.3g} {unit}; "
+FRACTION_OF = "{part:.0e} of {scale:.3g} {unit}; "
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,34 +26,37 @@ class Tolerance:
     """A bound, its unit, and the reason it is what it is.
 
     Attributes:
-        bound: where the loops are sound.
+        value: where the loops are well conditioned.
         unit: of the bound; "1" is a part of a quantity's scale.
-        why: the reason.
+        reason: for the value.
         power: of the loops' conditioning, in units of `SOUND`, by which it widens where that is less.
     """
 
-    bound: float
+    value: float
     unit: str
-    why: str
+    reason: str
     power: int = 0
 
     def widened(self, conditioning: Array | None, count: int) -> Array:
         """Return the bound at each of so many instants of known conditioning, (n,)."""
         if conditioning is None or not self.power:
-            return np.full(count, self.bound)
-        return self.bound * np.maximum(1.0, SOUND / np.maximum(conditioning, EPS)) ** self.power
+            return np.full(count, self.value)
+        return self.value * np.maximum(1.0, WELL_CONDITIONED / np.maximum(conditioning, EPS)) ** self.power
 
 
 # rounding over the conditioning moves a pose, that over it once more its rates: measured 0.5 times this for
 # closed forms of random four-bars at conditioning 1e-8 to 1e-4, mostly 0.3 and up to 70 for loop equations:
 # tests/cli/test_few_digits.py
 RATES = Tolerance(
-    EPS / SOUND**2, "1", "accelerations beside their own size: rounding over conditioning²", power=2
+    EPS / WELL_CONDITIONED**2,
+    "1",
+    "accelerations beside their own size: rounding over conditioning²",
+    power=2,
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Requested:
     """What a run was asked to keep, and how long it was.
 
     Attributes:
@@ -68,28 +71,28 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Bound:
+class ToleranceRule:
     """How a tolerance follows from a quantity's scale and from what was asked.
 
     Attributes:
-        why: the reason; {part}, {scale} and {unit} stand for the bound as a part of the scale, and that.
+        reason: {part}, {scale} and {unit} stand for the bound as a part of the scale, and that.
         fixed: part of the scale that is allowed in any case.
-        asked: times the tolerance asked for that is allowed.
+        requested: multiple of the requested tolerance that is allowed.
         growth: power of the turns, beyond `FREE_TURNS`, by which the fixed part grows.
         power: of the conditioning, as in `Tolerance`.
         scale: what the fixed part is a part of, where that is not the quantity's own.
     """
 
-    why: str
+    reason: str
     fixed: float = 0.0
-    asked: float = 0.0
+    requested: float = 0.0
     growth: int = 0
     power: int = 0
     scale: str = ""
 
-    def tolerance(self, unit: str, scale: float, asked: Asked) -> Tolerance:
+    def tolerance(self, unit: str, scale: float, asked: Requested) -> Tolerance:
         """Return the tolerance of a quantity with a scale in its unit."""
         fixed = self.fixed * max(1.0, abs(asked.turns) / FREE_TURNS) ** self.growth
-        part = max(fixed, self.asked * asked.tolerance / asked.of)
-        bound = max(fixed * scale, self.asked * (asked.tolerance * (scale / asked.of)))
-        return Tolerance(bound, unit, self.why.format(part=part, scale=scale, unit=unit), self.power)
+        part = max(fixed, self.requested * asked.tolerance / asked.of)
+        bound = max(fixed * scale, self.requested * (asked.tolerance * (scale / asked.of)))
+        return Tolerance(bound, unit, self.reason.format(part=part, scale=scale, unit=unit), self.power)

@@ -39,9 +39,9 @@ def five_bar(*gears):
 
 @pytest.mark.parametrize("road", [closure.follow, closure.solve])
 def test_a_five_bar_with_one_driver_is_refused_with_what_is_open(road):
-    with pytest.raises(MobilityError, match=r"undetermined: .* A is left open") as refused:
+    with pytest.raises(MobilityError, match=r"underdetermined: .* A is left open") as refused:
         road(five_bar(), [0.0, 0.1])
-    assert refused.value.outcome == "undetermined"
+    assert refused.value.outcome == "underdetermined"
 
 
 def test_geared_to_its_crank_it_is_determined():

@@ -17,7 +17,7 @@ def test_show_lists_what_is_wrong_with_a_scene(mechsim, file, text, kinds):
     found = json.loads(out)["findings"]
     assert [one["kind"] for one in found] == kinds
     for one in found:
-        assert {"kind", "what", "by", "explains", "say", "remedy", "line", "file"} <= set(one)
+        assert {"kind", "what", "by", "explains", "message", "remedy", "line", "file"} <= set(one)
         assert 0 <= one["explains"] <= 1
 
 
@@ -47,7 +47,7 @@ def test_what_is_wrong_with_a_scene_that_cannot_be_judged_is_told(mechsim, file)
     text = changed(('<connect name="loop"', '<connect name="loop" active="false"'))
     code, out, _ = mechsim("validate", file(text), "--json")
     (case,) = json.loads(out)["mechanisms"].values()
-    assert (code, case["outcome"]) == (2, "undetermined")
+    assert (code, case["outcome"]) == (2, "underdetermined")
     assert "open" in [one["kind"] for one in case["findings"]]
 
 
@@ -79,7 +79,7 @@ def test_a_body_that_floats_beside_a_mechanism_is_no_reason_to_refuse_its_run(
 ):
     code, out, err = mechsim("simulate", file(FLOATS), *DRIVEN, "--method", method, "-o", "run.csv")
     assert (code, err) == (0, "")
-    assert "met: places within" in out
+    assert "passed: places within" in out
     assert (tmp_path / "run.csv").exists()
 
 

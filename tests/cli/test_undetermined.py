@@ -44,7 +44,7 @@ def test_the_remedy_named_is_one_that_the_command_has(words, mechsim, tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
     answer = mechsim(words[0], *DRIVE, *words[1:])
     assert answer.code == 2
-    assert "undetermined" in answer.err
+    assert "underdetermined" in answer.err
     assert "mechsim simulate --method step" in answer.err
     assert "swing" in answer.err
 
@@ -58,6 +58,6 @@ def test_a_run_in_time_and_a_hold_both_settle_it(mechsim, tmp_path):
 def test_a_crank_that_leaves_something_open_runs_in_time_from_where_it_starts(mechsim, tmp_path):
     (tmp_path / "five.toml").write_text(ONE_DRIVER)
     answer = mechsim("simulate", "five.toml", "--method", "step", "--turns", "0.02", "-o", "run.csv")
-    assert (answer.code, answer.out.split(":")[0]) == (0, "met")
+    assert (answer.code, answer.out.split(":")[0]) == (0, "passed")
     assert files.read(str(tmp_path / "run.csv"))["angle"][0] == pytest.approx(2.0, abs=1e-12)
     assert "right is left open" in mechsim("solve", "five.toml", "--angles", "2").err

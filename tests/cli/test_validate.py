@@ -20,7 +20,7 @@ def short(angle):
 
 def judged(text):
     return {
-        name: {check["quantity"].split(":")[0] for check in case["checks"]}
+        name: {check["method"] for check in case["checks"]}
         for name, case in json.loads(text)["mechanisms"].items()
     }
 

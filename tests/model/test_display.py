@@ -26,7 +26,7 @@ def inverse():
     ("record", "lines", "said"),
     [
         (lambda: DRIVE.mechanism, 3, "links=(crank, coupler, rocker)"),
-        (lambda: run(), 3, "outcome='met'"),
+        (lambda: run(), 3, "outcome='passed'"),
         (lambda: run().motion, 5, "angle=<(9,): 0 to 0.6283>"),
         (lambda: run().motion.points["P3"], 3, "position=<(9, 3): "),
         (lambda: inverse(), 4, "efforts=<Efforts>"),

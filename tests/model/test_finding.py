@@ -5,13 +5,19 @@ from mechsim.model.finding import Finding
 
 def test_a_finding_is_told_in_one_line_with_its_line_and_its_remedy():
     found = Finding(
-        kind="gap", what="c1", by=0.002, explains=0.0, say="c1 stands open by 2 mm", remedy="move it", line=7
+        kind="gap",
+        what="c1",
+        by=0.002,
+        explains=0.0,
+        message="c1 stands open by 2 mm",
+        remedy="move it",
+        line=7,
     )
     assert found.told == "line 7: c1 stands open by 2 mm; move it"
-    bare = Finding(kind="open", what="tip", by=1, explains=0.0, say="tip can move")
+    bare = Finding(kind="open", what="tip", by=1, explains=0.0, message="tip can move")
     assert bare.told == "tip can move"
 
 
 def test_a_finding_goes_into_json_with_the_names_that_are_promised():
-    found = Finding(kind="gap", what="c1", by=0.002, explains=0.5, say="open").as_dict()
-    assert {"kind", "what", "by", "explains", "say"} <= set(json.loads(json.dumps(found)))
+    found = Finding(kind="gap", what="c1", by=0.002, explains=0.5, message="open").as_dict()
+    assert {"kind", "what", "by", "explains", "message"} <= set(json.loads(json.dumps(found)))

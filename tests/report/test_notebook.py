@@ -63,9 +63,9 @@ def test_the_example_notebook_runs_and_everything_in_it_shows_itself(monkeypatch
 def test_a_run_shows_its_outcome_its_settings_and_its_motion(run):
     page = page_of(run)
     assert "<svg" in page
-    for word in ("met", "RK4", "steps per turn"):
+    for word in ("passed", "RK4", "steps per turn"):
         assert word in page
-    assert "#a8261a" in page_of(replace(run, outcome="missed"))
+    assert "#a8261a" in page_of(replace(run, outcome="failed"))
 
 
 def test_a_verdict_shows_every_check_and_condemns_in_red(run):
@@ -74,12 +74,12 @@ def test_a_verdict_shows_every_check_and_condemns_in_red(run):
     assert page_of(good).count("<tr") == len(good.checks) + 1
     bad = ms.crosscheck(run.motion, replace(drive, rocker=0.0301))
     assert not bad.passed
-    assert "missed" in page_of(bad)
+    assert "failed" in page_of(bad)
     assert 'style="color:#a8261a"' in page_of(bad)
 
 
 def test_what_a_table_holds_cannot_smuggle_markup():
-    verdict = ms.Verdict("missed", (), "<script>")
+    verdict = ms.Verdict("failed", (), "<script>")
     assert "<script>" not in page_of(verdict)
     assert np.isfinite(len(page_of(verdict)))
 

@@ -46,13 +46,13 @@ def check(worst=3.2e-10, subject="P3", kind="position", road="step"):
     return Check(
         kind=kind,
         subject=subject,
-        road=road,
+        method=road,
         unit="m",
         worst=worst,
         at=1.2,
         rms=1e-10,
-        bound=1e-9,
-        why="a twentieth of what a link 0.1 % long does",
+        tolerance=1e-9,
+        reason="a twentieth of what a link 0.1 % long does",
     )
 
 
@@ -66,7 +66,7 @@ def results(**mechanisms):
 def good():
     return {
         "passed": True,
-        "outcome": "met",
+        "outcome": "passed",
         "checks": [check().as_dict()],
         "steps": 1000,
         "seconds": np.float64(1.25),
@@ -136,10 +136,10 @@ def test_what_was_missed_stands_before_any_mechanism(section, tmp_path):
     page = path.read_text(encoding="utf-8")
     text = Reader(page).text
     first = page.index("<section")
-    assert page.index("Not every bound met") < page.index("What was missed or refused") < first
+    assert page.index("Some checks failed") < page.index("Failed checks and errors") < first
     assert page.index("velocity of P2") < first
     assert page.index("install libegl1") < first
-    assert "not a number m at 68.8°, bound 1.00·10⁻⁹ m" in text
+    assert "not a number m at 68.8°, tolerance 1.00·10⁻⁹ m" in text
     assert "MuJoCo warned" in text
 
 
@@ -147,9 +147,16 @@ def test_a_good_page_says_so_and_shows_bound_and_reason(section, tmp_path):
     text = Reader(
         report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
     ).text
-    for words in ("Every bound met", "1 of 1 mechanisms", "3.20·10⁻¹⁰ m", "0.32", "a link 0.1 % long", "RK4"):
+    for words in (
+        "All checks passed",
+        "1 of 1 mechanisms",
+        "3.20·10⁻¹⁰ m",
+        "0.32",
+        "a link 0.1 % long",
+        "RK4",
+    ):
         assert words in text
-    assert "missed or refused" not in text
+    assert "Failed checks" not in text
 
 
 def test_the_tightest_check_of_each_kind_comes_first_and_all_of_them_after(section, tmp_path):
@@ -226,7 +233,10 @@ def test_studies_left_in_the_folder_become_part_of_the_page(tmp_path):
     drawing = plots.drawn(plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}, unit="m"))
     border = {"axis": "size", "mechanism": "rssr", "inside": 1e-9, "outside": 5e-10}
     trial = {"passed": True}
-    numbers = {"borders": [{**border, "before": "met", "after": "cannot assemble"}], "trials": [trial, trial]}
+    numbers = {
+        "borders": [{**border, "before": "passed", "after": "cannot assemble"}],
+        "trials": [trial, trial],
+    }
     assert studies_in(tmp_path) == []
     (tmp_path / "extremes.svg").write_bytes(drawing)
     (tmp_path / "extremes.json").write_text(json.dumps(numbers), encoding="utf-8")

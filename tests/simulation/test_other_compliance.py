@@ -71,7 +71,7 @@ def test_a_compliance_that_was_asked_for_is_kept_and_the_miss_says_which_would_d
     said = CliRunner().invoke(app, [*words, "--compliance", "1e-8", "--json"])
     assert said.exit_code == 1
     told = json.loads(said.stdout)
-    assert told["outcome"] == "missed"
+    assert told["outcome"] == "failed"
     assert told["settings"]["compliance"] == 1e-8
     better = float(told["note"].partition("and by compliance ")[2].split()[0])
     again = CliRunner().invoke(app, [*words, "--compliance", f"{better:g}"])

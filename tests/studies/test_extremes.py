@@ -52,7 +52,7 @@ def test_a_coupler_a_million_times_lighter_or_heavier_moves_the_same(ratio):
 def test_a_hinge_put_together_the_other_way_round_is_told_by_the_links_though_no_point_differs():
     trial = towards_singular.far_start(catalog.make("rrsrr"), 1.32, seed=2)
     assert trial.error < 1e-9
-    assert trial.outcome == trial.right == "missed"
+    assert trial.outcome == trial.right == "failed"
 
 
 def test_a_massless_rod_is_refused_in_one_line():
@@ -75,13 +75,13 @@ def test_poses_come_to_a_dead_centre_and_are_refused_as_little_beyond(name):
 @pytest.mark.parametrize("name", grid(SWINGING))
 def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
     trial = towards_singular.tangent(catalog.make(name), 1e-10, "pose")
-    assert trial.outcome == trial.right == "met"
+    assert trial.outcome == trial.right == "passed"
 
 
 @pytest.mark.parametrize("which", catalog.make("four_bar").laid_flat)
 def test_beside_a_change_point_it_is_met_and_through_it_true(which):
     drive = catalog.make("four_bar")
-    assert towards_singular.change_point(drive, which, True).outcome == "met"
+    assert towards_singular.change_point(drive, which, True).outcome == "passed"
     assert towards_singular.change_point(drive, which, False).passed
 
 
@@ -91,24 +91,24 @@ def test_a_far_start_is_told_for_what_it_leads_to(value):
 
 
 def test_gears_and_many_turns():
-    assert long_runs.gears(catalog.make("warp_knitter"), 8.0).outcome == "met"
+    assert long_runs.gears(catalog.make("warp_knitter"), 8.0).outcome == "passed"
     drift = long_runs.drift(catalog.make("four_bar"), 200.0)
     assert drift.passed
     assert drift.last == pytest.approx(drift.first, rel=0.05)
 
 
 def test_a_run_that_says_what_is_not_so_fails_the_study():
-    honest = Trial(axis="steps", mechanism="rssr", value=9.0, outcome="missed", right="missed")
+    honest = Trial(axis="steps", mechanism="rssr", value=9.0, outcome="failed", right="failed")
     assert StabilityMap([honest]).passed
-    assert not StabilityMap([replace(honest, outcome="met")]).passed
-    assert not StabilityMap([replace(honest, foretold="met")]).passed
+    assert not StabilityMap([replace(honest, outcome="passed")]).passed
+    assert not StabilityMap([replace(honest, foretold="passed")]).passed
     assert not StabilityMap([], [], [long_runs.Drift("rssr", 1e4, 1e-7, 3e-7)]).passed
     assert not StabilityMap([], [], [long_runs.Drift("rssr", 1e4, 1e-7, np.nan)]).passed
 
 
 def test_bisection_finds_a_border_that_is_known():
     def attempted(value: float) -> Trial:
-        outcome = "met" if value < 300.0 else "missed"
+        outcome = "passed" if value < 300.0 else "failed"
         return Trial(axis="steps", mechanism="rssr", value=value, outcome=outcome, right=outcome)
 
     _, borders = pushed(attempted, [1.0, 1e3, 1e6], 20)

@@ -60,7 +60,7 @@ def test_what_a_joint_alone_does_not_tell_is_named():
     motion = catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
     table = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value + 4.0 * np.pi}
     found = ms.fit("four_bar", table, ["ground", "crank", "coupler", "rocker"])
-    assert found.outcome == "undetermined"
+    assert found.outcome == "underdetermined"
     # all lengths together may be of any size
     assert found.together == (("ground", "crank", "coupler", "rocker"),)
     assert not found.deviations

@@ -57,7 +57,7 @@ def test_a_file_with_soft_loops_is_reported_as_published(tmp_path):
     assert case.published.gap == pytest.approx(plain_gap(path), rel=1e-6)
     assert case.published.gap > 1e-6
     assert "the file's own settings (timestep 1 ms, Euler, Newton, solref 0.02 1)" in (
-        case.published.finding().say
+        case.published.finding().message
     )
 
 
@@ -68,9 +68,9 @@ def test_the_files_own_settings_count_where_a_tolerance_is_given(tmp_path):
     assert wide.passed, wide.verdict
     assert not tight.passed
     assert "as published" in tight.verdict.reason
-    rows = {check.quantity: check for check in tight.verdict.checks if check.road == "as published"}
+    rows = {check.title: check for check in tight.verdict.checks if check.method == "as published"}
     assert rows["as published: loop residual"].worst == pytest.approx(gap)
-    assert "timestep 1 ms" in rows["as published: loop residual"].why
+    assert "timestep 1 ms" in rows["as published: loop residual"].reason
 
 
 def test_a_file_that_diverges_with_its_own_settings_is_reported_and_fails_with_a_tolerance(tmp_path):
@@ -125,8 +125,8 @@ def test_the_default_tolerance_is_of_the_size_where_the_stroke_is_shorter():
     stroke, size = stroke_of(motion), mechanism.size
     assert stroke < 0.01 * size
     found = position_tolerance(motion, mechanism)
-    assert found.bound == pytest.approx(1e-8 * size)
-    assert "of the mechanism's size" in found.why
+    assert found.value == pytest.approx(1e-8 * size)
+    assert "of the mechanism's size" in found.reason
     tiny = form.solve([0.5, 0.5 + 1e-6])
-    assert position_tolerance(tiny, mechanism).bound == pytest.approx(1e-4 * stroke_of(tiny))
-    assert position_tolerance(motion, mechanism, 1e-5).bound == 1e-5
+    assert position_tolerance(tiny, mechanism).value == pytest.approx(1e-4 * stroke_of(tiny))
+    assert position_tolerance(motion, mechanism, 1e-5).value == 1e-5

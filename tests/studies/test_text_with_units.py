@@ -70,7 +70,7 @@ def test_comparisons_take_speeds_and_tolerances_as_text():
         return {"C": form.solve(crank).points["C"].position}
 
     verdict = ms.testing.assert_agrees(form, formula, tolerance="10um", speed="60rpm")
-    assert {check.bound for check in verdict.checks} == {1e-5}
+    assert {check.tolerance for check in verdict.checks} == {1e-5}
     assert ms.validate(form, formula, tolerance="10um", attribute=False).passed
 
 

@@ -12,7 +12,7 @@ FIVE_BAR = load("five_bar")
 def test_drivers_have_lines_of_their_own_on_both_roads():
     case = case_of(FIVE_BAR)
     assert case.passed, case.verdict.reason
-    told = {check.quantity for check in case.verdict.checks if "drive" in check.quantity}
+    told = {check.title for check in case.verdict.checks if "drive" in check.title}
     assert told == {f"{road}: drive: {name}" for road in ("pose", "step") for name in ("left", "right")}
 
 

@@ -42,7 +42,7 @@ def test_a_file_of_the_gallery_bears_its_mechanism_s_name_and_says_where_it_is_f
 def test_a_mechanism_of_the_gallery_meets_every_bound_and_its_law_to_rounding(shown):
     case = case_of(shown, quick=True)
     assert case.passed, case.verdict.reason
-    told = [check for check in case.verdict.checks if check.road == "formula"]
+    told = [check for check in case.verdict.checks if check.method == "formula"]
     assert told
     # far below the bound on a formula of anybody's: two ways to the same place, measured 8 eps apart
     assert all(check.worst <= 512 * EPS * reach_of(case.exact) for check in told)

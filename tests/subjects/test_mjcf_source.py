@@ -162,7 +162,7 @@ def test_what_is_left_open_is_named_once_for_each_freedom(file):
     form = read_mjcf(file(WELDED.replace('<weld body1="c" body2="s"/>', "")))
     with pytest.raises(MobilityError, match=r"x, y, z, u, v and rocker are left open; drive") as refused:
         form.solve([7.0])
-    assert refused.value.outcome == "undetermined"
+    assert refused.value.outcome == "underdetermined"
 
 
 def test_a_base_that_floats_is_named_with_its_remedy(file):
@@ -179,9 +179,9 @@ def test_a_base_that_floats_is_named_with_its_remedy(file):
 
 def test_drivers_that_are_too_many_are_named(file):
     states = {name: steady(at, 0.1) for name, at in (("left", 2.0), ("right", 7.28), ("elbow", -1.3))}
-    with pytest.raises(MobilityError, match=r"overdriven: left, right settle elbow already") as refused:
+    with pytest.raises(MobilityError, match=r"overdetermined: left, right settle elbow already") as refused:
         driven(file(five_bar(0.0)), states)
-    assert refused.value.outcome == "overdriven"
+    assert refused.value.outcome == "overdetermined"
 
 
 def test_a_file_with_six_digits_moves_where_its_axes_are_not_quite_parallel(file):

@@ -16,7 +16,7 @@ from mechsim.verdict.quantities import (
     QUANTITIES,
     RATE_GAIN,
 )
-from mechsim.verdict.tolerances import EPS, SOUND
+from mechsim.verdict.tolerances import EPS, WELL_CONDITIONED
 
 # quantity -> road -> part of the scale, times the tolerance asked for, powers of turns and of conditioning
 PROMISED = {
@@ -150,7 +150,7 @@ STATED = re.compile(r"measured (?P<number>[\d.]+(e-\d+)?)")
 @pytest.mark.parametrize("name", PROMISED)
 def test_bounds_are_what_was_promised(name):
     found = {
-        road: (bound.fixed, bound.asked, bound.growth, bound.power)
+        road: (bound.fixed, bound.requested, bound.growth, bound.power)
         for road, bound in QUANTITIES[name].bounds.items()
     }
     assert found == {road: pytest.approx(row, rel=1e-12, abs=0.0) for road, row in PROMISED[name].items()}
@@ -165,16 +165,16 @@ def test_bounds_lie_above_what_they_say_was_measured_and_at_most_a_hundredfold()
     stated = 0
     for row in QUANTITIES.values():
         for bound in row.bounds.values():
-            said = STATED.search(bound.why)
+            said = STATED.search(bound.reason)
             if said:
-                unit = EPS if " eps" in bound.why else 1.0
+                unit = EPS if " eps" in bound.reason else 1.0
                 stated += 1
                 # of those by rounding all were measured over random drives, and none is far from that
-                low, high = (3.0, 30.0) if " eps" in bound.why else (1.2, 100.01)
-                assert low <= bound.fixed / (float(said["number"]) * unit) <= high, (row.name, bound.why)
+                low, high = (3.0, 30.0) if " eps" in bound.reason else (1.2, 100.01)
+                assert low <= bound.fixed / (float(said["number"]) * unit) <= high, (row.name, bound.reason)
     assert stated >= 10
 
 
 def test_a_torque_that_is_a_thousandth_of_the_energy_counts_as_none_and_rates_grow_by_their_gains():
-    assert (IDLE, RATE_GAIN, ACCELERATION_GAIN, SOUND) == (1e-3, 30.0, 300.0, 0.1)
+    assert (IDLE, RATE_GAIN, ACCELERATION_GAIN, WELL_CONDITIONED) == (1e-3, 30.0, 300.0, 0.1)
     assert np.finfo(np.float64).eps == EPS

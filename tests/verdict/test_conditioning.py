@@ -12,7 +12,7 @@ from mechsim.studies import validate
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import check_of
 from mechsim.verdict.judge import crosscheck
-from mechsim.verdict.tolerances import SOUND, Tolerance
+from mechsim.verdict.tolerances import WELL_CONDITIONED, Tolerance
 
 FIVE_LINK = {
     "crank": 9.91071e-3,
@@ -35,7 +35,7 @@ def near_a_dead_centre(name, part):
 def test_a_sound_mechanism_of_small_transmission_angle_is_met():
     case = case_of(catalog.make("rrsrr", **FIVE_LINK))
     assert case.passed, case.verdict.reason
-    assert any("where the loops' conditioning is" in check.why for check in case.verdict.checks)
+    assert any("where the loops' conditioning is" in check.reason for check in case.verdict.checks)
 
 
 def test_a_sound_mechanism_that_goes_bad_by_the_first_steps_is_stepped_finer(monkeypatch):
@@ -54,7 +54,7 @@ def test_poses_near_a_dead_centre_are_met_by_run_and_verdict(name, part):
     drive, profile = near_a_dead_centre(name, part)
     run = simulate(drive.mechanism, profile=profile, method="pose", samples=72)
     verdict = crosscheck(run, drive)
-    assert run.outcome == verdict.outcome == "met", str(verdict)
+    assert run.outcome == verdict.outcome == "passed", str(verdict)
 
 
 @pytest.mark.parametrize("name", SWINGING)
@@ -69,21 +69,21 @@ def test_a_link_a_thousandth_long_is_refused_near_a_dead_centre_too(name, method
     assert not verdict.passed
     # nor at the instants alone where the loops are worst conditioned
     conditioning = drive.conditioning(drive.solve(run.motion.angle))
-    assert conditioning.min() < SOUND
+    assert conditioning.min() < WELL_CONDITIONED
 
 
 def test_each_instant_is_held_against_its_own_bound():
     tolerance = Tolerance(1.0, "m", "here", power=2)
-    conditioning = SOUND * np.array([2.0, 1.0, 0.1, 0.5])
+    conditioning = WELL_CONDITIONED * np.array([2.0, 1.0, 0.1, 0.5])
     error, angle = np.array([0.9, 0.9, 90.0, 3.9]), np.arange(4.0)
     check = check_of("position", "A", error, angle, tolerance, conditioning)
     assert check.passed
-    assert (check.worst, check.at, check.bound) == (3.9, 3.0, pytest.approx(4.0))
-    assert check.why == "here; x 4 where the loops' conditioning is 0.05"
+    assert (check.worst, check.at, check.tolerance) == (3.9, 3.0, pytest.approx(4.0))
+    assert check.reason == "here; x 4 where the loops' conditioning is 0.05"
     # an error that is allowed where conditioning is poor is not where it is good
     assert not check_of("position", "A", error[[2, 0, 1, 3]], angle, tolerance, conditioning).passed
     flat = check_of("position", "A", error, angle, Tolerance(1.0, "m", "here"), conditioning)
-    assert (flat.worst, flat.bound, flat.why) == (90.0, 1.0, "here")
+    assert (flat.worst, flat.tolerance, flat.reason) == (90.0, 1.0, "here")
 
 
 def test_where_nothing_is_allowed_any_error_is_missed():

@@ -56,9 +56,9 @@ def test_a_right_mechanism_passes_by_either_road(name: str, road: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(turned(name, road), drive, speed=SPEED)
     assert verdict.passed, verdict
-    assert verdict.outcome == "met"
-    assert all(check.worst <= check.bound for check in verdict.checks)
-    assert any("drive" in check.quantity for check in verdict.checks)
+    assert verdict.outcome == "passed"
+    assert all(check.worst <= check.tolerance for check in verdict.checks)
+    assert any("drive" in check.title for check in verdict.checks)
 
 
 @pytest.mark.parametrize("name", DRIVES)
@@ -67,7 +67,7 @@ def test_a_function_is_an_analytic_side(name: str, road: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(turned(name, road), named_as_the_points(drive))
     assert verdict.passed, verdict
-    assert {check.quantity.split()[0] for check in verdict.checks} >= {"position", "velocity", "acceleration"}
+    assert {check.title.split()[0] for check in verdict.checks} >= {"position", "velocity", "acceleration"}
 
 
 @pytest.mark.parametrize("name", DRIVES)
@@ -85,7 +85,7 @@ def test_a_motion_at_other_angles_is_solved_again_at_the_simulated_ones() -> Non
     verdict = crosscheck(motion_of(drive.mechanism, samples=50), exact)
     assert verdict.passed
     # the steady speed of the analytic side is taken as the one wanted
-    assert any(check.quantity == "drive: crank speed" for check in verdict.checks)
+    assert any(check.title == "drive: crank speed" for check in verdict.checks)
 
 
 def test_the_package_itself_is_called_by_the_modules_name() -> None:
@@ -97,7 +97,7 @@ def test_the_package_itself_is_called_by_the_modules_name() -> None:
 # wrong things are refused
 
 
-def refused(verdict: Verdict, outcome: str = "missed") -> None:
+def refused(verdict: Verdict, outcome: str = "failed") -> None:
     assert not verdict.passed
     assert verdict.outcome == outcome, verdict
     assert verdict.reason
@@ -146,7 +146,7 @@ def test_a_crank_turned_the_wrong_way_is_refused_by_its_drive(name: str) -> None
     drive = DRIVES[name]
     verdict = crosscheck(motion_of(drive.mechanism, speed=-SPEED), drive, speed=SPEED)
     refused(verdict)
-    assert {check.quantity for check in verdict.checks if not check.passed} == {
+    assert {check.title for check in verdict.checks if not check.passed} == {
         "drive: crank speed",
         "drive: crank angle",
     }
@@ -218,7 +218,7 @@ def test_a_loose_run_is_missed_by_how_much() -> None:
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=30))
     verdict = crosscheck(motion, drive, tolerance=1e-9)
     refused(verdict)
-    assert "beyond the bound: position of P3 by" in verdict.reason
+    assert "beyond the tolerance: position of P3 by" in verdict.reason
 
 
 def test_velocities_of_another_instant_are_refused() -> None:
@@ -233,7 +233,7 @@ def test_a_crank_a_thousandth_too_fast_is_refused_by_its_drive_only() -> None:
     drive = DRIVES["slider_crank"]
     verdict = crosscheck(motion_of(drive.mechanism, speed=1.001 * SPEED), drive, speed=SPEED)
     refused(verdict)
-    assert all(check.quantity.startswith("drive") for check in verdict.checks if not check.passed)
+    assert all(check.title.startswith("drive") for check in verdict.checks if not check.passed)
 
 
 def test_a_closed_form_that_cannot_stand_where_the_simulation_did_says_so() -> None:
@@ -247,7 +247,7 @@ def test_bounds_given_replace_the_usual_ones() -> None:
     strict = {"acceleration": Tolerance(1e-12, "m/s2", "as asked")}
     verdict = crosscheck(motion, drive, bounds=strict)
     refused(verdict)
-    assert {check.quantity.split()[0] for check in verdict.checks if not check.passed} == {"acceleration"}
+    assert {check.title.split()[0] for check in verdict.checks if not check.passed} == {"acceleration"}
 
 
 # what cannot be compared
@@ -303,7 +303,7 @@ def test_a_verdict_prints_a_line_for_each_quantity_and_reads_as_plain_data() -> 
     drive = DRIVES["four_bar"]
     verdict = crosscheck(turned("four_bar"), drive)
     lines = str(verdict).splitlines()
-    assert lines[0] == "met"
+    assert lines[0] == "passed"
     assert len(lines) == 1 + len(verdict.checks)
-    keys = {"quantity", "unit", "worst", "at", "bound", "why", "passed"}
+    keys = {"quantity", "unit", "worst", "at", "method", "tolerance", "reason", "passed"}
     assert all(set(check.as_dict()) >= keys for check in verdict.checks)

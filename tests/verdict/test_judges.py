@@ -110,5 +110,5 @@ def test_cranks_that_only_swing_are_validated_inside_their_range(name):
 
 def test_variants_of_a_mechanism_are_validated_with_it():
     case = case_of(catalog.make("rssr"))
-    assert any(check.quantity == "guided, step: orientation of coupler" for check in case.verdict.checks)
+    assert any(check.title == "guided, step: orientation of coupler" for check in case.verdict.checks)
     assert case.passed

@@ -47,8 +47,8 @@ def test_drivers_are_held_against_no_programs_where_the_exact_motion_knows_none(
 
 def test_a_driver_behind_its_program_is_missed_by_what_it_lags_and_nothing_else_is():
     verdict = crosscheck(record(lagging(0.05), "step"), FORM)
-    assert [check.quantity for check in verdict.checks if not check.passed] == ["drive: left"]
-    worst = next(check.worst for check in verdict.checks if check.quantity == "drive: left")
+    assert [check.title for check in verdict.checks if not check.passed] == ["drive: left"]
+    worst = next(check.worst for check in verdict.checks if check.title == "drive: left")
     assert worst == pytest.approx(0.3 * 0.05, rel=2e-2)
 
 
@@ -56,7 +56,7 @@ def test_a_driver_behind_its_program_is_missed_by_what_it_lags_and_nothing_else_
 def test_accelerations_are_parts_of_the_quickest_driver_in_radians_or_sizes(form):
     found = record(form, "pose")
     verdict = crosscheck(found, form)
-    bound = next(c for c in verdict.checks if c.kind == "acceleration").bound
+    bound = next(c for c in verdict.checks if c.kind == "acceleration").tolerance
     reach = max(np.abs(one.position).max() for one in (*found.points.values(), *found.links.values()))
     drivers = [found.joints[name] for name in found.drivers]
     quickest = max(np.abs(one.acceleration).max() / (1.0 if one.unit == "rad" else reach) for one in drivers)

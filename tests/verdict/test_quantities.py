@@ -8,7 +8,7 @@ import pytest
 from mechsim import catalog, dynamics
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction
-from mechsim.verdict.checks import Check, allowances, check_of, checks_of, concluded
+from mechsim.verdict.checks import Check, check_of, checks_of, concluded, tolerances_of
 from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
 from mechsim.verdict.quantities import (
     DRIVE,
@@ -23,7 +23,7 @@ from mechsim.verdict.quantities import (
     stroke_of,
 )
 from mechsim.verdict.record_errors import of
-from mechsim.verdict.tolerances import Asked, Bound, Tolerance
+from mechsim.verdict.tolerances import Requested, Tolerance, ToleranceRule
 
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
 GRAVITY = Forces(gravity=(0.3, -9.81, 0.5), friction=(Friction("crank", 1e-3, 1e-2),))
@@ -114,17 +114,17 @@ def test_potential_energy_that_is_rounding_is_measured_by_the_forces():
     exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
     force, size = efforts_scales(exact)["force"], exact.size
     rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * size))
-    assert judge_efforts(rounded, exact, road="pose").passed
+    assert judge_efforts(rounded, exact, method="pose").passed
     wrong = replace(exact, potential=np.full(len(ANGLES), 1e-12 * force * size))
-    assert missed(judge_efforts(wrong, exact, road="pose")) == {"potential energy"}
+    assert missed(judge_efforts(wrong, exact, method="pose")) == {"potential energy"}
 
 
 @pytest.mark.parametrize("road", ["pose", "step"])
 @pytest.mark.parametrize("kind", [row.name for row in EFFORTS])
 def test_each_quantity_of_efforts_is_missed_alone_where_it_alone_is_wrong(kind, road):
-    assert judge_efforts(EXACT, EXACT, road=road).passed
-    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, road=road)) == {kind}
-    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, road=road, tolerance=1e-7)) == {kind}
+    assert judge_efforts(EXACT, EXACT, method=road).passed
+    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, method=road)) == {kind}
+    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, method=road, tolerance=1e-7)) == {kind}
 
 
 @pytest.mark.parametrize(
@@ -158,38 +158,40 @@ def test_bounds_given_replace_those_of_the_table_as_parts_of_the_scale_or_in_the
     size = efforts_scales(EXACT)["torque"]
     for bound, unit in ((2e-3 / size, "1"), (2e-3, "N m")):
         own = {"drive torque": Tolerance(bound, unit, "as asked")}
-        verdict = judge_efforts(off, EXACT, road="pose", bounds=own)
+        verdict = judge_efforts(off, EXACT, method="pose", bounds=own)
         assert verdict.passed
-        assert verdict.checks[0].bound == pytest.approx(2e-3)
-        assert verdict.checks[0].why.endswith("as asked")
+        assert verdict.checks[0].tolerance == pytest.approx(2e-3)
+        assert verdict.checks[0].reason.endswith("as asked")
 
 
 def test_a_number_that_is_none_has_no_part_of_its_bound_and_no_tolerance_allows_it():
     tolerance = Tolerance(1.0, "m", "")
     check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
-    assert check.used is None
+    assert check.fraction_of_tolerance is None
     assert check.at == 0.5
     assert not check.passed
     assert concluded([check]).outcome == "diverged"
 
 
 def test_a_check_says_its_variant_road_quantity_and_subject():
-    numbers = {"unit": "m", "worst": 1.0, "at": 0.0, "rms": 1.0, "bound": 2.0, "why": ""}
+    numbers = {"unit": "m", "worst": 1.0, "at": 0.0, "rms": 1.0, "tolerance": 2.0, "reason": ""}
     check = Check(kind="position", subject="P3", **numbers)
-    assert check.quantity == "position of P3"
-    assert replace(check, road="step").quantity == "step: position of P3"
-    assert replace(check, road="step", variant="guided").quantity == "guided, step: position of P3"
-    assert Check(kind="axes and gears", **numbers).quantity == "axes and gears"
-    assert replace(check, kind="loop", subject="").quantity == "loop residual"
+    assert check.title == "position of P3"
+    assert replace(check, method="step").title == "step: position of P3"
+    assert replace(check, method="step", variant="guided").title == "guided, step: position of P3"
+    assert Check(kind="axes and gears", **numbers).title == "axes and gears"
+    assert replace(check, kind="loop", subject="").title == "loop residual"
 
 
 def test_a_longer_free_run_and_one_asked_for_less_have_wider_bounds():
     row = QUANTITIES["crank angle"]
-    bounds = [row.bounds["step"].tolerance("rad", 1.0, Asked(turns=turns)).bound for turns in (1, 10, 100)]
+    bounds = [
+        row.bounds["step"].tolerance("rad", 1.0, Requested(turns=turns)).value for turns in (1, 10, 100)
+    ]
     assert bounds == pytest.approx([1e-6, 1e-6, 1e-4])
-    place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Asked(1e-6, of=0.3))
-    assert place.bound == 1e-6
-    assert place.why == "asked for: 3e-06 of the stroke of 0.3 m"
+    place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, of=0.3))
+    assert place.value == 1e-6
+    assert place.reason == "asked for: 3e-06 of the stroke of 0.3 m"
 
 
 def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
@@ -198,12 +200,14 @@ def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
     for row in QUANTITIES.values():
         assert row.scale in known
         assert row.bounds
-        assert all(bound.why and (bound.fixed or bound.asked) for bound in row.bounds.values())
+        assert all(bound.reason and (bound.fixed or bound.requested) for bound in row.bounds.values())
 
 
 def test_a_quantity_more_is_one_row():
-    crank = Quantity("crank", "rad/s2", of("acceleration"), "1", {"pose": Bound("none turns up", 1e-12)})
+    crank = Quantity(
+        "crank", "rad/s2", of("acceleration"), "1", {"pose": ToleranceRule("none turns up", 1e-12)}
+    )
     rows = (*EFFORTS, crank)
-    allowed = allowances(rows, "pose", efforts_scales(EXACT), Asked())
+    allowed = tolerances_of(rows, "pose", efforts_scales(EXACT), Requested())
     wrong = replace(EXACT, acceleration=EXACT.acceleration + 1.0)
     assert missed(concluded(checks_of(rows, wrong, EXACT, allowed))) == {"crank"}

@@ -9,7 +9,7 @@ import pytest
 from mechsim.errors import InputError
 from mechsim.model.efforts import Efforts, FreeRun, Reaction
 from mechsim.model.motion import LinkMotion, Motion, PointMotion
-from mechsim.verdict.checks import Verdict, allowances, check_of, concluded, over_roads
+from mechsim.verdict.checks import Verdict, check_of, combined, concluded, tolerances_of
 from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
 from mechsim.verdict.quantities import (
     QUANTITIES,
@@ -20,7 +20,7 @@ from mechsim.verdict.quantities import (
     stroke_of,
 )
 from mechsim.verdict.record_errors import of
-from mechsim.verdict.tolerances import EPS, RATES, SOUND, Asked, Bound, Tolerance
+from mechsim.verdict.tolerances import EPS, RATES, WELL_CONDITIONED, Requested, Tolerance, ToleranceRule
 
 N = 5
 ANGLE = np.linspace(0.2, 3.0, N)
@@ -32,32 +32,32 @@ ONES = np.ones(N)
 
 
 def test_nothing_is_asked_unless_it_is():
-    assert (Asked().tolerance, Asked().of, Asked().turns) == (0.0, 1.0, 0.0)
-    plain = Bound("why", 1e-3)
-    assert (plain.asked, plain.growth, plain.power, plain.scale) == (0.0, 0, 0, "")
+    assert (Requested().tolerance, Requested().of, Requested().turns) == (0.0, 1.0, 0.0)
+    plain = ToleranceRule("why", 1e-3)
+    assert (plain.requested, plain.growth, plain.power, plain.scale) == (0.0, 0, 0, "")
     # without growth more turns change nothing
-    assert plain.tolerance("m", 2.0, Asked(turns=1000.0)).bound == pytest.approx(2e-3)
+    assert plain.tolerance("m", 2.0, Requested(turns=1000.0)).value == pytest.approx(2e-3)
 
 
 @pytest.mark.parametrize("turns", [0.0, 3.0, 10.0, -20.0, 40.0])
 @pytest.mark.parametrize("growth", [0, 1, 2])
 def test_the_fixed_part_grows_by_its_power_beyond_ten_turns_either_way(turns, growth):
-    bound = Bound("", 1e-6, growth=growth).tolerance("rad", 3.0, Asked(turns=turns)).bound
+    bound = ToleranceRule("", 1e-6, growth=growth).tolerance("rad", 3.0, Requested(turns=turns)).value
     assert bound == pytest.approx(3e-6 * max(1.0, abs(turns) / 10.0) ** growth)
 
 
 def test_the_larger_of_what_is_allowed_anyway_and_what_was_asked_counts():
-    bound = Bound("{part:.3g} of {scale:.3g} {unit}", 1e-3, asked=2.0, power=3)
-    strict, loose = (bound.tolerance("m", 0.5, Asked(part, of=4.0)) for part in (1e-6, 0.1))
-    assert strict.bound == pytest.approx(0.5e-3)
-    assert strict.why == "0.001 of 0.5 m"
-    assert loose.bound == pytest.approx(2.0 * 0.1 * 0.5 / 4.0)
-    assert loose.why == "0.05 of 0.5 m"
+    bound = ToleranceRule("{part:.3g} of {scale:.3g} {unit}", 1e-3, requested=2.0, power=3)
+    strict, loose = (bound.tolerance("m", 0.5, Requested(part, of=4.0)) for part in (1e-6, 0.1))
+    assert strict.value == pytest.approx(0.5e-3)
+    assert strict.reason == "0.001 of 0.5 m"
+    assert loose.value == pytest.approx(2.0 * 0.1 * 0.5 / 4.0)
+    assert loose.reason == "0.05 of 0.5 m"
     assert (loose.unit, loose.power) == ("m", 3)
 
 
 def test_bounds_widen_where_loops_are_poorly_conditioned_by_their_power_and_not_elsewhere():
-    conditioning = np.array([10.0, 1.0, 0.5, 0.1]) * SOUND
+    conditioning = np.array([10.0, 1.0, 0.5, 0.1]) * WELL_CONDITIONED
     for power in (0, 1, 3):
         widened = Tolerance(2.0, "m", "", power).widened(conditioning, 4)
         assert widened == pytest.approx([2.0, 2.0, 2.0 * 2.0**power, 2.0 * 10.0**power])
@@ -67,7 +67,7 @@ def test_bounds_widen_where_loops_are_poorly_conditioned_by_their_power_and_not_
 
 
 def test_accelerations_keep_the_digits_that_rounding_over_the_square_of_the_conditioning_leaves():
-    poor = np.array([1e-2, 1e-3, 1e-6]) * SOUND
+    poor = np.array([1e-2, 1e-3, 1e-6]) * WELL_CONDITIONED
     assert RATES.widened(poor, 3) == pytest.approx(EPS / poor**2, rel=1e-12, abs=0.0)
     assert RATES.widened(np.ones(1), 1) == pytest.approx(100.0 * EPS, rel=1e-12, abs=0.0)
 
@@ -76,21 +76,24 @@ def test_accelerations_keep_the_digits_that_rounding_over_the_square_of_the_cond
 
 
 def test_a_check_tells_the_error_that_is_the_largest_part_of_its_bound():
-    error, conditioning = np.array([1.0, 3.0, 2.5, 0.0, 0.5]), np.array([1.0, 0.25, 1.0, 1.0, 1.0]) * SOUND
+    error, conditioning = (
+        np.array([1.0, 3.0, 2.5, 0.0, 0.5]),
+        np.array([1.0, 0.25, 1.0, 1.0, 1.0]) * WELL_CONDITIONED,
+    )
     plain = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1))
-    assert (plain.worst, plain.at, plain.bound, plain.why) == (3.0, ANGLE[1], 2.0, "why")
+    assert (plain.worst, plain.at, plain.tolerance, plain.reason) == (3.0, ANGLE[1], 2.0, "why")
     assert plain.rms == pytest.approx(np.sqrt((1.0 + 9.0 + 6.25 + 0.25) / 5.0))
     assert (plain.unit, plain.kind, plain.subject, plain.passed) == ("m", "position", "P", False)
     wide = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1), conditioning)
-    assert (wide.worst, wide.at, wide.bound, wide.why) == (2.5, ANGLE[2], 2.0, "why")
-    assert wide.used == pytest.approx(1.25)
+    assert (wide.worst, wide.at, wide.tolerance, wide.reason) == (2.5, ANGLE[2], 2.0, "why")
+    assert wide.fraction_of_tolerance == pytest.approx(1.25)
     widened = check_of("position", "P", error[:2], ANGLE[:2], Tolerance(0.5, "m", "why", 1), conditioning[:2])
-    assert (widened.worst, widened.bound) == (1.0, 0.5)
+    assert (widened.worst, widened.tolerance) == (1.0, 0.5)
     narrow = check_of(
         "position", "P", error[1:2], ANGLE[1:2], Tolerance(2.0, "m", "why", 1), conditioning[1:2]
     )
-    assert (narrow.worst, narrow.bound, narrow.passed) == (3.0, 8.0, True)
-    assert narrow.why.startswith("why; x 4 ")
+    assert (narrow.worst, narrow.tolerance, narrow.passed) == (3.0, 8.0, True)
+    assert narrow.reason.startswith("why; x 4 ")
 
 
 def test_where_nothing_is_allowed_any_error_is_beyond_the_bound_and_none_is_within():
@@ -98,22 +101,22 @@ def test_where_nothing_is_allowed_any_error_is_beyond_the_bound_and_none_is_with
     assert check_of("loop", "", np.zeros(N), ANGLE, none).passed
     off = np.array([0.0, 0.0, 1e-300, 0.0, 0.0])
     check = check_of("loop", "", off, ANGLE, none)
-    assert (check.passed, check.at, check.used) == (False, ANGLE[2], None)
+    assert (check.passed, check.at, check.fraction_of_tolerance) == (False, ANGLE[2], None)
     verdict = concluded([check])
-    assert verdict.outcome == "missed"
-    assert verdict.reason == "beyond the bound: loop residual by 1e-300 m where none is allowed"
+    assert verdict.outcome == "failed"
+    assert verdict.reason == "beyond the tolerance: loop residual by 1e-300 m where none is allowed"
 
 
 def test_a_verdict_is_met_or_says_by_how_much_at_most_three_quantities_are_beyond():
     bad = [check_of("loop", "", k * ONES, ANGLE, Tolerance(0.5, "m", "")) for k in (1.0, 2.0, 3.0, 4.0, 5.0)]
     good = check_of("loop", "", 0.1 * ONES, ANGLE, Tolerance(0.5, "m", ""))
-    assert concluded([good]) == Verdict("met", (good,))
-    assert concluded([good], lambda: 1.0).outcome == "met"
+    assert concluded([good]) == Verdict("passed", (good,))
+    assert concluded([good], lambda: 1.0).outcome == "passed"
     names = "loop residual by 2 times, loop residual by 4 times, loop residual by 6 times"
-    assert concluded([*bad[:3], good]).reason == f"beyond the bound: {names}"
-    assert concluded([good, *bad]).reason == f"beyond the bound: {names} and 2 more"
-    assert concluded(bad[:4]).reason == f"beyond the bound: {names} and 1 more"
-    assert concluded(bad, lambda: None).outcome == "missed"
+    assert concluded([*bad[:3], good]).reason == f"beyond the tolerance: {names}"
+    assert concluded([good, *bad]).reason == f"beyond the tolerance: {names} and 2 more"
+    assert concluded(bad[:4]).reason == f"beyond the tolerance: {names} and 1 more"
+    assert concluded(bad, lambda: None).outcome == "failed"
     moved = concluded(bad, lambda: 1.23456)
     assert (moved.outcome, moved.reason) == ("changed assembly", "first seen at crank angle 1.2346 rad")
     odd = check_of("loop", "", np.nan * ONES, ANGLE, Tolerance(0.5, "m", ""))
@@ -132,27 +135,31 @@ def test_a_verdict_prints_its_outcome_its_reason_and_how_each_error_stands_to_it
         "loop residual 1.00e+00 > 5.0e-01 m at 0.2000 rad (why)",
         "loop residual nan ? 5.0e-01 m at 0.2000 rad (why)",
     ]
-    assert (good.used, bad.used, odd.used) == (0.5, 2.0, None)
-    assert str(concluded([good])) == f"met\n  {good}"
-    assert str(concluded([bad])) == f"missed: beyond the bound: loop residual by 2 times\n  {bad}"
+    assert (good.fraction_of_tolerance, bad.fraction_of_tolerance, odd.fraction_of_tolerance) == (
+        0.5,
+        2.0,
+        None,
+    )
+    assert str(concluded([good])) == f"passed\n  {good}"
+    assert str(concluded([bad])) == f"failed: beyond the tolerance: loop residual by 2 times\n  {bad}"
 
 
 def test_bounds_given_are_in_the_quantitys_unit_or_parts_of_its_scale():
     rows = [QUANTITIES[name] for name in ("position", "acceleration", "accelerations under these forces")]
     scales = {**motion_scales(0.5, 2.0, 0.8), "1": 1.0}
     given = {row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)}
-    found = allowances(rows, "pose", scales, Asked(), given)
-    assert found["position"].bound == 0.1
-    assert found["acceleration"].bound == pytest.approx(0.1 * 0.5 * 4.0)
+    found = tolerances_of(rows, "pose", scales, Requested(), given)
+    assert found["position"].value == 0.1
+    assert found["acceleration"].value == pytest.approx(0.1 * 0.5 * 4.0)
     assert found["acceleration"].unit == "m/s2"
-    assert found["accelerations under these forces"].bound == 0.1
-    assert set(allowances(rows, "function", scales, Asked())) == {"acceleration"}
-    assert set(allowances(rows, "function", scales, Asked(), {})) == {"acceleration"}
+    assert found["accelerations under these forces"].value == 0.1
+    assert set(tolerances_of(rows, "function", scales, Requested())) == {"acceleration"}
+    assert set(tolerances_of(rows, "function", scales, Requested(), {})) == {"acceleration"}
 
 
 def test_a_bound_may_be_a_part_of_another_scale_than_the_errors_are():
-    row = replace(QUANTITIES["position"], bounds={"pose": Bound("", 1e-3, scale="reach")})
-    assert allowances([row], "pose", motion_scales(0.5, 2.0, 0.8), Asked())["position"].bound == 0.8e-3
+    row = replace(QUANTITIES["position"], bounds={"pose": ToleranceRule("", 1e-3, scale="reach")})
+    assert tolerances_of([row], "pose", motion_scales(0.5, 2.0, 0.8), Requested())["position"].value == 0.8e-3
 
 
 # scales
@@ -266,16 +273,16 @@ def test_a_stepped_motion_keeps_the_tolerance_asked_for_or_a_ten_thousandth_of_t
         verdict = crosscheck(found, given, tolerance=tolerance)
         assert verdict.passed == passed
         assert verdict.checks[0].worst == pytest.approx(size)
-        assert verdict.checks[0].bound == pytest.approx(bound)
+        assert verdict.checks[0].tolerance == pytest.approx(bound)
 
 
 @pytest.mark.parametrize(("source", "bound"), [("step", 3e-3), ("pose", None)])
 def test_a_stepped_run_is_held_to_the_bound_it_was_run_for_and_a_solved_one_to_rounding(source, bound):
     given = replace(EXACT, source="closed form")
-    run = SimpleNamespace(motion=replace(EXACT, source=source), tolerance=3e-3, outcome="met")
-    places, alone = (crosscheck(one, given).checks[0].bound for one in (run, run.motion))
+    run = SimpleNamespace(motion=replace(EXACT, source=source), tolerance=3e-3, outcome="passed")
+    places, alone = (crosscheck(one, given).checks[0].tolerance for one in (run, run.motion))
     assert places == (alone if bound is None else pytest.approx(bound))
-    assert crosscheck(run, given, tolerance=0.2).checks[0].bound == pytest.approx(0.2)
+    assert crosscheck(run, given, tolerance=0.2).checks[0].tolerance == pytest.approx(0.2)
 
 
 def test_a_solved_pose_is_right_to_rounding_unless_a_tolerance_is_given():
@@ -290,7 +297,7 @@ def test_only_rates_of_a_users_function_are_allowed_the_rounding_of_differences(
     simulated = replace(EXACT, source="step")
     user, closed = (
         {
-            one.kind: one.bound
+            one.kind: one.tolerance
             for one in crosscheck(simulated, replace(EXACT, source=by), tolerance=1e-14).checks
         }
         for by in ("user", "closed form")
@@ -311,17 +318,17 @@ def test_how_near_loops_are_to_singular_is_told_by_the_exact_side_or_what_solves
             return self.exact
 
         def conditioning(self, exact):
-            return 0.25 * SOUND * ONES
+            return 0.25 * WELL_CONDITIONED * ONES
 
-    simulated = replace(EXACT, source="step", conditioning=0.5 * SOUND * ONES)
+    simulated = replace(EXACT, source="step", conditioning=0.5 * WELL_CONDITIONED * ONES)
     power = QUANTITIES["velocity"].bounds["step"].power
 
     def widened(solver):
         check = next(one for one in crosscheck(simulated, solver).checks if one.kind == "velocity")
-        sound = crosscheck(replace(simulated, conditioning=None), Solver(SOUND * ONES)).checks
-        return check.bound / next(one.bound for one in sound if one.kind == "velocity")
+        sound = crosscheck(replace(simulated, conditioning=None), Solver(WELL_CONDITIONED * ONES)).checks
+        return check.tolerance / next(one.tolerance for one in sound if one.kind == "velocity")
 
-    assert widened(Solver(0.125 * SOUND * ONES)) == pytest.approx(8.0**power)
+    assert widened(Solver(0.125 * WELL_CONDITIONED * ONES)) == pytest.approx(8.0**power)
     assert widened(Solver()) == pytest.approx(4.0**power)
     assert widened(Solver(links=False)) == pytest.approx(2.0**power)
 
@@ -384,7 +391,7 @@ def test_efforts_asked_for_a_tolerance_keep_it_and_others_what_their_road_can():
     for road, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
         for part, passed in ((0.99, True), (1.01, False)):
             found = replace(exact, torque=exact.torque + part * bound * np.sqrt(5.0))
-            assert judge_efforts(found, exact, road=road, tolerance=tolerance).passed == passed
+            assert judge_efforts(found, exact, method=road, tolerance=tolerance).passed == passed
 
 
 def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_more():
@@ -412,7 +419,7 @@ def test_of_two_quantities_of_one_record_the_larger_error_is_told_as_a_part_of_i
 
 
 def test_over_several_roads_the_gravest_says_why_and_one_without_a_reason_nothing():
-    fine, bad = Verdict("met", ()), Verdict("missed", (), "beyond the bound")
-    verdict = over_roads({"pose": fine, "step": bad})
-    assert (verdict.outcome, verdict.reason) == ("missed", "step: beyond the bound")
-    assert over_roads({"pose": fine, "step": fine}).reason == ""
+    fine, bad = Verdict("passed", ()), Verdict("failed", (), "beyond the tolerance")
+    verdict = combined({"pose": fine, "step": bad})
+    assert (verdict.outcome, verdict.reason) == ("failed", "step: beyond the tolerance")
+    assert combined({"pose": fine, "step": fine}).reason == ""

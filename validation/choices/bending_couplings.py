@@ -54,7 +54,7 @@ def errors(machine: Machine, steps: int) -> dict[str, float]:
     )
     checks = crosscheck_driven(run, machine).checks
     return {
-        what: max(part * check.worst / check.bound for check in checks if check.kind in kinds)
+        what: max(part * check.worst / check.tolerance for check in checks if check.kind in kinds)
         for what, (kinds, part) in KINDS.items()
     }
 

@@ -119,7 +119,7 @@ def fractions(rows: Sequence[sheet.Row]) -> list[str]:
     error, ratio, cost = (
         np.array([row[key] for row in rows]) for key in ("error/T", "estimate/error", "cost/cheapest")
     )
-    met = sum(row["outcome"] == "met" for row in rows)
+    met = sum(row["outcome"] == "passed" for row in rows)
     return [
         f"runs: {len(rows)}, of which {met} say they met T",
         f"true error within T: {100.0 * (error <= 1.0).mean():.1f} % (asked: 99); "

@@ -45,7 +45,7 @@ def true_error(run: Driven, machine: Machine) -> float:
     """Return the worst error of torque and reactions, relative as `tolerance` is."""
     asked = {"drive torque", "force", "moment", "gear torque"}
     checks = [check for check in crosscheck_driven(run, machine).checks if check.kind in asked]
-    return max(check.worst / _scale(check.why) for check in checks)
+    return max(check.worst / _scale(check.reason) for check in checks)
 
 
 def _scale(why: str) -> float:

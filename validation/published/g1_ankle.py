@@ -70,7 +70,7 @@ def main() -> int:
         found = ms.validate(model, against=ankle)
         print(f"motors by {size:g} rad: {found.why}")
         for check in found.checks:
-            print(f"  formula against exact closure, {check.quantity}: {check.worst:.1e} {check.unit}")
+            print(f"  formula against exact closure, {check.title}: {check.worst:.1e} {check.unit}")
         for one in found.attribution["quantities"].values():
             parts = ", ".join(f"{name} {value:.2e}" for name, value in one["largest"].items())
             total = sum(one[name] for name in ("formula", "softness", "time step", "drive"))

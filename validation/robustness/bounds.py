@@ -66,8 +66,8 @@ def parts(count: int, seed: int = 1) -> Parts:
                 continue
         worst: dict[tuple[str, str], float] = {}
         for check in checks:
-            key = check.road, check.kind
-            worst[key] = max(worst.get(key, 0.0), check.used or 0.0)
+            key = check.method, check.kind
+            worst[key] = max(worst.get(key, 0.0), check.fraction_of_tolerance or 0.0)
         for key, used in worst.items():
             found[key].append((used, drive.name))
     return found
@@ -80,7 +80,7 @@ def _validated(drive: ClosedForm) -> list[Check]:
 def _by_own_error(drive: ClosedForm) -> list[Check]:
     profile = within_range(drive.mechanism, drive.crank_range(), SPEED)
     run = simulate(drive, profile=profile, settings=Settings(steps_per_turn=ROUGH))
-    if run.outcome != "met":
+    if run.outcome != "passed":
         return []
     verdict = crosscheck(run.motion, drive, tolerance=ROUNDED * run.estimate)
     return _on_road(verdict, "step, own error")
@@ -122,7 +122,7 @@ def _free(drive: ClosedForm) -> list[Check]:
 
 
 def _on_road(verdict: Verdict, road: str) -> list[Check]:
-    return [replace(check, road=road) for check in verdict.checks]
+    return [replace(check, method=road) for check in verdict.checks]
 
 
 def main(arguments: list[str]) -> int:

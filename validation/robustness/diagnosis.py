@@ -364,9 +364,9 @@ def one_case(number: int, among: list[Subject]) -> dict:
             "size": size,
             "first": bool(named_right[:1] and named_right[0]),
             "named": any(named_right),
-            "sure_wrong": any(one.sure for one in findings)
-            and not any(right for right, one in zip(named_right, findings, strict=True) if one.sure),
-            "said": [one.say for one in found.findings],
+            "sure_wrong": any(one.certain for one in findings)
+            and not any(right for right, one in zip(named_right, findings, strict=True) if one.certain),
+            "said": [one.message for one in found.findings],
             "quantities": [one.name for one in named],
             "seconds": time.process_time() - begin,
         }

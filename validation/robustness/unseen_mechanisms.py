@@ -171,7 +171,7 @@ def ended(made: Drawn, code: int, said: str, truth: np.ndarray | None, command: 
     machine = made.machine
     points = machine.size * PROBES[None]
     spun = [told(machine, made.pose, way, 0 * way, points)[1] for way in null(machine, made.pose)]
-    if "undetermined" in why and np.abs(spun).max(initial=0.0) > 1e-9 * machine.size:
+    if "underdetermined" in why and np.abs(spun).max(initial=0.0) > 1e-9 * machine.size:
         return "rightful refusal", why
     if (truth is None and command != "trace") or "curve of assemblies never closes" in why:
         return "rightful refusal", why

@@ -22,7 +22,7 @@ from rough_drives import SPEED, close_swing, rough_drive, rough_swing
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.crank_profile import CrankProfile, within_range
-from mechsim.model.outcome import PLACE
+from mechsim.model.outcome import POSITION_TOLERANCE
 from mechsim.simulation import Settings, simulate
 from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck
@@ -93,7 +93,7 @@ def _run(drive: ClosedForm, profile: CrankProfile, method: str, kind: str, found
     except MechsimError as error:
         found.fault(kind, f"refused: {error}; {drive}")
         return
-    if (run.outcome == "met") != verdict.passed:
+    if (run.outcome == "passed") != verdict.passed:
         found.fault(kind, f"run {run.outcome}, verdict {verdict.outcome}: {verdict.reason}; {drive}")
 
 
@@ -114,7 +114,7 @@ def _long(drive: ClosedForm, random: np.random.Generator, found: Found) -> None:
         moved = max(float(gap.max()) for gap in wrong.solve(run.motion.angle).place_errors(exact).values())
     except AssemblyError:
         return
-    place = PLACE * stroke_of(exact)
+    place = POSITION_TOLERANCE * stroke_of(exact)
     for kind, least, tolerance in (("pose", 1e-9 * place, None), ("step", 2.0 * place, place)):
         if moved > least:
             found.tried[f"0.1 % long, {kind}"] += 1

@@ -41,9 +41,13 @@ class Determinacy:
 
     @property
     def outcome(self) -> str:
-        """One of "determined", "undetermined" and "overdriven"."""
+        """One of "determined", "underdetermined" and "overdetermined"."""
         return (
-            "overdriven" if self.redundant_drivers else "undetermined" if self.undetermined else "determined"
+            "overdetermined"
+            if self.redundant_drivers
+            else "underdetermined"
+            if self.undetermined
+            else "determined"
         )
 
 

@@ -44,25 +44,25 @@ def require_no_redundant_drivers(solver: LoopSolver) -> None:
     ]
     if locked:
         raise MobilityError(
-            f"{mechanism.name}: overdriven: {', '.join(locked)} cannot move, for "
+            f"{mechanism.name}: overdetermined: {', '.join(locked)} cannot move, for "
             f"{' and '.join(_nearly_dependent_joints(loops, q))} ask for the same but for less than "
             f"{DIMENSION_TOLERANCE:g} of the size, and lock each other; make one of them "
             "inactive, or its dimensions exact",
-            "overdriven",
+            "overdetermined",
         )
     if redundant and not independent:
         raise MobilityError(
-            f"{mechanism.name}: overdriven: joints and couplings leave {', '.join(redundant)} no freedom; "
-            "leave one of them out, or change a ratio or a dimension by which they disagree",
-            "overdriven",
+            f"{mechanism.name}: overdetermined: joints and couplings leave {', '.join(redundant)} no "
+            "freedom; leave one of them out, or change a ratio or a dimension by which they disagree",
+            "overdetermined",
         )
     if redundant:
         listed = ", ".join(independent) if len(independent) <= LISTED else f"{len(independent)} others"
         determine = f"{listed} settle{'s' if len(independent) == 1 else ''}"
         raise MobilityError(
-            f"{mechanism.name}: overdriven: {determine} {', '.join(redundant)} already; drive or hold no "
+            f"{mechanism.name}: overdetermined: {determine} {', '.join(redundant)} already; drive or hold no "
             f"more joints than {len(independent)}, as in --drive {independent[0]}=PROGRAM",
-            "overdriven",
+            "overdetermined",
         )
 
 

@@ -36,11 +36,11 @@ def require_determined(solver: LoopSolver) -> None:
         listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
         base = ", hold the base (--fix-base)" if floating_joints & {*names} else ""
         raise MobilityError(
-            f"{loops.tree.mechanism.name}: undetermined: with what is driven held, {listed} "
+            f"{loops.tree.mechanism.name}: underdetermined: with what is driven held, {listed} "
             f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "
             f"{'them' if len(names) > 1 else 'it'}{base}, lock what is left open (--lock-others), "
             f"or {STEPPED}",
-            "undetermined",
+            "underdetermined",
         )
 
 

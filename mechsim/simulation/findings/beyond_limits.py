@@ -47,7 +47,8 @@ def _immobile(name: str, limit: float, unit: str, location: FilePlace) -> Findin
         what=name,
         by=0.0,
         explains=0.0,
-        say=f"joint {name} is limited to {limit:g} {unit} alone, and every motion of its loop breaks that",
+        message=f"joint {name} is limited to {limit:g} {unit} alone, "
+        "and every motion of its loop breaks that",
         remedy='give it a range, or limited="false"',
         **location,
     )
@@ -64,7 +65,7 @@ def _outside(
             what=name,
             by=excess,
             explains=0.0,
-            say=f"{label} starts at {value:.6g} {unit}, {excess:.3g} "
+            message=f"{label} starts at {value:.6g} {unit}, {excess:.3g} "
             f"beyond its range, {low:.6g} to {high:.6g}",
             remedy="widen the range, or start from a keyframe within it",
             **location,

@@ -51,7 +51,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
             what=loop.name,
             by=by,
             explains=0.0,
-            say=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
+            message=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
             remedy=f"{remedy}; mechsim tune finds what your tolerance needs",
             **loop.place,
         )
@@ -96,7 +96,7 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
             what=names,
             by=least / constant,
             explains=0.0,
-            say=f"the time constant {constant:g} s of {names} is raised to {least:g} s, two steps: "
+            message=f"the time constant {constant:g} s of {names} is raised to {least:g} s, two steps: "
             f"gaps are {(least / constant) ** 2:.3g} times wider than the file asks for",
             remedy=f"take a step of {constant / MIN_STEPS:g} s, or a time constant of {least:g} s",
             **loops[0].place,
@@ -129,7 +129,7 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
         what=loop.name,
         by=step / stable,
         explains=0.0,
-        say=f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}",
+        message=f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}",
         remedy=f"take a step of {stable:.2g} s, or make the loop {step / stable:.2g} times slower",
         **loop.place,
     )

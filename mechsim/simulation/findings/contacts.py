@@ -41,7 +41,7 @@ def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined
         what=f"{first}, {second}",
         by=depth,
         explains=0.0,
-        say=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
+        message=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
         remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
         **scene.place(list(scene.read.spec.geoms)[geoms[0]]),
     )

@@ -44,7 +44,7 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
         what=loop.name,
         by=by,
         explains=0.0,
-        say=f"{loop.name} stands open where the scene starts: {what} are {by:.3g} {unit} apart",
+        message=f"{loop.name} stands open where the scene starts: {what} are {by:.3g} {unit} apart",
         remedy="MuJoCo snaps it shut in the first steps: move an anchor or start from a closed keyframe",
         **loop.place,
     )
@@ -67,7 +67,7 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
                 what=loop.name,
                 by=len(rows[loop.number]),
                 explains=0.0,
-                say=f"{loop.name} says what {other.name} says: the loop is closed twice over, "
+                message=f"{loop.name} says what {other.name} says: the loop is closed twice over, "
                 f"and its {len(rows[loop.number])} rows add no rank",
                 remedy=f"leave out {loop.name}",
                 **loop.place,
@@ -130,7 +130,7 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
         what=names or "loops",
         by=extra,
         explains=0.0,
-        say=message,
+        message=message,
         remedy="harmless" if zero_rows == extra and flat else remedy,
     )
 

@@ -50,7 +50,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
                 what=name,
                 by=abs(by),
                 explains=0.0,
-                say=f"body {name} {what}",
+                message=f"body {name} {what}",
                 remedy=remedy,
                 **scene.place(part),
             )

@@ -38,7 +38,7 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         what=listed,
         by=count,
         explains=0.0,
-        say=f"{model.nv - rank(jacobian)} freedoms, {count} of them open with {', '.join(locked)} held: "
+        message=f"{model.nv - rank(jacobian)} freedoms, {count} of them open with {', '.join(locked)} held: "
         f"{listed} can still move, and only springs, weight, friction and contacts say how",
         remedy=f"drive, hold or couple them (--drive, --lock{floats})",
     )

@@ -29,7 +29,7 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
             what="lengths",
             by=scene.size,
             explains=0.0,
-            say=f"the linkage is {scene.size:.3g} m large: its lengths look like mm",
+            message=f"the linkage is {scene.size:.3g} m large: its lengths look like mm",
             remedy="MuJoCo takes lengths as they stand and gravity as 9.81: write m",
         )
         return
@@ -45,7 +45,7 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
                 what=name,
                 by=by,
                 explains=0.0,
-                say=f"body {name} is {by:.3g} m from its parent, others {middle:.2g} m: it looks like mm",
+                message=f"body {name} is {by:.3g} m from its parent, others {middle:.2g} m: it looks like mm",
                 remedy="write m",
                 **scene.place(bodies[name]),
             )
@@ -70,7 +70,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             what=names,
             by=max(widths[j] for j in wide),
             explains=0.0,
-            say=f"{names} of a loop may turn from {low:g} to {high:g} rad: that looks like degrees",
+            message=f"{names} of a loop may turn from {low:g} to {high:g} rad: that looks like degrees",
             remedy='write rad, or angle="degree" for the whole file',
             **scene.place(joints[str(model.joint(wide[0]).name)]),
         )
@@ -82,7 +82,8 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             what="angles",
             by=widths[j],
             explains=0.0,
-            say=f"no hinge may turn by more than {np.rad2deg(widths[j]):.3g} deg: the ranges look like rad",
+            message=f"no hinge may turn by more than {np.rad2deg(widths[j]):.3g} deg: "
+            "the ranges look like rad",
             remedy='angles are degrees unless the file says <compiler angle="radian"/>',
             **scene.place(joints[str(model.joint(j).name)]),
         )

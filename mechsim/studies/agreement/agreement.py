@@ -44,9 +44,9 @@ class Agreement:
     Attributes:
         form: the model.
         source: what was held against it.
-        outcome: met or missed.
+        outcome: passed or failed.
         checks: quantity by quantity.
-        findings: what explains the difference, the likeliest first; empty where all is met.
+        findings: what explains the difference, the likeliest first; empty if every check passes.
         attribution: parts of the distance between a run in time and the claim; empty where none was run.
         comparand: the instants compared.
         claims: what was said there.
@@ -69,7 +69,7 @@ class Agreement:
     @property
     def passed(self) -> bool:
         """Whether every quantity is within its bound."""
-        return self.outcome == "met"
+        return self.outcome == "passed"
 
     @property
     def measured(self) -> list[tuple[str, Noise]]:
@@ -89,7 +89,9 @@ class Agreement:
         if self.passed:
             agrees = f"{self.source} agrees with {self.form.name} in {len(self.checks)} quantities"
             return "; ".join([agrees, *noise])
-        said = [one.say for one in self.findings if one.sure] or [one.say for one in self.findings[:1]]
+        said = [one.message for one in self.findings if one.certain] or [
+            one.message for one in self.findings[:1]
+        ]
         return "; ".join([self.reason, *noise, *said])
 
     @property

@@ -105,7 +105,7 @@ def weights(claim: Claim, comparand: Comparand, tolerance: Tolerance) -> Array:
     """
     if claim.uncertainty is None:
         return tolerance.widened(comparand.conditioning, len(comparand))[:, None]
-    return np.maximum(claim.uncertainty, tolerance.bound)
+    return np.maximum(claim.uncertainty, tolerance.value)
 
 
 def measured(claims: Sequence[Claim]) -> int:
@@ -130,7 +130,7 @@ def noise_in(claim: Claim, error: Array, phase: Array, tolerance: Tolerance, qua
         error[:, known],
         claim.uncertainty[:, known],
         phase,
-        allowed=tolerance.bound,
+        allowed=tolerance.value,
         quantities=quantities,
     )
 
@@ -151,7 +151,7 @@ def check(
     if bare.size:
         size = np.sqrt((bare**2).sum(1))
         hard = check_of(kind, subject, size, comparand.instants, tolerance, comparand.conditioning)
-        if hard.used is None or hard.used > noise.decisive.used:
+        if hard.fraction_of_tolerance is None or hard.fraction_of_tolerance > noise.decisive.used:
             return hard
     return Check(
         kind=kind,
@@ -161,8 +161,8 @@ def check(
         at=float(comparand.instants.value[noise.row]),
         at_unit=comparand.instants.unit,
         rms=float(np.sqrt(np.mean(error**2))),
-        bound=noise.decisive.limit * noise.deviation,
-        why=noise.reason,
+        tolerance=noise.decisive.limit * noise.deviation,
+        reason=noise.reason,
     )
 
 

@@ -104,8 +104,8 @@ def _finding(one: Fitted, alike: int, sure: bool, noisy: bool) -> Finding:
         what=hypothesis.what,
         by=hypothesis.by(one.sizes),
         explains=float(one.explains),
-        say=said,
-        sure=sure,
+        message=said,
+        certain=sure,
     )
 
 
@@ -114,4 +114,4 @@ def _percent(part: float) -> str:
 
 
 def _none(said: str) -> Finding:
-    return Finding(kind="none", what="", by=0.0, explains=0.0, say=said)
+    return Finding(kind="none", what="", by=0.0, explains=0.0, message=said)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 # outcome -> where it is drawn (None: at its error), mark and colour
 MARKS: dict[str, tuple[float | None, str, str]] = {
-    "met": (None, "o", "#1b7f5c"),
-    "missed": (None, "s", "#c77700"),
+    "passed": (None, "o", "#1b7f5c"),
+    "failed": (None, "s", "#c77700"),
     "changed assembly": (None, "D", "#8e44ad"),
     "diverged": (1e2, "x", "#b00020"),
     "cannot assemble": (1e3, "^", "#5b6470"),

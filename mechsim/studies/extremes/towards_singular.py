@@ -33,7 +33,7 @@ def dead_centre(drive: ClosedForm, value: float, method: str, beyond: bool) -> T
         settings=Settings(steps_per_turn=2000),
         note="" if beyond else f"by {method}",
         reachable=not beyond,
-        foretold="cannot assemble" if beyond else "met" if method == "pose" else None,
+        foretold="cannot assemble" if beyond else "passed" if method == "pose" else None,
     )
 
 
@@ -51,7 +51,7 @@ def tangent(drive: ClosedForm, value: float, method: str) -> Trial:
         method=method,
         note=f"by {method}",
         reachable=True,
-        foretold="met" if method == "pose" and value >= 1e-10 else None,
+        foretold="passed" if method == "pose" and value >= 1e-10 else None,
     )
 
 
@@ -75,7 +75,7 @@ def change_point(drive: ClosedForm, which: str, swing_only: bool) -> Trial:
         profile=profile,
         speed=None if profile else SPEED,
         note=which,
-        foretold="met" if swing_only else None,
+        foretold="passed" if swing_only else None,
     )
     return replace(made, mechanism=which)
 
@@ -94,7 +94,7 @@ def far_start(drive: ClosedForm, value: float, seed: int) -> Trial:
         value=value,
         outcome="cannot assemble",
         right="cannot assemble",
-        foretold="met" if value <= 0.01 else None,
+        foretold="passed" if value <= 0.01 else None,
     )
     return _assembled(made, drive, mechanism.with_guess(thrown, mechanism.start))
 
@@ -117,7 +117,7 @@ def _assembled(made: Trial, drive: ClosedForm, mechanism: Mechanism) -> Trial:
         for name, link in own.links.items()
         if name in begun.links and name not in own.spinning
     )
-    right = "changed assembly" if apart > 1e-9 else "missed" if turned else "met"
+    right = "changed assembly" if apart > 1e-9 else "failed" if turned else "passed"
     return replace(made, outcome=judged.outcome, right=right, error=apart)
 
 

@@ -107,15 +107,15 @@ def attempt(
     try:
         run = simulate(source, **how)
     except MechsimError:
-        return replace(made, right=foretold or ("met" if reachable else "cannot assemble"))
+        return replace(made, right=foretold or ("passed" if reachable else "cannot assemble"))
     right, error = _truth(drive, run)
     return replace(made, outcome=_said(run, drive), right=right, error=error)
 
 
 def _said(run: Run, drive: ClosedForm) -> Outcome:
     """Return the simulator's own verdict for the bound of this study."""
-    if run.outcome == "met" and not run.estimate <= PLACE * drive.mechanism.size:
-        return "missed"
+    if run.outcome == "passed" and not run.estimate <= PLACE * drive.mechanism.size:
+        return "failed"
     return run.outcome
 
 
@@ -127,15 +127,15 @@ def _truth(drive: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
     try:
         exact = drive.positions(run.motion.angle)
     except MechsimError:
-        return "missed", None
+        return "failed", None
     gaps = [np.sqrt(((run.motion.points[n].position - p) ** 2).sum(1)).max() for n, p in exact.items()]
     error = float(max(gaps)) / size
     if not np.isfinite(error):
         return "diverged", None
     if error <= PLACE:
-        return "met", error
+        return "passed", error
     judged = crosscheck(run.motion, drive, tolerance=PLACE * size).outcome
-    return ("changed assembly" if judged == "changed assembly" else "missed"), error
+    return ("changed assembly" if judged == "changed assembly" else "failed"), error
 
 
 def pushed(attempted: Attempt, values: Sequence[float], halvings: int) -> tuple[list[Trial], list[Border]]:

@@ -22,7 +22,7 @@ PART = 0.1
 # mechanisms tried at the most, and the relative change at which a fit has come to rest
 MOST, REST = 100, 1e-10
 
-FitOutcome = Literal["fitted", "undetermined", "not converged"]
+FitOutcome = Literal["fitted", "underdetermined", "not converged"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Fit:
 
     Attributes:
         moved: the mechanism with them, moved as it was measured.
-        outcome: "undetermined" where what was measured does not tell some dimensions apart.
+        outcome: "underdetermined" where what was measured does not tell some dimensions apart.
         start: dimension -> value from which it began, in SI.
         values: dimension -> value found.
         units: dimension -> its SI unit.
@@ -266,7 +266,7 @@ class _Problem:
         deviations = {
             name: float(np.sqrt(covariance[i, i])) for i, name in enumerate(self.names) if name not in lost
         }
-        outcome: FitOutcome = "undetermined" if together else "fitted" if rested else "not converged"
+        outcome: FitOutcome = "underdetermined" if together else "fitted" if rested else "not converged"
         own = {name: value for name, value in values.items() if name != self.moved.offset}
         angles = self.moved.angles + values.get(self.moved.offset, 0.0)
         return Fit(

@@ -92,7 +92,7 @@ class PublishedRun:
         """Return what the run comes to as a finding."""
         if not self.run:
             message = f"the file's own settings ({self.label}) are not judged: {self.note}"
-            return Finding(kind="published", what=self.path, by=0.0, explains=0.0, say=message)
+            return Finding(kind="published", what=self.path, by=0.0, explains=0.0, message=message)
         if self.note:
             message, remedy = f"with the file's own settings ({self.label}) {self.note}", ""
         else:
@@ -102,7 +102,7 @@ class PublishedRun:
             )
             remedy = "`mechsim tune` finds settings for a tolerance; --tolerance LENGTH makes this count"
         return Finding(
-            kind="published", what=self.path, by=self.gap, explains=0.0, say=message, remedy=remedy
+            kind="published", what=self.path, by=self.gap, explains=0.0, message=message, remedy=remedy
         )
 
 

@@ -92,7 +92,7 @@ def sweep(
         options: what else `load` takes.
 
     Returns:
-        Measures over the parameters, with units, and for each design `outcome`, "met" where it was built,
+        Measures over the parameters, with units, and for each design `outcome`, "passed" where it was built,
         "swings" where it was and its crank does not turn fully, and `reason`. Of a crank that swings measures
         are over its reachable range; rates and forces over the middle 0.9 of it.
 

@@ -24,12 +24,12 @@ from mechsim.studies.sweep.subject import SweptSubject
 
 # outcomes of designs, stored by index
 OUTCOMES = (
-    "met",
+    "passed",
     "cannot assemble",
     "diverged",
-    "undetermined",
-    "overdriven",
-    "missed",
+    "underdetermined",
+    "overdetermined",
+    "failed",
     "changed assembly",
     "swings",
 )

@@ -84,7 +84,7 @@ def test_the_cause_of_a_difference_is_named_with_its_size(name):
     first = found.findings[0]
     assert not found.passed
     assert (first.kind, first.what) == (kind, what), found.why
-    assert first.sure
+    assert first.certain
     assert first.explains > 0.999
     assert by is None or first.by == pytest.approx(by, rel=1e-3)
 
@@ -98,8 +98,8 @@ def test_a_right_formula_is_not_accused():
 def test_what_nothing_explains_is_said_to_be_so():
     found = said(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
     assert not found.passed
-    assert not any(one.sure for one in found.findings)
-    assert "none of the causes" in found.findings[-1].say
+    assert not any(one.certain for one in found.findings)
+    assert "none of the causes" in found.findings[-1].message
 
 
 def test_a_difference_hardly_beyond_its_bound_is_not_explained():
@@ -128,7 +128,7 @@ def test_a_program_out_of_phase_is_named():
         return lambda drivers, t: {"P": other.solve(t=t).points["P"].position}
 
     first = said(claimed(late), form).findings[0]
-    assert (first.kind, first.what, first.sure) == ("phase", "left", True)
+    assert (first.kind, first.what, first.certain) == ("phase", "left", True)
     assert first.by == pytest.approx(0.01, rel=1e-3)
 
 
@@ -150,7 +150,7 @@ def test_a_gear_that_turns_the_other_way_or_is_turned_over_is_named(model, slip)
     cause = said(function, model).findings[0]
     assert (cause.kind, cause.explains) == ("gear", pytest.approx(1.0))
     assert cause.by == pytest.approx((slip - ratio) / abs(ratio))
-    assert f"is {slip:g} instead of {ratio:g}" in cause.say
+    assert f"is {slip:g} instead of {ratio:g}" in cause.message
 
 
 def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
@@ -163,7 +163,7 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
     found = said(lambda angle: {"B": ms.closure.solve(other, angle).points["B"].position}, mechanism)
     assert found.findings[0].kind == "dimension"
     assert found.findings[0].what.startswith(f"{joint.name}.")
-    assert found.findings[0].sure
+    assert found.findings[0].certain
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     claim = Claim(named, replace(comparand, machine=other).exact(named))
     found = agreement(comparand, [claim], "the test", None, parametric_model(form))
     assert found.findings[0].kind == kind, found.why
-    assert found.findings[0].sure
+    assert found.findings[0].certain
 
 
 def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_path):

@@ -57,7 +57,7 @@ def test_a_rod_a_tenth_of_a_millimetre_short_fails_with_its_cause(tmp_path):
     assert not found.passed
     assert [check.passed for check in found.checks] == [True, False]
     assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "rod")
-    assert found.findings[0].sure
+    assert found.findings[0].certain
     assert found.findings[0].by == pytest.approx(-5e-4, rel=0.05)
     assert "not noise alone" in found.why
 

@@ -19,7 +19,7 @@ def test_measures_of_designs_stepped_together_are_those_of_each_by_itself(monkey
     together = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **ASKED)
     monkeypatch.setattr(SweepTask, "like", None)
     alone = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **ASKED)
-    assert together["outcome"].values.tolist() == ["met", "met"]
+    assert together["outcome"].values.tolist() == ["passed", "passed"]
     for name in measures:
         # accelerations are those of soft constraints, which magnify rounding
         tolerance = 1e-9 if ".a" in name else 1e-12
@@ -56,7 +56,7 @@ def test_what_decides_by_forces_is_stepped_by_itself():
 def test_outcomes_of_stepped_designs():
     designs = {"crank": [0.02, 0.045, 0.08, -1.0]}
     found = ms.sweep("four_bar", designs, "range:rocker", settings=Settings(steps_per_turn=8), speed=40.0)
-    assert found["outcome"].values.tolist() == ["missed", "missed", "diverged", "cannot assemble"]
+    assert found["outcome"].values.tolist() == ["failed", "failed", "diverged", "cannot assemble"]
     assert "of the solved poses (bound" in str(found["reason"].values[0])
     assert np.isfinite(found["range:rocker"].values[:2]).all()
     assert np.isnan(found["range:rocker"].values[2:]).all()

@@ -71,7 +71,7 @@ def test_designs_that_swing_are_built_together_over_their_reachable_range(model,
 def test_designs_that_swing_agree_with_mujoco_and_with_each_by_itself(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
     found = run_sweep(task)
-    assert found["outcome"].values.tolist() == ["swings", "met"]
+    assert found["outcome"].values.tolist() == ["swings", "passed"]
     checked = check_table(task, found, 2)
     assert checked.passed == checked.count == 2, checked.failed
     broken = found.copy(deep=True)
@@ -96,5 +96,5 @@ def test_what_closes_nowhere_is_no_swing():
 def test_a_swing_is_stepped_too():
     settings = ms.Settings(steps_per_turn=1000)
     found = ms.sweep("four_bar", {"rocker": [0.034, 0.046]}, "range:rocker", settings=settings, speed=3.0)
-    assert found["outcome"].values.tolist() == ["swings", "met"]
+    assert found["outcome"].values.tolist() == ["swings", "passed"]
     assert 0.8 * extent(0.034) < float(found["range:rocker"][0]) < extent(0.034)

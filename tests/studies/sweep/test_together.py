@@ -59,7 +59,7 @@ def test_a_link_that_spins_is_followed_with_what_it_belongs_to(monkeypatch):
 
 def test_what_does_not_turn_fully_swings():
     found = measured(swept_task("looper", {"crank": [0.05, 0.006]}, "max:C.x", samples=24), 0, 2)
-    assert [OUTCOMES[i] for i in found.outcome] == ["swings", "met"]
+    assert [OUTCOMES[i] for i in found.outcome] == ["swings", "passed"]
     # a further root of one sign is numbered by all it does over the turn, which no start tells
     assert not swept_task(
         "looper", {"crank": [0.006]}, "max:C.x", set={"side": "2"}
