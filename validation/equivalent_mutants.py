@@ -196,8 +196,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "where nothing is allowed at any instant, any of the errors may be the one that is told",
     (
         JUDGE,
-        "allowed = allowances(FREE, by, free_scales(exact), Asked(tolerance or 0.0, turns=turns), bounds)",
-        "allowed = allowances(FREE, by, free_scales(exact), Asked(tolerance or 1.0, turns=turns), bounds)",
+        "allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 0.0, turns=turns), bounds)",
+        "allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 1.0, turns=turns), bounds)",
     ): "bounds of a run that was asked for nothing have no part of what was asked",
     **{
         (

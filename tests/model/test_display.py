@@ -33,7 +33,7 @@ def inverse():
         (lambda: inverse().efforts, 6, "reactions={crank, P2, P3"),
         (lambda: inverse().efforts.reactions["P2"], 3, "link='coupler', by='crank'"),
         (lambda: trace(DRIVE, starts=0), 8, "branch_points=()"),
-        (lambda: crosscheck(run().motion, DRIVE), 11, "met\n  position of P2 "),
+        (lambda: crosscheck(run().motion, DRIVE), 11, "passed\n  position of P2 "),
     ],
     ids=["mechanism", "run", "motion", "point", "inverse", "efforts", "reaction", "trace", "verdict"],
 )

@@ -291,7 +291,7 @@ def facts_alone(task: SweepTask, solver: Form) -> dict[str, float]:
 def measured_alone(
     task: SweepTask, solver: Form, facts: Mapping[str, float]
 ) -> tuple[dict[str, float], str, str]:
-    """Return the measures of one design, its outcome, and the reason if it is not "met".
+    """Return the measures of one design, its outcome, and the reason if it is not "passed".
 
     Raises:
         AssemblyError: if it cannot be assembled along the whole motion.
@@ -300,15 +300,15 @@ def measured_alone(
     if not len(angles):
         if not solver.crank_range().arcs:
             raise closes_nowhere(solver.name)
-        return {measure.name: facts[measure.kind] for measure in task.measures}, "met", ""
+        return {measure.name: facts[measure.kind] for measure in task.measures}, "passed", ""
     arc = swing_arc(solver)
     if task.settings is not None:
         values, outcome, reason = stepped_alone(task, solver)
-        if arc is not None and outcome == "met":
+        if arc is not None and outcome == "passed":
             outcome, reason = "swings", swings_between(*arc)
         return values, outcome, reason
     if arc is None:
-        return _solved_alone(task, solver, facts, task.turn), "met", ""
+        return _solved_alone(task, solver, facts, task.turn), "passed", ""
     values = _solved_alone(task, solver, facts, task.within(*arc))
     return values, "swings", swings_between(*arc)
 

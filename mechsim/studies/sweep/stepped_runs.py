@@ -62,7 +62,7 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, re
     valid = stepped.whole & verdict.kept
     _measure(task, stepped, np.flatnonzero(valid), numbers, result)
     for i in np.flatnonzero(valid & ~(verdict.estimate <= verdict.tolerance)):
-        result.reject(numbers[[i]], "missed", too_far(verdict.estimate[i], verdict.tolerance[i]))
+        result.reject(numbers[[i]], "failed", too_far(verdict.estimate[i], verdict.tolerance[i]))
     failed = np.flatnonzero(~valid)
     separations = parted(stepped, failed) if len(failed) else np.zeros(0)
     separated = np.isfinite(separations)
@@ -94,7 +94,7 @@ def _detail(task: SweepTask) -> Told:
 
 
 def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str, str]:
-    """Step one design; return its measures, its outcome, and the reason if it is not "met".
+    """Step one design; return its measures, its outcome, and the reason if it is not "passed".
 
     Raises:
         AssemblyError: if it cannot be assembled along the whole motion.
@@ -128,7 +128,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
     values = {
         name: float(value[0]) for name, value in table_of(task.measures, turns, task.angle_index).items()
     }
-    return values, run.outcome, "" if run.outcome == "met" else too_far(run.estimate, run.tolerance)
+    return values, run.outcome, "" if run.outcome == "passed" else too_far(run.estimate, run.tolerance)
 
 
 def with_closed_start(solver: Form) -> Form:

@@ -125,10 +125,10 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
     if count == 0:
         raise MobilityError(
             f"{mechanism.name} has no degree of freedom, so there is no curve to trace; add one",
-            "overdriven",
+            "overdetermined",
         )
     raise MobilityError(
         f"{mechanism.name}: {count} degrees of freedom are undetermined, and a curve has one; "
         f"lock or couple {count - 1} of them",
-        "undetermined",
+        "underdetermined",
     )
