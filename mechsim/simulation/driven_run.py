@@ -92,9 +92,9 @@ class DrivenRun:
         return int(np.ceil(least * self.cycle / self.profile.turns - 1e-9))
 
     def stepped(self, settings: Settings, tolerance: float | None = None) -> Run:
-        """Return the motion stepped in time, and its outcome by a tolerance in [m]; None is `PLACE`."""
+        """Return the motion stepped in time, and its outcome by a tolerance in [m]; None is the default."""
         steps, motion = self._stepped(settings)
-        outcome: Outcome = "met"
+        outcome: Outcome = "passed"
         broken, estimate, elsewhere = self._failure(steps, motion), np.inf, False
         if not broken:
             states = steps.states.qpos
@@ -249,7 +249,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
 def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
     """Return the bound on the places of a motion's points where none is asked for, in [m]."""
     extent = half_extent(motion.points[name].position for name in closed.driven_points)
-    return max(PLACE * extent, CLOSED * closed.loops.characteristic_length)
+    return max(POSITION_TOLERANCE * extent, CLOSED * closed.loops.characteristic_length)
 
 
 def solved_run(
@@ -259,7 +259,7 @@ def solved_run(
     tolerance: float | None = None,
     watch: Progress = no_progress,
 ) -> Run:
-    """Return a crank motion with every pose solved by itself; a tolerance of None is `PLACE`.
+    """Return a crank motion with every pose solved by itself; a tolerance of None is `POSITION_TOLERANCE`.
 
     Raises:
         AssemblyError: where the crank cannot make all of it.

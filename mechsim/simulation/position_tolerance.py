@@ -51,7 +51,7 @@ def run_within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
     run, promise = _run_to_tolerance(drive, settings, tolerance, first, spent)
     run = (
         _with_report(run, promise)
-        if run.outcome != "missed"
+        if run.outcome != "failed"
         else _with_affordable_compliance(drive, settings, run, promise)
     )
     return replace(run, note="; ".join(one for one in (run.note, _lag_note(drive, run)) if one))
@@ -60,7 +60,7 @@ def run_within(drive: DrivenRun, settings: Settings, tolerance: float) -> Run:
 def _lag_note(drive: DrivenRun, run: Run) -> str:
     """Return a note about the lag of the drivers behind their motion laws; empty within tolerance."""
     time = run.motion.time
-    if drive.closed.loops.drivers is None or time is None or run.outcome != "met":
+    if drive.closed.loops.drivers is None or time is None or run.outcome != "passed":
         return ""
     far = lag_distance(drive.closed, run.motion, drive.profile.state(time)[0])
     if far <= run.tolerance:
@@ -108,7 +108,7 @@ def _with_other_compliance(drive: DrivenRun, settings: Settings, run: Run, promi
         f"{settings.compliance_used:.2g} leaves places off by {known:.2g} m"
     )
     settings, spent = replace(settings, compliance=compliance), spent + run.steps
-    if tried[-1].outcome == "met":
+    if tried[-1].outcome == "passed":
         kept = replace(promise, estimates={"place": left}, trials=spent - run.steps, reason="")
         return _with_report(tried[-1], kept, how)
     return _with_report(*_run_to_tolerance(drive, settings, tolerance, steps, spent), how)
@@ -127,7 +127,7 @@ def _run_to_tolerance(
 
     def attempt(steps: int) -> Attempt[Run]:
         run = drive.stepped(_with_steps(drive, settings, steps), tolerance)
-        final = run.outcome not in ("met", "missed", "diverged")
+        final = run.outcome not in ("passed", "failed", "diverged")
         return Attempt(
             run=run,
             steps=run.steps,

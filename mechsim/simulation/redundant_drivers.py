@@ -36,4 +36,4 @@ def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: floa
         others = "the other drivers are" if len(loops.drivers.names) > 1 else "all else is"
         said = f"the loops do not let {', '.join(locked)} move while {others} held"
         remedy = "take away a driver, a coupling, a hold or a joint"
-    return MobilityError(f"{loops.name}: overdriven: {said}; {remedy}", "overdriven")
+    return MobilityError(f"{loops.name}: overdetermined: {said}; {remedy}", "overdetermined")

@@ -72,10 +72,10 @@ def require_determined(closed: ClosedModel, found: ResidualMobility) -> None:
     """
     if found.undetermined:
         raise MobilityError(
-            f"{closed.loops.name}: undetermined: with the {_drivers(closed)} held "
+            f"{closed.loops.name}: underdetermined: with the {_drivers(closed)} held "
             f"{', '.join(found.undetermined)} can still move; "
             f"drive, hold or couple them, or {STEPPED}",
-            "undetermined",
+            "underdetermined",
         )
 
 

@@ -69,7 +69,7 @@ def prescribed(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
 
     run = driven(machine.mechanism, machine.forces, speed=speed, turns=TURNS, tolerance=part)
     assert run.tolerance_report is not None
-    least = fewest(keeps) if run.outcome == "met" else None
+    least = fewest(keeps) if run.outcome == "passed" else None
     return _row("prescribed", drive, speed, part, run, true_error(run, machine), least, TURNS)
 
 

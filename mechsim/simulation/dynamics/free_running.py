@@ -137,7 +137,7 @@ def free_run(
         stepping, promise = within(plan.let_run, tolerance, TURN / plan.fastest / plan.longest)
         found = _recorded(plan, stepping)
         if found.free.outcome == "done" and not promise.satisfied:
-            found = replace(found, free=replace(found.free, outcome="missed", reason=promise.reason))
+            found = replace(found, free=replace(found.free, outcome="failed", reason=promise.reason))
         return replace(found, tolerance_report=promise)
     if timestep is None:
         return _recorded(plan, plan.let_run(settings.steps_per_turn))

@@ -150,7 +150,7 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     if tolerance is None:
         return run
     promise = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
-    return replace(run, outcome="met" if promise.satisfied else "missed", tolerance_report=promise)
+    return replace(run, outcome="passed" if promise.satisfied else "failed", tolerance_report=promise)
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Progress) -> Driven:

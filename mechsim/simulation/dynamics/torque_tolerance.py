@@ -78,8 +78,8 @@ def within(
         tried=TRIALS[1],
         multiple=EVEN,
     )
-    missed = "diverged" if run.outcome == "diverged" else "missed"
-    return replace(run, outcome="met" if promise.satisfied else missed, tolerance_report=promise)
+    missed = "diverged" if run.outcome == "diverged" else "failed"
+    return replace(run, outcome="passed" if promise.satisfied else missed, tolerance_report=promise)
 
 
 def _why(steps: int, estimate: float) -> str:

@@ -7,7 +7,6 @@ import numpy as np
 
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.outcome import POSITION_TOLERANCE
 from mechsim.simulation.driven_run import LOST
 from mechsim.simulation.many.design_fields import Fields, loosened
 from mechsim.simulation.many.design_models import Bools, DesignModels, Rows, closed_states
@@ -162,7 +161,8 @@ def judged(stepped: SteppedDesigns) -> JudgedDesigns:
     kept = sure & (side == side[:, :1]).all(1) & (side[:, 0] != 0.0) & np.isfinite(distance).all(1)
     spans = np.ptp(solved.reshape(d, k, len(sites), 3), axis=1)
     tolerance = np.maximum(
-        PLACE * 0.5 * spans.max((1, 2)), CLOSED * loops.characteristic_lengths.reshape(d, k)[:, 0]
+        POSITION_TOLERANCE * 0.5 * spans.max((1, 2)),
+        CLOSED * loops.characteristic_lengths.reshape(d, k)[:, 0],
     )
     return JudgedDesigns(distance.max(1), tolerance, kept)
 
