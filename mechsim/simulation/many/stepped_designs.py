@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
+from mechsim.model.outcome import POSITION_TOLERANCE
 from mechsim.simulation.driven_run import LOST
 from mechsim.simulation.many.design_fields import Fields, loosened
 from mechsim.simulation.many.design_models import Bools, DesignModels, Rows, closed_states
