@@ -16,5 +16,5 @@ assert_type(verdict.passed, bool)
 assert_type(ms.units.parse_length("13 mm"), float)
 ms.render.Look, ms.plots.motion_plot, ms.course.constant, ms.rods.with_inertia, ms.motors
 ms.simulate(drive, speed="600rpm", tolerance="1um")
-ms.simulate(drive, speed=[600])  # type: ignore[arg-type, list-item]
+ms.simulate(drive, speed=[600])  # type: ignore[arg-type]
 ms.nothing  # type: ignore[attr-defined]
