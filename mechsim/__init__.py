@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mechsim.model.links import Link, Pose
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
-    from mechsim.model.programs import Programs
+    from mechsim.model.motion_laws import MotionLaws
     from mechsim.model.scene import Scene
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
@@ -74,7 +74,7 @@ _HOMES = _MODULES | {
     "MechsimError": "errors",
     "Motion": "model.motion",
     "Pose": "model.links",
-    "Programs": "model.programs",
+    "MotionLaws": "model.motion_laws",
     "Run": "simulation",
     "Scene": "model.scene",
     "Settings": "simulation",
@@ -113,8 +113,8 @@ __all__ = [
     "Mechanism",
     "MechsimError",
     "Motion",
+    "MotionLaws",
     "Pose",
-    "Programs",
     "Run",
     "Scene",
     "Settings",

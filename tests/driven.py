@@ -9,7 +9,7 @@ from mechsim.model.couplings import Coupling
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.programs import programs, tabled
+from mechsim.model.motion_laws import make_motion_laws, tabled
 
 ALONG_X, ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
@@ -218,5 +218,5 @@ def platform():
         counted=dict(zip(drivers, lengths[0].tolist(), strict=True)),
     )
     states = {name: tabled(name, time, lengths[:, i]) for i, name in enumerate(drivers)}
-    moves = programs(mechanism, states, 3.0)
+    moves = make_motion_laws(mechanism, states, 3.0)
     return mechanism, moves, lambda time: np.array([stood(t)[0] for t in time])

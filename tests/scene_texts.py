@@ -44,9 +44,9 @@ def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
     path = folder / "finger.xml"
     path.write_text(text)
     form = load(str(path), drive=drive)
-    programs = {} if form.programs is None else form.programs.by_name
+    motion_laws = {} if form.motion_laws is None else form.motion_laws.by_name
     fed = control_laws(ctrl or {})
-    return scene_of(form.source, form.mechanism, drive=programs, ctrl=fed, duration=duration)
+    return scene_of(form.source, form.mechanism, drive=motion_laws, ctrl=fed, duration=duration)
 
 
 # the finger on a base that floats

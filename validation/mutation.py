@@ -41,7 +41,7 @@ LOOPS = [
     "simulation/test_free_bodies.py",
     "simulation/test_recorded_motion.py",
     "simulation/test_many_designs.py",
-    "simulation/test_programs.py",
+    "simulation/test_motion_laws.py",
 ]
 PATHS = [
     f"analytic/test_continuation_path.py::test_{one}"
@@ -94,7 +94,7 @@ KILLERS: dict[str, list[str]] = {
     "simulation/recorded_motion.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",
-        "simulation/test_programs.py",
+        "simulation/test_motion_laws.py",
     ],
     **{f"maths/{name}.py": ["maths"] for name in ("angles", "convergence", "given", "norms", "roots")},
 }

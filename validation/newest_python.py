@@ -27,9 +27,9 @@ def version(program: str) -> tuple[int, ...]:
     return tuple(int(part) for part in found.groups()) if found else ()
 
 
-def newest(programs: list[str]) -> str:
+def newest(motion_laws: list[str]) -> str:
     """Return the program of the highest version; the first of equals."""
-    return max(programs, key=version)
+    return max(motion_laws, key=version)
 
 
 if __name__ == "__main__":

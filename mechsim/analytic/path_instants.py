@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.maths.given import number, numbers
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 
 EXAMPLE = "t=[0, 0.1, 0.2]"
 
@@ -34,7 +34,7 @@ class PathInstants:
 
 def path_instants(
     mechanism: Mechanism,
-    programs: Programs | None,
+    motion_laws: MotionLaws | None,
     angles: ArrayLike | None,
     speed: ArrayLike | None,
     acceleration: ArrayLike,
@@ -44,7 +44,7 @@ def path_instants(
 
     Args:
         mechanism: what moves.
-        programs: its motion laws; None where a crank is driven.
+        motion_laws: its motion laws; None where a crank is driven.
         angles: crank angles, (n,) in [rad] or text; None where times are given.
         speed: crank speed in [rad/s] or text; None is 1 at crank angles.
         acceleration: crank acceleration in [rad/s2].
@@ -56,8 +56,8 @@ def path_instants(
     """
     angles = None if angles is None else units.si_angles(angles, "the crank angles")
     speed = units.si(speed, "rad/s", "the crank's speed")
-    if programs is not None:
-        return _under_laws(mechanism, programs, angles, speed, acceleration, t)
+    if motion_laws is not None:
+        return _under_laws(mechanism, motion_laws, angles, speed, acceleration, t)
     if t is None and angles is None:
         raise InputError(f"{mechanism.name}: no instants are given; give crank angles in rad, or times as t=")
     if t is None:
@@ -82,14 +82,14 @@ def path_instants(
 
 def _under_laws(
     mechanism: Mechanism,
-    programs: Programs,
+    motion_laws: MotionLaws,
     angles: ArrayLike | None,
     speed: ArrayLike | None,
     acceleration: ArrayLike,
     t: ArrayLike | None,
 ) -> PathInstants:
     """Return the instants at times of motion laws."""
-    drivers = ", ".join(programs.drivers)
+    drivers = ", ".join(motion_laws.drivers)
     if angles is not None or t is None:
         given = "no times are given" if angles is None else "angles do not say when"
         raise InputError(
@@ -101,7 +101,7 @@ def _under_laws(
             f"{mechanism.name}: motion laws drive {drivers} and determine every rate; leave {what} out"
         )
     time = _times(mechanism.name, t)
-    for name, state in programs.by_name.items():
+    for name, state in motion_laws.by_name.items():
         # only a law read from a table ends
         end = getattr(state, "end_time", None)
         outside = [] if end is None else time[(time < 0.0) | (time > end * (1.0 + 1e-12))]
@@ -110,7 +110,7 @@ def _under_laws(
                 f"{mechanism.name}: t = {outside[0]:g} s is outside the table of {name}, 0 to {end:g} s; "
                 "give times within it, or more rows"
             )
-    return PathInstants(programs.pace * time, programs.pace, 0.0, time)
+    return PathInstants(motion_laws.pace * time, motion_laws.pace, 0.0, time)
 
 
 def _times(name: str, t: ArrayLike) -> Array:

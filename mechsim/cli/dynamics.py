@@ -37,7 +37,7 @@ from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_running
@@ -134,9 +134,9 @@ def dynamics(
     raise typer.Exit(0 if passed else 1)
 
 
-def _programs(machine: Machine) -> Programs | None:
+def _programs(machine: Machine) -> MotionLaws | None:
     """Return the programs of a machine's drivers; None where a crank turns."""
-    return machine.drive.programs
+    return machine.drive.motion_laws
 
 
 def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool, shown: OutputUnits | None) -> bool:
@@ -206,12 +206,12 @@ def _simulated(
     if asked.road == "none":
         return None, None
     simulation, check = watches
-    programs = _programs(machine)
+    motion_laws = _programs(machine)
     found = driven(
         machine.mechanism,
         machine.forces,
-        profile=None if programs is not None else profile,
-        programs=programs,
+        profile=None if motion_laws is not None else profile,
+        motion_laws=motion_laws,
         method=asked.road,  # pyright: ignore[reportArgumentType]
         tolerance=asked.tolerance,
         # with a tolerance as many instants as go with the fewest steps that keep it

@@ -53,9 +53,9 @@ def few_digits(form: Form, motion: Motion) -> FewDigits | None:
     digits = int(max(-np.log10(RATES.widened(far[at : at + 1], 1)[0]), 0.0))
     if digits >= ENOUGH:
         return None
-    programs = form.programs
-    place = some.angle[at] if programs is None else some.angle[at] / programs.pace
-    return FewDigits(digits, float(place), "angle" if programs is None else "t", float(far[at]))
+    motion_laws = form.motion_laws
+    place = some.angle[at] if motion_laws is None else some.angle[at] / motion_laws.pace
+    return FewDigits(digits, float(place), "angle" if motion_laws is None else "t", float(far[at]))
 
 
 def worse(one: FewDigits | None, other: FewDigits | None) -> FewDigits | None:
@@ -86,7 +86,7 @@ def _told(form: Form, motion: Motion) -> NDArray[np.intp]:
     off = np.full(len(motion), np.inf)
     for meeting in form.change_points():
         gap = motion.angle - meeting
-        off = np.minimum(off, np.abs(gap if form.programs else (gap + np.pi) % TURN - np.pi))
+        off = np.minimum(off, np.abs(gap if form.motion_laws else (gap + np.pi) % TURN - np.pi))
     rows = np.flatnonzero((off > LIMIT) & (motion.speed != 0.0))
     if motion.conditioning is None and len(rows):
         fastest = {int(np.argmax(np.abs(joint.acceleration[rows]))) for joint in motion.joints.values()}

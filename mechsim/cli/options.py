@@ -206,7 +206,7 @@ def _told(form: Form) -> Form:
 def moving(form: Form) -> Form:
     """Return what moves; refuse several drivers of which nothing says how they go."""
     # what has a closed form has a crank, and its mechanism may be one that cannot be put together
-    if form.programs is None and not isinstance(form, ClosedForm) and not form.mechanism.has_crank:
+    if form.motion_laws is None and not isinstance(form, ClosedForm) and not form.mechanism.has_crank:
         drivers = form.mechanism.drivers
         far = "10mm" if form.mechanism.unit(drivers[0]) == "m" else "30deg"
         raise InputError(

@@ -67,9 +67,9 @@ def plot(
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
     require_taken(kind, PLOTS[kind].takes, asked)
     drive = moving(form_of(model, sets, driven))
-    if drive.programs is not None and speed != SPEED:
+    if drive.motion_laws is not None and speed != SPEED:
         raise InputError(f"--speed is of a crank without a program, and {drive.name} has one; leave it out")
-    if drive.programs is not None and kind not in TIMED:
+    if drive.motion_laws is not None and kind not in TIMED:
         raise InputError(
             f"plot {kind!r} is of a crank without a program; under programs known are {', '.join(TIMED)}"
         )

@@ -109,7 +109,7 @@ def render(
     if film.trace:
         _tell(drive.name, output, _round(place, drive, film, look, picture), as_json)
         return
-    programmed = drive.programs is not None
+    programmed = drive.motion_laws is not None
     if programmed and film.speed != FilmOptions().speed:
         raise InputError(f"--speed is of a crank without a program, and {drive.name} has one; leave it out")
     profile = profile_of(drive, film.speed, film.turns, at)

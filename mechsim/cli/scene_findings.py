@@ -9,11 +9,11 @@ from mechsim.analytic.forms import Form
 from mechsim.cli.output import print_table
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
-from mechsim.model.programs import Programs, programs
+from mechsim.model.motion_laws import MotionLaws, make_motion_laws
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
-def found_in(form: Form, asked: Programs | None = None) -> tuple[Finding, ...] | None:
+def found_in(form: Form, asked: MotionLaws | None = None) -> tuple[Finding, ...] | None:
     """Return what is wrong with the scene of an MJCF file, the gravest first; None of anything else.
 
     Args:
@@ -27,14 +27,14 @@ def found_in(form: Form, asked: Programs | None = None) -> tuple[Finding, ...] |
     from mechsim.simulation.mjcf import quiet
 
     with quiet():
-        return findings(form.source, asked or form.programs)
+        return findings(form.source, asked or form.motion_laws)
 
 
-def of_crank(form: Form, motion: CrankProfile) -> Programs | None:
+def of_crank(form: Form, motion: CrankProfile) -> MotionLaws | None:
     """Return the motion of the crank of an MJCF file as a program; None of anything else."""
     if not isinstance(form, MjcfForm):
         return None
-    return programs(form.mechanism, {form.mechanism.drivers[0]: motion.state}, motion.duration)
+    return make_motion_laws(form.mechanism, {form.mechanism.drivers[0]: motion.state}, motion.duration)
 
 
 def in_json(found: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:

@@ -10,7 +10,7 @@ from mechsim.cli.endings import notes
 from mechsim.cli.options import LockOptions, driving, once, pairs
 from mechsim.errors import InputError
 from mechsim.model.links import Vector
-from mechsim.model.programs import State, steady
+from mechsim.model.motion_laws import State, steady
 from mechsim.studies.scenes import UserScene, scene_of
 from mechsim.subjects.control_law_text import control_laws
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -77,7 +77,7 @@ def user_scene(path: str, asked: SceneOptions, held: LockOptions = NOTHING_HELD)
     assert form.source is not None
     for fact in form.facts:
         notes.append(f"{form.name}: {fact}")
-    drive = {} if form.programs is None else dict(form.programs.by_name)
+    drive = {} if form.motion_laws is None else dict(form.motion_laws.by_name)
     drive |= {name: steady(value, 0.0) for name, value in form.mechanism.locked.items()}
     ctrl = control_laws(dict(asked.ctrl))
     states: dict[str, State] = {**drive, **ctrl}

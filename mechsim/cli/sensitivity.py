@@ -101,7 +101,7 @@ def sensitivity(
     picture = None if asked.plot is None else writable(asked.plot, ".svg", ".pdf", ".png")
     family = family_of(model, sets, driven)
     form = family.make({})
-    if form.programs is not None and (asked.angles or asked.speed):
+    if form.motion_laws is not None and (asked.angles or asked.speed):
         what = "--angles" if asked.angles else "--speed"
         raise InputError(f"{what} is of a crank without a program; leave it out with --drive")
     angles = (

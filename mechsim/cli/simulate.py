@@ -154,7 +154,7 @@ def simulate(
     else:
         motion = _motion(moving(drive), options)
         run = _run(drive, motion, options, asked, model_of)
-    found = found_in(drive, None if motion is None else drive.programs or of_crank(drive, motion))
+    found = found_in(drive, None if motion is None else drive.motion_laws or of_crank(drive, motion))
     lost = None if motion is None or run.motion.broken else few_digits(drive, run.motion)
     # last, for what is refused writes nothing
     if place is not None:
@@ -173,10 +173,10 @@ def simulate(
 
 def _motion(drive: Form, options: RunOptions) -> CrankProfile:
     """Return how the crank turns, or the clock of the programs."""
-    programs = drive.programs
-    if programs is not None:
+    motion_laws = drive.motion_laws
+    if motion_laws is not None:
         options.refuse(*OF_A_CRANK, because=PROGRAMMED)
-        return programs.clock
+        return motion_laws.clock
     if options.profile:
         return _profile(options.profile)
     speed = speed_of(options.speed or SPEED)
@@ -188,15 +188,15 @@ def _run(
     drive: Form, motion: CrankProfile, options: RunOptions, asked: Mapping[str, Any], scene: Scene
 ) -> Run:
     """Run what moves along its motion."""
-    programs, wanted = drive.programs, options.bound
+    motion_laws, wanted = drive.motion_laws, options.bound
     timestep = _timestep(options.timestep, asked)
     if wanted is not None and (options.timestep or "steps_per_turn" in asked):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
     with progress("simulate", None) as tick:
         return simulation.simulate(
             drive,
-            profile=motion if programs is None else None,
-            programs=programs,
+            profile=motion if motion_laws is None else None,
+            motion_laws=motion_laws,
             tolerance=wanted,
             settings=Settings(**asked) if asked else None,
             timestep=timestep,
@@ -216,7 +216,7 @@ def _posed(drive: Form, options: RunOptions, asked: Mapping[str, Any], scene: Sc
     assert options.at is not None
     rows = driver_path(drive, files.read(options.at), options.at, uniform=True)
     last = max(round(rows.motion_laws.duration), 1)
-    run = simulation.simulate(drive, programs=rows.motion_laws, method="pose", samples=last, scene=scene)
+    run = simulation.simulate(drive, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
     return replace(run, motion=taken(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
 
 

@@ -65,7 +65,7 @@ class SolveOptions:
 
     def check(self, drive: Form) -> None:
         """Refuse what does not go together."""
-        if (self.angles or self.speed) and (drive.programs or self.at):
+        if (self.angles or self.speed) and (drive.motion_laws or self.at):
             what = "--angles" if self.angles else "--speed"
             raise InputError(f"{what} is of a crank without a program; leave it out with --drive and --at")
         if not 2 <= self.samples <= MOST_SAMPLES:
@@ -118,9 +118,9 @@ def solve(
 
 def _instants(drive: Form, asked: SolveOptions) -> tuple[Form, Array, Solved, str]:
     """Return what moves, times under motion laws or else crank angles, what solves there, and their name."""
-    programs = drive.programs
-    if programs is not None:
-        times = np.linspace(0.0, programs.duration, asked.samples)
+    motion_laws = drive.motion_laws
+    if motion_laws is not None:
+        times = np.linspace(0.0, motion_laws.duration, asked.samples)
         return drive, times, lambda part: drive.solve(t=part), f"{asked.samples:,} samples"
     speed = speed_of(asked.speed or SPEED)
     swing = None if asked.angles else swing_of(drive, speed)

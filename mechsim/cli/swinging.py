@@ -20,7 +20,7 @@ def swing_of(form: Form, speed: float) -> CrankProfile | None:
     Raises:
         AssemblyError: where the loops close at no crank angle.
     """
-    if form.programs is not None:
+    if form.motion_laws is not None:
         return None
     try:
         arcs = form.crank_range()

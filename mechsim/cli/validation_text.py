@@ -87,7 +87,7 @@ def _description(case: Case) -> str:
         f"{len(mechanism.links) + 1} links",
         f"{len(mechanism.drivers)} DOF",
     ]
-    if case.drive.programs is None and mechanism.has_crank:
+    if case.drive.motion_laws is None and mechanism.has_crank:
         facts.append("full rotation" if case.drive.crank_range().full else "limited rotation")
     return ", ".join(facts)
 
@@ -98,7 +98,7 @@ def _is_planar(mechanism: Mechanism) -> bool:
 
 def _stepped(case: Case, speed: str) -> str:
     """Return how a stepped run was made."""
-    if case.drive.programs is not None:
+    if case.drive.motion_laws is not None:
         speed = "motion laws"
     settings = case.run.settings
     integrator = "" if settings is None else f", {settings.integrator}"

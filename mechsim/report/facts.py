@@ -36,7 +36,7 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
     found = _described(drive)
     if isinstance(drive, LoopForm):
         found |= _mobility(drive)
-        if not drive.mechanism.has_crank or drive.programs is not None or found["outcome"] != "determined":
+        if not drive.mechanism.has_crank or drive.motion_laws is not None or found["outcome"] != "determined":
             return found
     mechanism = drive.mechanism
     arcs = drive.crank_range()
@@ -123,14 +123,14 @@ def _mobility(drive: LoopForm) -> dict[str, Any]:
         "superfluous": list(found.redundant_drivers),
         "redundant": found.redundant_equations,
     }
-    programs = drive.programs
-    told = {} if programs is None else {name: _text(one) for name, one in programs.by_name.items()}
+    motion_laws = drive.motion_laws
+    told = {} if motion_laws is None else {name: _text(one) for name, one in motion_laws.by_name.items()}
     return {
         "mobility": counts,
         "mobility_explained": lines,
         "outcome": found.outcome,
         "programs": told,
-        "duration": None if programs is None else programs.duration,
+        "duration": None if motion_laws is None else motion_laws.duration,
     }
 
 

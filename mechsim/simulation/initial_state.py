@@ -6,22 +6,22 @@ from typing import TypeVar
 import numpy as np
 
 from mechsim.model.crank_profile import CrankProfile
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.straight_path import move_drivers
 
 Closed = TypeVar("Closed", bound=ClosedModel)
 
 
-def parameter_profile(programs: Programs) -> CrankProfile:
+def parameter_profile(motion_laws: MotionLaws) -> CrankProfile:
     """Return the profile of the path parameter; its cycles count the steps and records of a run.
 
     Its `fastest` rate is that of the motion laws, which may reverse more or less often than the parameter.
     """
-    return replace(programs.clock, fastest=programs.fastest)
+    return replace(motion_laws.clock, fastest=motion_laws.fastest)
 
 
-def at_initial_state(closed: Closed, programs: Programs) -> Closed:
+def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
     """Return a model under motion laws, in the state at which these start.
 
     All drivers move there at once along a straight path in joint space; the assembly is kept.
@@ -31,7 +31,7 @@ def at_initial_state(closed: Closed, programs: Programs) -> Closed:
     """
     loops, drive = closed.loops, closed.loops.drivers
     assert drive is not None
-    there = np.array([programs.first[name] for name in drive.names])
+    there = np.array([motion_laws.first[name] for name in drive.names])
     start = move_drivers(loops, closed.qpos, there, "the start of the motion laws")
-    under = loops.with_law(programs.by_clock, lambda angle: f"{angle / programs.pace:.6g} s")
+    under = loops.with_law(motion_laws.by_clock, lambda angle: f"{angle / motion_laws.pace:.6g} s")
     return replace(closed, loops=under, qpos=under.close(start[None])[0])

@@ -9,7 +9,7 @@ from mechsim.maths.budget import ProcessorBudget
 from mechsim.maths.given import number, require, units_remedy
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.mechanism import Mechanism, starting_at
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.scene import Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel, Source
@@ -44,7 +44,7 @@ def simulate(
     method: Method | None = None,
     samples: int | None = None,
     scene: Scene | None = None,
-    programs: Programs | None = None,
+    motion_laws: MotionLaws | None = None,
     drive: str | None = None,
     lock: Mapping[str, float | None] | None = None,
     key: str | None = None,
@@ -74,7 +74,7 @@ def simulate(
             samples given, the number of steps is raised to a multiple of them.
         scene: what the model holds; None takes `Scene(level="motion")`, in which no forces act. From level
             "dynamics" on those of the source do, as a file's `[forces]`, where the scene names none.
-        programs: how the drivers move, in place of speed or profile; None takes those that the source has.
+        motion_laws: how the drivers move, in place of speed or profile; None takes those that the source has.
             They go straight from where the model has them to where their programs begin. In a model of one's
             own the joints of these names are driven.
         drive: the hinge that is the crank, in a model of one's own; None for that called "crank".
@@ -99,21 +99,21 @@ def simulate(
         ("scene", scene, Scene),
         ("settings", settings, Settings),
         ("profile", profile, CrankProfile),
-        ("programs", programs, Programs),
+        ("motion_laws", motion_laws, MotionLaws),
     ):
         if given is not None:
             require(name, given, kind)
-    if programs is None and speed is None and profile is None:
+    if motion_laws is None and speed is None and profile is None:
         # what moves by its loop equations may have programs of its own
-        own = getattr(source, "programs", None)
-        programs = own if isinstance(own, Programs) else None
-    require_programs(source, programs, speed if profile is None else profile)
+        own = getattr(source, "motion_laws", None)
+        motion_laws = own if isinstance(own, MotionLaws) else None
+    require_programs(source, motion_laws, speed if profile is None else profile)
     if profile is not None:
         source = starting_at(source, profile.angles)
-    drivers = drive if programs is None else programs.drivers
+    drivers = drive if motion_laws is None else motion_laws.drivers
     closed = closed_model.from_source(source, scene, drivers=drivers, lock=lock, key=key)
-    if programs is not None:
-        profile = parameter_profile(programs)
+    if motion_laws is not None:
+        profile = parameter_profile(motion_laws)
     elif profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")
@@ -122,7 +122,7 @@ def simulate(
     check_records(closed, profile, samples)
     if method is None and (tolerance is not None or settings is not None or timestep is not None):
         method = "step"
-    closed, method, determined = _movable(closed, method, programs)
+    closed, method, determined = _movable(closed, method, motion_laws)
     if method == "pose":
         return solved_run(closed, profile, samples, tolerance, watch or no_progress)
     start = first_state(closed, profile)
@@ -158,7 +158,7 @@ def _check(
 
 
 def _movable(
-    closed: ClosedModel, method: Method | None, programs: Programs | None
+    closed: ClosedModel, method: Method | None, motion_laws: MotionLaws | None
 ) -> tuple[ClosedModel, Method, bool]:
     """Return a model where its motion begins, the method, and whether the drivers determine all poses.
 
@@ -174,27 +174,31 @@ def _movable(
         require_determined(closed, found)
     if method == "step":
         closed = closed.without_contacts(found.determined_bodies)
-    return closed if programs is None else at_initial_state(closed, programs), method, not found.undetermined
+    return (
+        closed if motion_laws is None else at_initial_state(closed, motion_laws),
+        method,
+        not found.undetermined,
+    )
 
 
-def require_programs(source: Source, programs: Programs | None, else_given: object) -> None:
+def require_programs(source: Source, motion_laws: MotionLaws | None, else_given: object) -> None:
     """Refuse programs of other drivers than a mechanism's, drivers without, and a crank's motion beside them.
 
     Raises:
         InputError: naming the drivers.
     """
-    if programs is not None and else_given is not None:
+    if motion_laws is not None and else_given is not None:
         raise InputError("both programs and a crank's motion were given; give one of them")
     model = closed_model.description(source)
     if not isinstance(model, Mechanism):
         return
-    if programs is None and not model.has_crank:
+    if motion_laws is None and not model.has_crank:
         raise InputError(
             f"{model.name}: {', '.join(model.drivers)} {'is' if len(model.drivers) == 1 else 'are'} driven, "
             "and no lone crank; give each a program"
         )
-    if programs is not None and set(programs.drivers) != set(model.drivers):
+    if motion_laws is not None and set(motion_laws.drivers) != set(model.drivers):
         raise InputError(
-            f"{model.name}: the programs are of {', '.join(programs.drivers)}; drivers are "
+            f"{model.name}: the programs are of {', '.join(motion_laws.drivers)}; drivers are "
             f"{', '.join(model.drivers)}"
         )

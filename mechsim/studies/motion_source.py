@@ -24,9 +24,9 @@ def profile_of(drive: Form, speed: float, turns: float, through: float | None = 
 
     The swing passes a crank angle, or where assembly begins. Drivers under programs go by their clock.
     """
-    programs = drive.programs
-    if programs is not None:
-        return programs.clock
+    motion_laws = drive.motion_laws
+    if motion_laws is not None:
+        return motion_laws.clock
     if not (turns != 0.0 and abs(turns) < 1e4):
         raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
     return within_range(
@@ -36,9 +36,9 @@ def profile_of(drive: Form, speed: float, turns: float, through: float | None = 
 
 def simulated(drive: Form, profile: CrankProfile, **asked: Any) -> Run:
     """Return a run in MuJoCo under the programs of the drivers, or else under the motion of the crank."""
-    programs = drive.programs
-    if programs is not None:
-        return simulate(drive, programs=programs, **asked)
+    motion_laws = drive.motion_laws
+    if motion_laws is not None:
+        return simulate(drive, motion_laws=motion_laws, **asked)
     return simulate(drive, profile=profile, **asked)
 
 
@@ -86,6 +86,6 @@ def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -
 
 def simulated_efforts(drive: Form, profile: CrankProfile, samples: int) -> Efforts:
     """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
-    machine, programs = weighing(drive.starting_at(profile.angles)), drive.programs
-    moved: dict[str, Any] = {"profile": profile} if programs is None else {"programs": programs}
+    machine, motion_laws = weighing(drive.starting_at(profile.angles)), drive.motion_laws
+    moved: dict[str, Any] = {"profile": profile} if motion_laws is None else {"motion_laws": motion_laws}
     return driven(machine.mechanism, machine.forces, samples=samples, **moved).efforts

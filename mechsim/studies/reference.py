@@ -58,8 +58,8 @@ def by_reference(form: Form, known: Known, closed: Form | None = None) -> Verdic
 
 
 def _solved(form: Form, known: Known) -> Motion:
-    programs = form.programs
-    if programs is None:
+    motion_laws = form.motion_laws
+    if motion_laws is None:
         assert known.speed is not None
         return form.solve(known.first, known.speed)
     return form.solve(t=known.first)
@@ -80,14 +80,14 @@ def _by_equations(form: Form, known: Known) -> Verdict:
 
 def _by_poses(form: Form, known: Known) -> Verdict:
     try:
-        acting, programs, profile = _machine(form), form.programs, _profile(form, known)
-        samples = len(known.first) - (programs is None)
+        acting, motion_laws, profile = _machine(form), form.motion_laws, _profile(form, known)
+        samples = len(known.first) - (motion_laws is None)
         motion = simulated(form, profile, method="pose", samples=samples).motion
         run = driven(
             acting.mechanism,
             acting.forces,
-            profile=None if programs is not None else profile,
-            programs=programs,
+            profile=None if motion_laws is not None else profile,
+            motion_laws=motion_laws,
             method="pose",
             samples=samples,
         )
@@ -101,9 +101,9 @@ def _by_poses(form: Form, known: Known) -> Verdict:
 
 def _profile(form: Form, known: Known) -> CrankProfile:
     """Return the crank's steady motion over what is known, or the clock of the programs."""
-    programs = form.programs
-    if programs is not None:
-        return programs.clock
+    motion_laws = form.motion_laws
+    if motion_laws is not None:
+        return motion_laws.clock
     assert known.speed is not None
     speed, start, end = known.speed, known.first[0], known.first[-1]
 

@@ -157,7 +157,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
     profile = profile_of(drive, speed, drive.period / TURN)
     drive = drive.starting_at(profile.angles)
     # by the clock of programs there is no other speed than their own
-    speed = speed if drive.programs is None else profile.fastest
+    speed = speed if drive.motion_laws is None else profile.fastest
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
@@ -168,7 +168,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
         formula = held(family, speed=speed, attribute=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
-    wanted = speed if profile.steady and drive.programs is None else None
+    wanted = speed if profile.steady and drive.motion_laws is None else None
     published = None
     watch("poses", 0.0)
     poses = run = simulated(drive, profile, method="pose", watch=lambda done, _: watch(done, 0.0))
@@ -228,7 +228,7 @@ def _stepped(
 ) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
     place = allowed.value
-    programmed = drive.programs is not None
+    programmed = drive.motion_laws is not None
     decided = profile if programmed else _decided(drive, profile, speed)
     runs = 0
 

@@ -12,7 +12,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.programs import Programs, State
+from mechsim.model.motion_laws import MotionLaws, State
 
 # endings of the columns that a pose has: places of points and coordinates of joints
 _COORDINATE_SUFFIXES = (".x", ".y", ".z")
@@ -51,7 +51,7 @@ class DriverPath:
         times: of the rows, in [s], (n,); of rows that are alike the same.
     """
 
-    motion_laws: Programs
+    motion_laws: MotionLaws
     times: Array
 
 
@@ -65,7 +65,7 @@ def poses_of_table(form: Form, table: Mapping[str, Array], source: str) -> Poses
     path = driver_path(form, table, source)
     zero = np.zeros_like(path.times)
     ranges = form.ranges if isinstance(form, LoopForm) else {}
-    loops = LoopForm(form.mechanism, programs=path.motion_laws, ranges=ranges)
+    loops = LoopForm(form.mechanism, motion_laws=path.motion_laws, ranges=ranges)
     motion = loops.within_ranges(loops.solve_along(path.times, zero, zero))
     return Poses(replace(motion, time=path.times))
 
@@ -105,7 +105,7 @@ def driver_path(form: Form, table: Mapping[str, Array], source: str, *, uniform:
 
 def _piecewise_laws(
     mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str
-) -> Programs:
+) -> MotionLaws:
     """Return programs that go straight from row to row, and stand still at each: smooth for that."""
 
     def locate(time: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
@@ -135,4 +135,4 @@ def _piecewise_laws(
         return f"the stretch after row {rows[segment] + 1} of {source}"
 
     states = tuple(state_of(column) for column in values)
-    return Programs(float(knots[-1]) or 1.0, mechanism.drivers, states, 1.0, description)
+    return MotionLaws(float(knots[-1]) or 1.0, mechanism.drivers, states, 1.0, description)

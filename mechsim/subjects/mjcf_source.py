@@ -14,7 +14,7 @@ from mechsim.errors import InputError, MechsimError
 from mechsim.model.links import UNSEEN, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.programs import programs, steady
+from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.model.vertical import against
 from mechsim.units import Unit
 
@@ -136,9 +136,9 @@ def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
     states = {
         name: steady(counted[name], displaced.get(name, counted[name]) - counted[name]) for name in drivers
     }
-    laws = programs(unlocked, states, 1.0)
+    laws = make_motion_laws(unlocked, states, 1.0)
     try:
-        motion = LoopForm(unlocked, programs=laws).solve(t=[1.0])
+        motion = LoopForm(unlocked, motion_laws=laws).solve(t=[1.0])
     except MechsimError as error:
         targets = ", ".join(f"{name} = {value:g}" for name, value in displaced.items())
         raise type(error)(f"on the way to {targets}, where it is to be held: {error}") from None

@@ -17,8 +17,7 @@ from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.programs import Programs, State
-from mechsim.model.programs import programs as all_programs
+from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
 from mechsim.model.written_units import WrittenUnits
 from mechsim.subjects.motion_law_text import MotionLaw, Start, parse_motion_law
 from mechsim.subjects.toml_drivers import FileMotionLaw
@@ -100,7 +99,7 @@ def apply_prescription(
         and prescription.duration is None
     ):
         return form
-    form_laws = loop_form.programs
+    form_laws = loop_form.motion_laws
     laws: dict[str, DriverLaw] = {} if form_laws is None else dict(form_laws.by_name)
     laws |= file_laws or {}
     laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
@@ -109,7 +108,7 @@ def apply_prescription(
     return replace(
         loop_form,
         mechanism=mechanism,
-        programs=_motion_laws(mechanism, laws, prescription.duration, file_duration, loop_form.written),
+        motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, loop_form.written),
     )
 
 
@@ -155,11 +154,11 @@ def _motion_laws(
     requested: float | None,
     stated: float | None,
     written: WrittenUnits,
-) -> Programs | None:
+) -> MotionLaws | None:
     """Return the programs of what is given for drivers; None where nothing is."""
     if laws:
         states = _states(mechanism, laws, written)
-        return all_programs(mechanism, states, duration_of(requested, stated, states))
+        return make_motion_laws(mechanism, states, duration_of(requested, stated, states))
     if requested is not None:
         raise InputError(
             f"{mechanism.name} has no programs that could last {requested:g} s; "

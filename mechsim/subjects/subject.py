@@ -12,7 +12,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.model.programs import State
+from mechsim.model.motion_laws import State
 from mechsim.subjects import gallery
 from mechsim.subjects.catalog_object import read_catalog
 from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf

@@ -10,8 +10,8 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Place
 from mechsim.model.load_profile import LoadProfile
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.motors import ConstantTorque, Geared, Motor, PlainMotor, TorqueSpeedLine
-from mechsim.model.programs import Programs
 from mechsim.subjects.load_profile_text import WrittenLoad
 from mechsim.subjects.motion_law_text import MotionLaw
 from mechsim.subjects.toml_text import key, listed, number, quoted
@@ -23,15 +23,15 @@ def driving_lines(form: LoopForm) -> Iterator[str]:
     Raises:
         InputError: for a program or a load that no text says.
     """
-    if form.programs is not None:
-        yield from _motion_law_lines(form.programs)
+    if form.motion_laws is not None:
+        yield from _motion_law_lines(form.motion_laws)
     if form.formula:
         yield from ("", "[formula]", f"python = {quoted(form.formula)}")
     if form.forces is not None:
         yield from _force_lines(form.forces)
 
 
-def _motion_law_lines(laws: Programs) -> Iterator[str]:
+def _motion_law_lines(laws: MotionLaws) -> Iterator[str]:
     yield f"duration = {number(laws.duration)}"
     yield from ("", "[programs]")
     for name, state in laws.by_name.items():

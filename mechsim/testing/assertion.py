@@ -8,7 +8,7 @@ from typing import Any
 
 from mechsim.analytic.forms import Form
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.programs import State
+from mechsim.model.motion_laws import State
 from mechsim.studies.agreement.agreement import SPEED, Agreement, validate
 from mechsim.testing.failure import failure
 from mechsim.testing.report_page import write_page

@@ -10,8 +10,8 @@ from mechsim.maths.arrays import Array
 from mechsim.maths.given import require
 from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion, Solver
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.outcome import POSITION_TOLERANCE
-from mechsim.model.programs import Programs
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
 from mechsim.verdict.instants import instants_of
 from mechsim.verdict.other_assembly import elsewhere
@@ -91,9 +91,9 @@ def crosscheck(
     checks = [*checks_of(MOTION, found, exact, allowed, _conditioning(found, exact, solver))]
     if speed is not None:
         checks += checks_of(DRIVE, found, _wanted(found, speed), allowed)
-    programs = getattr(solver, "programs", None)
-    if found.drivers and isinstance(programs, Programs):
-        checks += checks_of(PROGRAMMED, found, _programmed(found, programs), allowed)
+    motion_laws = getattr(solver, "motion_laws", None)
+    if found.drivers and isinstance(motion_laws, MotionLaws):
+        checks += checks_of(PROGRAMMED, found, _programmed(found, motion_laws), allowed)
     other = None if solver is None else lambda: elsewhere(found, exact, solver)
     return concluded(checks, other, instants_of(found).unit)
 
@@ -194,11 +194,11 @@ def _wanted(simulated: Motion, speed: float) -> Motion:
     return replace(simulated, angle=angle, speed=np.full_like(angle, speed))
 
 
-def _programmed(simulated: Motion, programs: Programs) -> Motion:
+def _programmed(simulated: Motion, motion_laws: MotionLaws) -> Motion:
     """Return the drivers' motion as their programs have it."""
     assert simulated.time is not None
     states = dict(
-        zip(programs.drivers, np.moveaxis(np.array(programs.state(simulated.time)), 1, 0), strict=True)
+        zip(motion_laws.drivers, np.moveaxis(np.array(motion_laws.state(simulated.time)), 1, 0), strict=True)
     )
     joints = {
         name: replace(simulated.joints[name], value=value, rate=rate, acceleration=second)
@@ -253,13 +253,13 @@ def _at(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:
     """Return the analytic motion at the simulated crank angles, speeds and accelerations."""
     solver = _solver(analytic)
     if solver is not None:
-        programs = getattr(solver, "programs", None)
-        if programs is not None and not simulated.drivers:
+        motion_laws = getattr(solver, "motion_laws", None)
+        if motion_laws is not None and not simulated.drivers:
             raise InputError(
-                f"motion laws drive {', '.join(programs.drivers)} on the analytic side, and a crank at a "
+                f"motion laws drive {', '.join(motion_laws.drivers)} on the analytic side, and a crank at a "
                 "given speed drives the simulated one; simulate it under the same motion laws"
             )
-        if programs is not None:
+        if motion_laws is not None:
             as_driven = getattr(solver, "solve_as", None)
             return solver.solve(t=simulated.time) if as_driven is None else as_driven(simulated)
         return solver.solve(*_crank_motion(simulated))

@@ -98,7 +98,7 @@ def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_pat
     found = driver_determinacy(linkage.mechanism)
     assert (found.dofs, found.outcome, found.redundant_equations) == (3, "determined", 3)
     if method == "closed":
-        moves = linkage.programs
+        moves = linkage.motion_laws
         motion = linkage.solve(t=np.linspace(0.0, moves.duration, 9))
     else:
         run = ms.simulate(linkage, method=method, samples=8)

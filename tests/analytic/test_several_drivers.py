@@ -10,18 +10,18 @@ from scipy.optimize import brentq
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.couplings import Coupling
-from mechsim.model.programs import Programs, programs, steady, tabled
+from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady, tabled
 
 
 def at_times(form: LoopForm, count: int = 41):
-    moves = form.programs
+    moves = form.motion_laws
     assert moves is not None
     return form.solve(t=np.linspace(0.0, moves.duration, count))
 
 
 def require_rates(form: LoopForm):
     """The rates of a motion are the derivatives of its places, by eighth-order differences."""
-    moves = form.programs
+    moves = form.motion_laws
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
     motion = form.solve(t=(middle + step * np.arange(-4, 5)))
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
@@ -43,7 +43,7 @@ def require_rates(form: LoopForm):
 def test_a_five_bar_goes_where_two_circles_meet():
     mechanism = five_bar()
     states = {"left": waving(2.0, 0.3, 6.0, 0.2), "right": waving(1.0, 0.4, 9.0, 1.0)}
-    form = LoopForm(mechanism, programs=programs(mechanism, states, 2.0))
+    form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 2.0))
     motion = at_times(form)
     truth = where_circles_meet(motion.joints["left"].value, motion.joints["right"].value)
     assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=1e-15)
@@ -54,7 +54,7 @@ def test_a_five_bar_goes_where_two_circles_meet():
 
 def test_what_the_drivers_leave_open_is_named():
     mechanism = replace(five_bar(), driver=("left",), counted={})
-    form = LoopForm(mechanism, programs=programs(mechanism, {"left": steady(2.0, 1.0)}, 1.0))
+    form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 1.0))
     with pytest.raises(MobilityError, match=r"underdetermined: .* right is left open"):
         at_times(form)
 
@@ -69,7 +69,7 @@ def test_a_held_coordinate_is_no_freedom():
 def test_drivers_that_go_where_the_loops_do_not_close_are_stopped_with_the_time():
     mechanism = five_bar()
     states = {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}
-    form = LoopForm(mechanism, programs=programs(mechanism, states, 3.0))
+    form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0))
 
     def arms_apart(time):
         ends = [0.05 * np.exp(1j * (2.0 + time)), 0.1 + 0.05 * np.exp(1j * (1.0 - time))]
@@ -104,7 +104,7 @@ def shaken(time):
 )
 def test_programs_that_do_not_fit_are_refused(states, said):
     with pytest.raises(InputError, match=said):
-        programs(five_bar(), states, 1.0)
+        make_motion_laws(five_bar(), states, 1.0)
 
 
 def test_a_table_is_a_program():
@@ -130,7 +130,9 @@ def test_what_is_no_coordinate_or_prescribed_twice_is_refused(change):
 
 def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
     mechanism = boom()
-    form = LoopForm(mechanism, programs=programs(mechanism, {"stroke": waving(0.8, 0.1, 2.0)}, 3.0))
+    form = LoopForm(
+        mechanism, motion_laws=make_motion_laws(mechanism, {"stroke": waving(0.8, 0.1, 2.0)}, 3.0)
+    )
     motion = require_rates(form)
     foot = np.hypot(0.5, 0.2)
     cosine = (1.0 + foot**2 - motion.joints["stroke"].value ** 2) / (2.0 * foot)
@@ -161,7 +163,7 @@ def test_a_screw_lifts_its_nut_by_its_lead_a_turn():
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_planar_joint_leaves_two_ways_and_a_turn(backwards):
     mechanism = table(backwards=backwards)
-    form = LoopForm(mechanism, programs=programs(mechanism, {"tool": waving(0.0, 1.0, 3.0)}, 2.0))
+    form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, {"tool": waving(0.0, 1.0, 3.0)}, 2.0))
     motion = require_rates(form)
     way = motion.joints["plane.x"].value
     assert way == pytest.approx(
@@ -175,7 +177,7 @@ def test_a_planar_joint_leaves_two_ways_and_a_turn(backwards):
 def test_a_platform_on_six_legs_goes_where_its_legs_were_measured():
     """The legs' lengths of a chosen motion of the platform are elementary; they lead back to it."""
     mechanism, moves, stood = platform()
-    assert isinstance(moves, Programs)
+    assert isinstance(moves, MotionLaws)
     time = np.linspace(0.0, 3.0, 121)
-    motion = LoopForm(mechanism, programs=moves).solve(t=time)
+    motion = LoopForm(mechanism, motion_laws=moves).solve(t=time)
     assert motion.points["P"].position == pytest.approx(stood(time), abs=1e-13)

@@ -17,7 +17,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.links import EX, GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion
-from mechsim.model.programs import programs
+from mechsim.model.motion_laws import make_motion_laws
 
 STEP = 1e-3
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
@@ -28,12 +28,12 @@ RATES = {"left": (1.7, -2.3), "right": (-0.9, 3.1)}
 def form() -> LoopForm:
     mechanism = five_bar()
     states = {"left": waving(2.0, 0.3, 6.0, 0.2), "right": waving(1.0, 0.4, 9.0, 1.0)}
-    return LoopForm(mechanism, programs=programs(mechanism, states, 1.0))
+    return LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0))
 
 
 def off_by(form: LoopForm, off):
     """Return the motion where drivers stand off their programs, (left, right), at rates of their own."""
-    assert form.programs is not None
+    assert form.motion_laws is not None
     motion = form.solve(t=np.linspace(0.0, 1.0, 12))
     joints = {
         name: JointMotion(motion.joints[name].value + by, *(one * np.ones(12) for one in RATES[name]), "rad")
@@ -138,7 +138,7 @@ def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_say
     points = {"P": ("block", (0.3, 0.0, 0.0))}
     arm = Mechanism("arm", (Link("arm"), Link("block")), joints, ("turn", "way"), points)
     states = {"turn": waving(2.0, 0.3, 6.0, 0.2), "way": waving(0.02, 0.4, 9.0, 1.0)}
-    form = LoopForm(arm, programs=programs(arm, states, 1.0))
+    form = LoopForm(arm, motion_laws=make_motion_laws(arm, states, 1.0))
     times = np.linspace(0.0, 1.0, 12)
     motion = form.solve(t=times)
     (turn, spin, spun), (way, speed, gain) = (np.array(states[name](times)) for name in ("turn", "way"))

@@ -25,15 +25,15 @@ def as_its_comment_says(path, duration):
     comment = re.search(r"<!-- mechsim tune.*?-->", text, re.DOTALL)[0]
     model = mujoco.MjModel.from_xml_path(str(path))
     data, h = mujoco.MjData(model), model.opt.timestep
-    programs = dict(re.findall(r"where q\('(\w+)', t\) = (.*?)(?: -->)?$", comment, re.MULTILINE))
-    if programs:
+    motion_laws = dict(re.findall(r"where q\('(\w+)', t\) = (.*?)(?: -->)?$", comment, re.MULTILINE))
+    if motion_laws:
         mujoco.mj_resetDataKeyframe(model, data, model.key("mechsim_start").id)
     lines = re.findall(r"^\s+(data\..*?)(?: -->)?$", comment, re.MULTILINE)
     known = {
         **vars(math),
         "data": data,
         "h": h,
-        "q": lambda name, t: eval(programs[name], {**vars(math), "t": t}),
+        "q": lambda name, t: eval(motion_laws[name], {**vars(math), "t": t}),
     }
     states = [data.qpos.copy()]
     for _ in range(round(duration / h)):

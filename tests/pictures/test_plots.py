@@ -130,7 +130,7 @@ def test_errors_of_programs_are_drawn_over_time():
     source = PlotSource(drive=load("five_bar"), speed=1.0)
     (ax,) = PLOTS["poses"].draw(source).axes
     assert ax.get_xlabel() == "time [s]"
-    assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.drive.programs.duration)
+    assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.drive.motion_laws.duration)
 
 
 def test_what_cannot_be_plotted_is_refused(motion, tmp_path):

@@ -39,7 +39,9 @@ def read(tmp_path, name, parts, beside=""):
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_the_torque_at_a_crank_is_the_same_whether_its_rod_floats_or_hangs(tmp_path, method):
     torque = [
-        driven(one.mechanism, one.forces, programs=one.programs, samples=12, method=method).efforts.torque
+        driven(
+            one.mechanism, one.forces, motion_laws=one.motion_laws, samples=12, method=method
+        ).efforts.torque
         for one in (read(tmp_path, "hung", HUNG), read(tmp_path, "floating", FLOATING))
     ]
     assert np.ptp(torque[0]) > 0.05
@@ -48,7 +50,7 @@ def test_the_torque_at_a_crank_is_the_same_whether_its_rod_floats_or_hangs(tmp_p
 
 def test_a_mechanism_whose_rod_floats_runs_as_one_whose_rod_hangs(tmp_path):
     forms = [read(tmp_path, "hung", HUNG), read(tmp_path, "floating", FLOATING)]
-    runs = [simulate(form.mechanism, programs=form.programs, method="pose").motion for form in forms]
+    runs = [simulate(form.mechanism, motion_laws=form.motion_laws, method="pose").motion for form in forms]
     places = [run.links["rod"].position for run in runs]
     np.testing.assert_allclose(places[1], places[0], atol=1e-14)
 
@@ -57,4 +59,4 @@ def test_a_link_that_nothing_but_a_floating_joint_holds_is_refused_by_name(tmp_p
     ball = '<body name="ball" pos="0 0 1"><freejoint name="loose"/><geom/></body>'
     form = read(tmp_path, "loose", HUNG, beside=ball.replace("<geom/>", '<geom type="sphere" size="0.01"/>'))
     with pytest.raises(InputError, match="joint 'loose' floats and nothing else holds its link"):
-        driven(form.mechanism, form.forces, programs=form.programs, samples=4)
+        driven(form.mechanism, form.forces, motion_laws=form.motion_laws, samples=4)

@@ -36,9 +36,9 @@ def form(tmp_path):
     return made
 
 
-def follows(run, programs):
-    meant = programs.state(run.motion.time)[0]
-    for name, value in zip(programs.drivers, meant, strict=True):
+def follows(run, motion_laws):
+    meant = motion_laws.state(run.motion.time)[0]
+    for name, value in zip(motion_laws.drivers, meant, strict=True):
         assert run.motion.joints[name].value == pytest.approx(value, abs=1e-5)
 
 
@@ -47,14 +47,14 @@ def test_links_that_overlap_where_they_are_joined_brake_no_driver(form):
     assert case.passed, case.verdict.reason
     # contacts as hard as the loops, and accelerations taken anew from forces, left far more
     assert case.run.estimate < 1e-12
-    follows(case.run, case.drive.programs)
+    follows(case.run, case.drive.motion_laws)
     assert "contacts do not act" in case.run.note
 
 
 def test_what_hangs_on_no_driver_is_still_stopped_by_a_contact(form):
     run = simulate(form(BALL), method="step")
     assert "so are contacts" in run.note
-    follows(run, form(BALL).programs)
+    follows(run, form(BALL).motion_laws)
     fallen = run.motion.links["ball"].position[-1]
     assert fallen[1] == pytest.approx(-0.11, abs=2e-3)
     assert np.isfinite(fallen).all()

@@ -8,7 +8,7 @@ from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.programs import Programs, programs, steady
+from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.simulation.settings import Settings
 
 # a four-bar whose coupler is in two halves, joined by what EQUALITY says
@@ -50,7 +50,7 @@ def by_name(states, duration):
     """Return programs of joints of a model: what is driven, its extent aside."""
     arms = tuple(Joint(name, "revolute", End(GROUND), End(f"of {name}", (0.1, 0.0, 0.0))) for name in states)
     links = tuple(Link(f"of {name}") for name in states)
-    return programs(Mechanism("drivers", links, arms, tuple(states), {}), states, duration)
+    return make_motion_laws(Mechanism("drivers", links, arms, tuple(states), {}), states, duration)
 
 
 @pytest.mark.parametrize("weld", WELDS)
@@ -92,7 +92,7 @@ def test_a_program_moves_a_hinge_as_a_speed_does(method):
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     known = swept(text, drive="motor", speed=2.0, method="pose").motion
     moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, known.time[-1])
-    motion = simulate(text, programs=moves, samples=12, method=method).motion
+    motion = simulate(text, motion_laws=moves, samples=12, method=method).motion
     assert motion.points["P"].position == pytest.approx(known.points["P"].position, abs=1e-9)
     assert motion.drivers == ("motor",)
 
@@ -101,7 +101,7 @@ def test_a_gripper_coupled_by_tendons_closes_as_they_say():
     text = GRIPPER.replace("ACTIVE", "false").replace("EXTRA", "0")
     moves = by_name({"left": lambda t: (0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
     for method in ("pose", "step"):
-        joints = simulate(text, programs=moves, method=method).motion.joints
+        joints = simulate(text, motion_laws=moves, method=method).motion.joints
         assert 2 * joints["left"].value + joints["left tip"].value == pytest.approx(0.3, abs=1e-12)
         assert -joints["right"].value == pytest.approx(0.3 + 0.5 * 0.3**2, abs=1e-9)
 
@@ -110,7 +110,7 @@ def test_a_gripper_with_one_more_equality_lets_its_driver_go_nowhere():
     text = GRIPPER.replace("ACTIVE", "true").replace("EXTRA", ".1")
     moves = by_name({"left": lambda t: (0.1 + 0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
     with pytest.raises(MobilityError, match="overdetermined: the loops do not let left move"):
-        simulate(text, programs=moves)
+        simulate(text, motion_laws=moves)
 
 
 def test_a_held_joint_stands_still_where_it_is_held():
@@ -126,7 +126,9 @@ def test_a_run_begins_at_a_keyframe():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     assert swept(text, drive="motor", speed=2.0, key="ahead").motion.angle[0] == pytest.approx(1.1)
     moves = by_name({"motor": steady(1.1, 2.0)}, 0.1)
-    assert simulate(text, programs=moves, key="ahead").motion.joints["motor"].value[0] == pytest.approx(1.1)
+    assert simulate(text, motion_laws=moves, key="ahead").motion.joints["motor"].value[0] == pytest.approx(
+        1.1
+    )
 
 
 def test_what_a_model_has_not_is_named():
@@ -134,7 +136,7 @@ def test_what_a_model_has_not_is_named():
     with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, A, D, C\)"):
         swept(text, speed=1.0)
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to drive \(it has motor, A, D, C\)"):
-        simulate(text, programs=by_name({"X": steady(0.0, 1.0)}, 1.0))
+        simulate(text, motion_laws=by_name({"X": steady(0.0, 1.0)}, 1.0))
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to hold"):
         swept(text, drive="motor", speed=1.0, lock={"X": 0.0})
     with pytest.raises(InputError, match=r"no keyframe 'behind' \(it has ahead\)"):
@@ -150,7 +152,7 @@ def test_a_joint_that_cannot_go_where_it_is_held_is_refused_with_the_place():
 def test_the_clock_of_programs_stands_under_no_default_and_in_no_record():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, 0.5)
-    assert isinstance(moves, Programs)
-    motion = simulate(text, programs=moves, settings=Settings()).motion
+    assert isinstance(moves, MotionLaws)
+    motion = simulate(text, motion_laws=moves, settings=Settings()).motion
     assert motion.angle == pytest.approx(moves.pace * motion.time, abs=1e-12)
     assert not any("clock" in name for name in (*motion.joints, *motion.links, *motion.points))

@@ -12,7 +12,7 @@ from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.inertia import Inertia
-from mechsim.model.programs import programs, steady
+from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.loop_constraints import CouplingConstraint
@@ -25,13 +25,15 @@ def five_bar():
     mechanism = machines.five_bar()
     states = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
     rubbing = replace(WEIGHT, friction=(Friction("A", viscous=0.01),))
-    return dynamics.machine(LoopForm(mechanism, programs=programs(mechanism, states, 1.0)), rubbing)
+    return dynamics.machine(
+        LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0)), rubbing
+    )
 
 
 def boom():
     mechanism = machines.boom()
     states = {"stroke": machines.waving(0.8, 0.1, 2.0)}
-    return dynamics.machine(LoopForm(mechanism, programs=programs(mechanism, states, 3.0)), WEIGHT)
+    return dynamics.machine(LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0)), WEIGHT)
 
 
 def held_rack():
@@ -39,27 +41,27 @@ def held_rack():
     mechanism = machines.rack_and_cam()
     mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
     mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
-    moves = programs(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.machine(LoopForm(mechanism, programs=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
+    moves = make_motion_laws(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    return dynamics.machine(LoopForm(mechanism, motion_laws=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
 
 
 def bending_rack():
     mechanism = machines.bending_rack()
-    moves = programs(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.machine(LoopForm(mechanism, programs=moves), WEIGHT)
+    moves = make_motion_laws(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    return dynamics.machine(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 
 def bending_passive():
     mechanism = machines.five_bar_with_cam()
     arms = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
-    return dynamics.machine(LoopForm(mechanism, programs=programs(mechanism, arms, 1.0)), WEIGHT)
+    return dynamics.machine(LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, arms, 1.0)), WEIGHT)
 
 
 def bending_table():
     """A plate of 9 g whose ways bend with a tool of 2 mg on it, and with sums of that and each other."""
     mechanism = machines.table(backwards=False)
-    moves = programs(mechanism, {"tool": machines.waving(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.machine(LoopForm(mechanism, programs=moves), WEIGHT)
+    moves = make_motion_laws(mechanism, {"tool": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    return dynamics.machine(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 
 BENT = {
@@ -71,7 +73,7 @@ CASES = {"five-bar": five_bar, "boom": boom, "rack": held_rack} | BENT
 
 
 def studied(machine, count=41):
-    moves = machine.drive.programs
+    moves = machine.drive.motion_laws
     return dynamics.prescribed(machine, t=np.linspace(0.0, moves.duration, count))
 
 
@@ -79,7 +81,7 @@ def studied(machine, count=41):
 def test_the_drives_power_is_what_the_energies_take(case):
     """Eighth-order differences of the energy against the drives' power and what friction loses."""
     machine = CASES[case]()
-    moves = machine.drive.programs
+    moves = machine.drive.motion_laws
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
     times = middle + step * np.arange(-4, 5)
     found = dynamics.prescribed(machine, t=times).efforts
@@ -105,9 +107,9 @@ def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
     arm = replace(mechanism.links[0], inertia=Inertia(5.0, (1.2, 0.0, 0.0), (1e-3, 1e-3, 1e-3)))
     links = (arm, *(replace(link, inertia=still) for link in mechanism.links[1:]))
     mechanism = replace(mechanism, links=links)
-    slowly = programs(mechanism, {"stroke": steady(0.75, 1e-7)}, 1.0)
-    study = studied(dynamics.machine(LoopForm(mechanism, programs=slowly), WEIGHT), 3)
-    lift = LoopForm(mechanism, programs=slowly).solve(t=[0.0]).joints["lift"].value[0]
+    slowly = make_motion_laws(mechanism, {"stroke": steady(0.75, 1e-7)}, 1.0)
+    study = studied(dynamics.machine(LoopForm(mechanism, motion_laws=slowly), WEIGHT), 3)
+    lift = LoopForm(mechanism, motion_laws=slowly).solve(t=[0.0]).joints["lift"].value[0]
     foot, head = np.array([0.5, -0.2]), np.array([np.cos(lift), np.sin(lift)])
     along = (head - foot) / np.linalg.norm(head - foot)
     lever = head[0] * along[1] - head[1] * along[0]
@@ -122,7 +124,7 @@ def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
     run = driven(
         machine.mechanism,
         machine.forces,
-        programs=machine.drive.programs,
+        motion_laws=machine.drive.motion_laws,
         method=method,
         settings=settings,
         samples=20,
@@ -142,9 +144,9 @@ def test_efforts_stepped_as_if_a_coupling_were_straight_are_refused(case, monkey
     machine = BENT[case]()
 
     def judged():
-        moves, chosen = machine.drive.programs, Settings(steps_per_turn=250)
+        moves, chosen = machine.drive.motion_laws, Settings(steps_per_turn=250)
         stepped = driven(
-            machine.mechanism, machine.forces, programs=moves, method="step", settings=chosen, samples=20
+            machine.mechanism, machine.forces, motion_laws=moves, method="step", settings=chosen, samples=20
         )
         checks = crosscheck_driven(stepped, machine).checks
         return {one.kind for one in checks if not one.passed}

@@ -23,7 +23,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.programs import programs
+from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.subjects.subject import load
 
@@ -47,16 +47,16 @@ class Case:
 
     @property
     def moves(self):
-        return programs(self.mechanism, self.laws, 1.0)
+        return make_motion_laws(self.mechanism, self.laws, 1.0)
 
 
 def solved(case: Case, method: str) -> tuple[Motion, Efforts]:
     """Return motion and efforts at six instants, by one of the methods."""
     moves = case.moves
     if method == "MuJoCo":
-        run = driven(case.mechanism, case.forces, programs=moves, method="pose", samples=5)
+        run = driven(case.mechanism, case.forces, motion_laws=moves, method="pose", samples=5)
         return run.motion, run.efforts
-    machine = dynamics.machine(LoopForm(case.mechanism, programs=moves), case.forces)
+    machine = dynamics.machine(LoopForm(case.mechanism, motion_laws=moves), case.forces)
     time = np.linspace(0.0, 1.0, 6)
     return machine.drive.solve(t=time), dynamics.prescribed(machine, t=time).efforts
 
@@ -254,7 +254,7 @@ def test_bearings_of_planets_that_share_a_load_are_not_determined():
 @pytest.mark.parametrize("case", ["train 2", "linkage 22"])
 def test_forces_of_stepped_runs_keep_links_in_equilibrium(case):
     made = CASES[case]()
-    run = driven(made.mechanism, made.forces, programs=made.moves, method="step", samples=5)
+    run = driven(made.mechanism, made.forces, motion_laws=made.moves, method="step", samples=5)
     off = equilibrium.largest_imbalance(made.mechanism, made.forces, run.motion, run.efforts)
     # the step leaves 1e-9
     assert off <= 1e-7

@@ -105,7 +105,7 @@ def given(efforts, motion):
 
 def moved(form, mechanism, forces, method):
     """Return motion and efforts by a road: MuJoCo's poses, its steps, or formulas at the poses' instants."""
-    asked = {"programs": form.programs} if form.programs else {"speed": SPEED}
+    asked = {"motion_laws": form.motion_laws} if form.motion_laws else {"speed": SPEED}
     run = driven(mechanism, forces, method="step" if method == "step" else "pose", samples=SAMPLES, **asked)
     if method != "formulas":
         return run.motion, run.efforts

@@ -52,7 +52,7 @@ def tip(key, turned):
 @pytest.mark.parametrize("key", [None, "k"])
 def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_road(boom, key):
     form = load(boom, drive={"crank": "0.5*t"}, lock=HELD, key=key)
-    begin = float(form.programs.first["crank"])
+    begin = float(form.motion_laws.first["crank"])
     at = 0.0 if key is None else 0.7
     poses = form.solve(t=np.array([0.0, 1.0])).points["tip"].position
     for method in ("pose", "step"):

@@ -7,7 +7,7 @@ import pytest
 from mechsim.cli import main
 from mechsim.cli.scene_findings import found_in
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.programs import programs, steady
+from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.report.facts import facts
 from mechsim.simulation.mjcf_reader import states_of
 from mechsim.subjects.mjcf_source import read_mjcf
@@ -265,4 +265,4 @@ def test_scenes_without_joints_or_of_one_free_body_are_shown(file, body):
 def test_programs_are_bound_to_the_drivers_of_the_file(file):
     form = read_mjcf(file(five_bar()))
     with pytest.raises(InputError, match="no program says how right moves"):
-        programs(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)
+        make_motion_laws(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import dynamics
-from mechsim.model.programs import programs
+from mechsim.model.motion_laws import make_motion_laws
 from mechsim.subjects.mjcf_source import read_mjcf
 
 ARM = """
@@ -49,8 +49,8 @@ def test_the_drives_of_an_arm_are_those_of_mujoco_s_inverse_dynamics(tmp_path):
     file.write_text(ARM.format(dry=0.0))
     form = read_mjcf(str(file), drivers=NAMES)
     states = dict(zip(NAMES, map(waving, MIDDLES, REACHES, RATES), strict=True))
-    moves = programs(form.mechanism, states, 1.0)
-    bound = type(form)(form.mechanism, forces=form.forces, source=form.source, programs=moves)
+    moves = make_motion_laws(form.mechanism, states, 1.0)
+    bound = type(form)(form.mechanism, forces=form.forces, source=form.source, motion_laws=moves)
     times = np.linspace(0.0, 1.0, 7)
     found = dynamics.prescribed(dynamics.machine(bound, form.forces), t=times).efforts
     model = mujoco.MjModel.from_xml_path(str(file))

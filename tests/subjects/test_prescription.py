@@ -83,8 +83,8 @@ def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):
 
 
 def test_a_five_bar_goes_where_two_circles_meet_and_its_rates_are_those_of_the_law(file):
-    programs = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t) - 0.1rad*t"}
-    form = load(file(FIVE_BAR), drive=programs, duration="1.5 s")
+    motion_laws = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t) - 0.1rad*t"}
+    form = load(file(FIVE_BAR), drive=motion_laws, duration="1.5 s")
     time = np.linspace(0.0, 1.5, 31)
     motion = form.solve(t=time)
 
@@ -253,7 +253,7 @@ def test_a_table_says_how_long_it_lasts_and_no_longer_is_asked(file, tmp_path):
     path = tmp_path / "left.csv"
     path.write_text("t,left\n" + "".join(f"{0.1 * i},{2 + 0.01 * i}\n" for i in range(8)))
     drive = {"left": str(path), "right": "10deg*t"}
-    assert load(file(FIVE_BAR), drive=drive).programs.duration == pytest.approx(0.7)
+    assert load(file(FIVE_BAR), drive=drive).motion_laws.duration == pytest.approx(0.7)
     with pytest.raises(InputError, match=r"ends at 0.7 s, before the duration, 1 s"):
         load(file(FIVE_BAR), drive=drive, duration=1.0)
 

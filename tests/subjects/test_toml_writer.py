@@ -236,10 +236,10 @@ def test_starts_and_holds_are_in_the_file_s_units(press):
 
 def test_programs_of_a_file_are_in_its_units_and_its_parameters(press):
     time = np.linspace(0.0, 0.5, 7)
-    crank, sleeve = press.programs.state(time)[0]
+    crank, sleeve = press.motion_laws.state(time)[0]
     np.testing.assert_allclose(crank, np.deg2rad(20 + 12 * np.sin(2 * np.pi * time)), rtol=1e-14)
     np.testing.assert_allclose(sleeve, (5 + 12 * time**2) / 1000, rtol=1e-14)
-    assert press.programs.duration == 0.5
+    assert press.motion_laws.duration == 0.5
 
 
 def test_everything_comes_back_to_the_last_bit(press, tmp_path):
@@ -247,9 +247,9 @@ def test_everything_comes_back_to_the_last_bit(press, tmp_path):
     path.write_text(to_toml(press))
     again = load(str(path))
     assert alike(again.mechanism, press.mechanism)
-    assert again.programs.duration == press.programs.duration
+    assert again.motion_laws.duration == press.motion_laws.duration
     time = np.linspace(0.0, 0.5, 11)
-    np.testing.assert_allclose(again.programs.state(time), press.programs.state(time), rtol=1e-14)
+    np.testing.assert_allclose(again.motion_laws.state(time), press.motion_laws.state(time), rtol=1e-14)
     assert Path(again.formula).name == Path(press.formula).name
     # loads hold functions: what they give at an instant stands for them
     for found, wanted in zip(again.forces.courses, press.forces.courses, strict=True):

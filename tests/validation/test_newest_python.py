@@ -9,8 +9,8 @@ def test_the_newest_that_runs_is_taken(tmp_path):
     old.write_text("#!/bin/sh\necho 3.2.1\n")
     for program in (broken, old):
         program.chmod(0o755)
-    programs = [str(broken), "/nowhere/python3", sys.executable, str(old)]
-    assert newest_python.newest(programs) == sys.executable
+    motion_laws = [str(broken), "/nowhere/python3", sys.executable, str(old)]
+    assert newest_python.newest(motion_laws) == sys.executable
     assert newest_python.version(str(broken)) == ()
     assert newest_python.version(str(old)) == (3, 2, 1)
     assert sys.executable in newest_python.candidates()

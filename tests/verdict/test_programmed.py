@@ -9,25 +9,27 @@ from driven import boom, five_bar, waving
 
 from mechsim import crosscheck
 from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.model.programs import programs
+from mechsim.model.motion_laws import make_motion_laws
 
-MOVES = programs(five_bar(), {"left": waving(2.0, 0.3, 6.0), "right": waving(1.0, 0.2, 9.0)}, 1.0)
-FORM = LoopForm(five_bar(), programs=MOVES)
+MOVES = make_motion_laws(five_bar(), {"left": waving(2.0, 0.3, 6.0), "right": waving(1.0, 0.2, 9.0)}, 1.0)
+FORM = LoopForm(five_bar(), motion_laws=MOVES)
 # a cylinder that shakes
-LIFTING = LoopForm(boom(), programs=programs(boom(), {"stroke": waving(0.8, 0.01, 60.0)}, 1.0))
+LIFTING = LoopForm(boom(), motion_laws=make_motion_laws(boom(), {"stroke": waving(0.8, 0.01, 60.0)}, 1.0))
 TIME = np.linspace(0.0, 1.0, 40)
 
 
 def record(form: LoopForm, source: str):
     """Return a motion as a simulator would have recorded it."""
-    assert form.programs is not None
+    assert form.motion_laws is not None
     motion = form.solve(t=TIME)
     return replace(motion, source=source, time=TIME, origin=None, closure=np.zeros(len(TIME)))
 
 
 def lagging(by: float) -> LoopForm:
-    late = programs(five_bar(), {"left": waving(2.0, 0.3, 6.0, -by), "right": waving(1.0, 0.2, 9.0)}, 1.0)
-    return LoopForm(five_bar(), programs=replace(late, pace=MOVES.pace))
+    late = make_motion_laws(
+        five_bar(), {"left": waving(2.0, 0.3, 6.0, -by), "right": waving(1.0, 0.2, 9.0)}, 1.0
+    )
+    return LoopForm(five_bar(), motion_laws=replace(late, pace=MOVES.pace))
 
 
 @pytest.mark.parametrize("source", ["pose", "step"])
@@ -65,7 +67,7 @@ def test_accelerations_are_parts_of_the_quickest_driver_in_radians_or_sizes(form
 
 def test_what_cannot_be_solved_where_its_drivers_were_is_solved_at_the_instants_of_the_clock():
     found = record(FORM, "step")
-    by_clock = SimpleNamespace(solve=FORM.solve, programs=MOVES, assembly_sign=FORM.assembly_sign)
+    by_clock = SimpleNamespace(solve=FORM.solve, motion_laws=MOVES, assembly_sign=FORM.assembly_sign)
     assert crosscheck(found, by_clock).passed
     late = record(lagging(0.05), "step")
     missed = {check.kind for check in crosscheck(late, by_clock).checks if not check.passed}

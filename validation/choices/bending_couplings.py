@@ -17,7 +17,7 @@ from mechsim.analytic import dynamics
 from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.model.forces import Forces
-from mechsim.model.programs import programs
+from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics import efforts
 from mechsim.simulation.dynamics.free_running import free_run
@@ -47,7 +47,7 @@ def errors(machine: Machine, steps: int) -> dict[str, float]:
     run = driven(
         machine.mechanism,
         machine.forces,
-        programs=machine.drive.programs,
+        motion_laws=machine.drive.motion_laws,
         method="step",
         settings=Settings(steps_per_turn=steps),
         samples=20,
@@ -75,7 +75,7 @@ def main() -> None:
     print(f"{'angle of a free crank':56s}" + "".join(f"{running_free(steps):12.1e}" for steps in FREE_STEPS))
     print(f"{'':30s}{'':16s}" + "".join(f"{steps:>12,}" for steps in STEPS))
     for name, (mechanism, states, duration) in CASES.items():
-        form = LoopForm(mechanism, programs=programs(mechanism, states, duration))
+        form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, duration))
         machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))
         stepped = mock.patch.object(efforts, "_straightened", lambda _, states: states)
         closed = {steps: errors(machine, steps) for steps in STEPS}

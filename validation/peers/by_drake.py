@@ -160,7 +160,7 @@ class Poses:
         self.crank_place = self.linkage.joints[0].position_start()
         self.rocker_place = self.linkage.joints[1].position_start()
         self.angles = problem.angles(setting.steps)
-        self.programs = [self._program(angle) for angle in self.angles[1:]]
+        self.motion_laws = [self._program(angle) for angle in self.angles[1:]]
 
     def _program(self, angle: float) -> InverseKinematics:
         linkage, closed = self.linkage, np.zeros(3)
@@ -175,7 +175,7 @@ class Poses:
 
     def run(self) -> tuple[float, Places]:
         here, way, seconds = self.start, [self.start], 0.0
-        for program in self.programs:
+        for program in self.motion_laws:
             begin = time.process_time()
             found = self.solver.Solve(program.prog(), here, self.options)
             here = found.GetSolution(program.q())

@@ -84,7 +84,7 @@ class Subject:
         """Return the same instants of something else, or elsewhere, solved anew."""
         made = self.form if form is None else form
         if isinstance(made, LoopForm) and isinstance(self.form, LoopForm):
-            made = replace(made, programs=changed.pop("programs", self.form.programs))
+            made = replace(made, motion_laws=changed.pop("motion_laws", self.form.motion_laws))
         one = self.comparand
         return Comparand(
             made,
@@ -156,8 +156,8 @@ def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
 
 def shifted(subject: Subject, change: dict) -> Comparand:
     """Return a subject whose drivers go otherwise: name -> (scale, offset, late by)."""
-    programs = getattr(subject.form, "programs", None)
-    if programs is None:
+    motion_laws = getattr(subject.form, "motion_laws", None)
+    if motion_laws is None:
         scale, offset, _ = next(iter(change.values()))
         angle = scale * subject.comparand.angle + offset
         return subject.solved(angle=angle, speed=scale * subject.comparand.speed)
@@ -171,8 +171,10 @@ def shifted(subject: Subject, change: dict) -> Comparand:
 
         return other
 
-    states = tuple(moved(name, state) for name, state in zip(programs.drivers, programs.states, strict=True))
-    return subject.solved(programs=replace(programs, states=states))
+    states = tuple(
+        moved(name, state) for name, state in zip(motion_laws.drivers, motion_laws.states, strict=True)
+    )
+    return subject.solved(motion_laws=replace(motion_laws, states=states))
 
 
 def driver_of(subject: Subject, random) -> str:
@@ -204,11 +206,11 @@ def of_degrees(subject, named, size, random) -> Mistake:
 
 
 def of_phase(subject, named, size, random) -> Mistake:
-    programs = getattr(subject.form, "programs", None)
-    if programs is None or len(programs.drivers) < 2:
+    motion_laws = getattr(subject.form, "motion_laws", None)
+    if motion_laws is None or len(motion_laws.drivers) < 2:
         raise MechsimError("one driver")
     driver = driver_of(subject, random)
-    late = size * programs.duration
+    late = size * motion_laws.duration
     return Mistake("phase", (driver,), shifted(subject, {driver: (1.0, 0.0, late)}).all(named))
 
 

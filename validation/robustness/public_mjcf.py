@@ -23,7 +23,7 @@ from closure_apart import worst_difference
 
 from mechsim.analytic.closure.tree_assembly import assembled
 from mechsim.errors import MechsimError
-from mechsim.model.programs import programs
+from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import states_of
 from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
@@ -73,9 +73,9 @@ def worst_opening(form: MjcfForm, motion):
 def apart(form: MjcfForm, motion):
     """Return how far our links are from a closure solved apart: over the size, in rad, and its residual."""
     model = form.source.spec.copy().compile()
-    instants = np.linspace(0.0, form.programs.duration, SAMPLES)[::THIN]
+    instants = np.linspace(0.0, form.motion_laws.duration, SAMPLES)[::THIN]
     state = {
-        name: (lambda t, s=s: float(s(np.array([t]))[0][0])) for name, s in form.programs.by_name.items()
+        name: (lambda t, s=s: float(s(np.array([t]))[0][0])) for name, s in form.motion_laws.by_name.items()
     }
     held = {name: (lambda t, v=v: v) for name, v in form.mechanism.locked.items()}
     links = {name: (link.position[::THIN], link.rotation[::THIN]) for name, link in motion.links.items()}
@@ -92,8 +92,8 @@ def judged(path, options):
     rank = int(np.linalg.matrix_rank(slope, tol=1e-9)) if slope.size else 0
     start = {name: float(at.values[loops.tree.index_of[name], 0]) for name in form.mechanism.drivers}
     far = reaches(form, options.get("reach", {}))
-    bound = programs(form.mechanism, {name: swing(start[name], far[name]) for name in start}, 1.0)
-    moved = MjcfForm(form.mechanism, programs=bound, source=form.source)
+    bound = make_motion_laws(form.mechanism, {name: swing(start[name], far[name]) for name in start}, 1.0)
+    moved = MjcfForm(form.mechanism, motion_laws=bound, source=form.source)
     motion = moved.solve(t=np.linspace(0.0, bound.duration, SAMPLES))
     worst, size = worst_opening(form, motion), form.mechanism.size
     far, turned, left = apart(moved, motion)

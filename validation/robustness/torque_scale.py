@@ -46,8 +46,8 @@ def main() -> None:
     print(f"{'':20s}{'torque / F size':>16s}{'error / torque':>16s}{'error / F size':>16s}")
     for name in sys.argv[1:] or [*catalog.DRIVES, *gallery.files()]:
         form = load(name)
-        moved: dict[str, Any] = {"programs": form.programs}
-        if form.programs is None:
+        moved: dict[str, Any] = {"motion_laws": form.motion_laws}
+        if form.motion_laws is None:
             moved = {"profile": within_range(form.mechanism, form.crank_range(), SPEED)}
         tell(name, weighing(form), moved)
     if sys.argv[1:]:

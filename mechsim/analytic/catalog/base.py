@@ -67,7 +67,7 @@ class ClosedForm(ABC):
     # parameters that may be arrays, one number a design, for `many_designs`
     broadcast: ClassVar[frozenset[str]] = frozenset()
     # what a `LoopForm` may have: drivers under programs, the forces and the formula of its file
-    programs: ClassVar[None] = None
+    motion_laws: ClassVar[None] = None
     forces: ClassVar[None] = None
     formula: ClassVar[str] = ""
 

@@ -27,7 +27,7 @@ from mechsim.model.joint_ranges import INSTANTS, ROUNDED, Ranges, check_instants
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.written_units import WrittenUnits
 
 # two crank angles nearer than this are one
@@ -47,7 +47,7 @@ class LoopForm:
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
         change_point: how it goes on where two assemblies meet.
         forces: what acts on it; None where that is not said.
-        programs: of its drivers, where they are not one crank; angles are then those of their clock.
+        motion_laws: of its drivers, where they are not one crank; angles are then those of their clock.
         ranges: joint -> between which values it can stand, in [m] or [rad].
         written: the units that its file declares.
     """
@@ -57,7 +57,7 @@ class LoopForm:
     formula: str = ""
     change_point: ChangePointPolicy = "smooth"
     forces: Forces | None = None
-    programs: Programs | None = None
+    motion_laws: MotionLaws | None = None
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     written: WrittenUnits = WrittenUnits()
 
@@ -72,8 +72,8 @@ class LoopForm:
 
         Under programs the clock's angle at their end.
         """
-        if self.programs is not None:
-            return self.programs.pace * self.programs.duration
+        if self.motion_laws is not None:
+            return self.motion_laws.pace * self.motion_laws.duration
         if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
             return TURN
         return TURN if self._back_after_a_turn() else 2.0 * TURN
@@ -117,7 +117,7 @@ class LoopForm:
             AssemblyError: where the loops do not close.
             InputError: for crank angles where motion laws drive.
         """
-        instants = path_instants(self.mechanism, self.programs, angles, speed, acceleration, t)
+        instants = path_instants(self.mechanism, self.motion_laws, angles, speed, acceleration, t)
         motion = self.solve_along(instants.parameter, instants.rate, instants.second)
         return motion if instants.time is None else replace(motion, time=instants.time)
 
@@ -125,16 +125,16 @@ class LoopForm:
         """Return the motion at values of the path parameter, (n,), and its rates.
 
         The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
-        `programs.pace`.
+        `motion_laws.pace`.
 
         Raises:
             AssemblyError: where the loops do not close.
         """
-        if self.programs is None:
+        if self.motion_laws is None:
             return replace(solve_along(self._path, parameter, rate, second), origin=self)
         time_angle = np.atleast_1d(numbers(parameter))
         rates = [np.broadcast_to(numbers(values), time_angle.shape) for values in (rate, second)]
-        return replace(solve_under_laws(self._path, self.programs, time_angle, *rates), origin=self)
+        return replace(solve_under_laws(self._path, self.motion_laws, time_angle, *rates), origin=self)
 
     def solve_as(self, driven: Motion) -> Motion:
         """Return the motion where the drivers of another motion under the same programs really were.
@@ -142,9 +142,9 @@ class LoopForm:
         Raises:
             AssemblyError: where the loops do not close.
         """
-        if self.programs is None:
+        if self.motion_laws is None:
             return self.solve_along(driven.angle, driven.speed, driven.acceleration)
-        drivers = [driven.joints[name] for name in self.programs.drivers]
+        drivers = [driven.joints[name] for name in self.motion_laws.drivers]
         instants = Instants(
             driven.angle,
             driven.speed,
@@ -153,7 +153,7 @@ class LoopForm:
             np.array([driver.rate for driver in drivers]),
             np.array([driver.acceleration for driver in drivers]),
         )
-        return replace(solve_prescribed(self._path, self.programs, instants), origin=self)
+        return replace(solve_prescribed(self._path, self.motion_laws, instants), origin=self)
 
     def within_ranges(self, motion: Motion) -> Motion:
         """Return a motion of it in which every joint stays in its range, between its instants too.
@@ -189,7 +189,7 @@ class LoopForm:
         return {name: joints[name].value for name in self.ranges if name in joints}
 
     def _require_within(self, parameter: Array, values: Mapping[str, Array]) -> None:
-        programs = self.programs
+        motion_laws = self.motion_laws
         require_within(
             self.name,
             self.ranges,
@@ -197,10 +197,10 @@ class LoopForm:
             {name: self.mechanism.unit(name) for name in self.ranges},
             lambda index: (
                 f"crank angle {parameter[index]:.6g} rad"
-                if programs is None
-                else programs.called(float(parameter[index]))
+                if motion_laws is None
+                else motion_laws.called(float(parameter[index]))
             ),
-            "turn the crank less" if programs is None else "move the drivers less",
+            "turn the crank less" if motion_laws is None else "move the drivers less",
         )
 
     def positions(
@@ -241,7 +241,7 @@ class LoopForm:
 
         The motion passes them as `through` says.
         """
-        if self.programs is not None:
+        if self.motion_laws is not None:
             return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
         start, full = self.mechanism.start, self._range.full
         within = [point for point in self._path.change_points if start <= point < start + TURN or not full]
@@ -274,14 +274,14 @@ class LoopForm:
 
     @cached_property
     def _path(self) -> ContinuationPath:
-        if self.programs is not None:
-            return path_under_laws(self.mechanism, self.programs, self.change_point)
+        if self.motion_laws is not None:
+            return path_under_laws(self.mechanism, self.motion_laws, self.change_point)
         return crank_path(self.mechanism, self.change_point)
 
     @cached_property
     def _range(self) -> Arcs:
         closing, start = self._closing_range, self.mechanism.start
-        if not self.ranges or self.programs is not None or not closing.arcs:
+        if not self.ranges or self.motion_laws is not None or not closing.arcs:
             return closing
         around = (start - TURN, start + TURN) if closing.full else arc_around(closing, start)
         if around is None:
@@ -330,7 +330,7 @@ class LoopForm:
     def _closing_range(self) -> Arcs:
         """The arc of crank angle over which the loops close."""
         path, start = self._path, self.mechanism.start
-        if self.programs is not None:
+        if self.motion_laws is not None:
             path.extend(self.period)
             return Arcs(False, ((0.0, self.period),))
         ends: list[float] = []

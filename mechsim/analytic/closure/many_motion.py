@@ -19,7 +19,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion, PointMotion
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 
 
 @dataclass
@@ -59,7 +59,7 @@ class SharedLoops:
 
 
 def shared_loops(
-    mechanism: Mechanism, joints: Sequence[str], programs: Programs | None = None
+    mechanism: Mechanism, joints: Sequence[str], motion_laws: MotionLaws | None = None
 ) -> SharedLoops | None:
     """Return what designs of a mechanism have in common; None where they cannot be followed together.
 
@@ -70,7 +70,7 @@ def shared_loops(
         AssemblyError: where its own loops do not close.
         MobilityError: where the drivers leave joints or tracked points open, or are too many.
     """
-    if programs is None and not mechanism.has_crank:
+    if motion_laws is None and not mechanism.has_crank:
         return None
     solver = checked_start(mechanism)
     loops = solver.loops
@@ -89,11 +89,11 @@ def shared_loops(
             with_locked(zeros, 0.0 * locked),
         )
 
-    if programs is None:
+    if motion_laws is None:
         return SharedLoops(solver, crank_law, float(solver.reference.values[loops.driven[0], 0]))
 
     def motion_law(clock: Array) -> tuple[Array, Array, Array]:
-        value, first, second = programs.by_clock(clock)
+        value, first, second = motion_laws.by_clock(clock)
         return with_locked(value, locked), with_locked(first, 0.0 * locked), with_locked(second, 0.0 * locked)
 
     return SharedLoops(solver, motion_law, 0.0)

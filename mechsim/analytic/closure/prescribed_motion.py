@@ -13,18 +13,18 @@ from mechsim.analytic.closure.tree_rates import Instants, loop_motion
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 
 
 def path_under_laws(
-    mechanism: Mechanism, programs: Programs, change_point: ChangePointPolicy = "smooth"
+    mechanism: Mechanism, motion_laws: MotionLaws, change_point: ChangePointPolicy = "smooth"
 ) -> ContinuationPath:
     """Return the path of a mechanism's assembly over the angle of its programs' clock, begun at time zero.
 
     Args:
         mechanism: its guess says which assembly is meant, and where the drivers stand in it; from there they
             go straight to where the programs begin.
-        programs: of its drivers.
+        motion_laws: of its drivers.
         change_point: "smooth" or "branch" where two assemblies meet.
 
     Raises:
@@ -35,11 +35,13 @@ def path_under_laws(
     locked = locked_values(mechanism)
 
     def prescribed(parameter: Array) -> Array:
-        return with_locked(programs.by_clock(parameter)[0], locked)
+        return with_locked(motion_laws.by_clock(parameter)[0], locked)
 
     first = _moved_to_start(first, prescribed(np.zeros(1)), change_point)
     names = PathNames(
-        "the drivers", programs.called, lambda parameter: f"{programs.called(parameter)} of the programs"
+        "the drivers",
+        motion_laws.called,
+        lambda parameter: f"{motion_laws.called(parameter)} of the programs",
     )
     return ContinuationPath(first, prescribed, 0.0, change_point, names)
 
@@ -67,31 +69,33 @@ def _moved_to_start(first: LoopSolver, target: Array, policy: ChangePointPolicy)
 
 
 def solve_under_laws(
-    path: ContinuationPath, programs: Programs, parameter: Array, speed: Array, acceleration: Array
+    path: ContinuationPath, motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
 ) -> Motion:
     """Return the motion at angles of the clock of programs, and its rates.
 
     Args:
         path: from `path_under_laws`.
-        programs: of the drivers.
+        motion_laws: of the drivers.
         parameter: angles of the clock, (n,) in [rad].
-        speed: of the clock, (n,) in [rad/s]; `programs.pace` is real time.
+        speed: of the clock, (n,) in [rad/s]; `motion_laws.pace` is real time.
         acceleration: of the clock, (n,) in [rad/s2].
 
     Raises:
         AssemblyError: at the time beyond which the loops cannot close in this assembly.
     """
-    return solve_prescribed(path, programs, instants_of_laws(programs, parameter, speed, acceleration))
+    return solve_prescribed(path, motion_laws, instants_of_laws(motion_laws, parameter, speed, acceleration))
 
 
-def instants_of_laws(programs: Programs, parameter: Array, speed: Array, acceleration: Array) -> Instants:
+def instants_of_laws(
+    motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
+) -> Instants:
     """Return where programs have their drivers at angles of their clock, at its rates, (n,) each."""
-    value, first, second = programs.by_clock(parameter)
+    value, first, second = motion_laws.by_clock(parameter)
     rate, second_rate = first * speed, first * acceleration + second * speed**2
     return Instants(parameter, speed, acceleration, value, rate, second_rate)
 
 
-def solve_prescribed(path: ContinuationPath, programs: Programs, instants: Instants) -> Motion:
+def solve_prescribed(path: ContinuationPath, motion_laws: MotionLaws, instants: Instants) -> Motion:
     """Return the motion where the drivers stand near their programs, at instants that say where.
 
     Raises:
@@ -105,7 +109,7 @@ def solve_prescribed(path: ContinuationPath, programs: Programs, instants: Insta
         all_instants.speed,
         all_instants.acceleration,
     )
-    return replace(motion, time=instants.parameter / programs.pace, drivers=programs.drivers)
+    return replace(motion, time=instants.parameter / motion_laws.pace, drivers=motion_laws.drivers)
 
 
 def with_locked_values(path: ContinuationPath, instants: Instants) -> Instants:

@@ -110,8 +110,8 @@ def moved_efforts(
 
 def _times(machine: Machine, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
     """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
-    programs = getattr(machine.drive, "programs", None)
-    if programs is not None:
-        return motion.angle / programs.pace
+    motion_laws = getattr(machine.drive, "motion_laws", None)
+    if motion_laws is not None:
+        return motion.angle / motion_laws.pace
     steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()
     return motion.angle / speed if steady else None

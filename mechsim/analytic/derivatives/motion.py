@@ -175,11 +175,11 @@ def followed_form(
     form: Form, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[ContinuationPath, Instants]:
     """Return the path of what moves, and instants along it."""
-    programs = form.programs
+    motion_laws = form.motion_laws
     through: ChangePointPolicy = getattr(form, "change_point", "smooth")
-    if programs is not None:
-        path = path_under_laws(form.mechanism, programs, through)
-        return path, with_locked_values(path, instants_of_laws(programs, angle, speed, acceleration))
+    if motion_laws is not None:
+        path = path_under_laws(form.mechanism, motion_laws, through)
+        return path, with_locked_values(path, instants_of_laws(motion_laws, angle, speed, acceleration))
     path, _ = motion_along(crank_path(form.mechanism, through), angle, speed, acceleration)
     return path, crank_instants(path, angle, speed, acceleration)
 
@@ -238,10 +238,10 @@ def record_of(
     found = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, of)
     if mechanism is not None:
         found = replace(found, conditioning=None)
-    programs = form.programs
-    if programs is None:
+    motion_laws = form.motion_laws
+    if motion_laws is None:
         return found
-    return replace(found, time=instants.parameter / programs.pace, drivers=programs.drivers)
+    return replace(found, time=instants.parameter / motion_laws.pace, drivers=motion_laws.drivers)
 
 
 def derivative_of(motion: Motion) -> Motion:

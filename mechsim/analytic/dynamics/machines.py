@@ -16,7 +16,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass, masses_of
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, at_unit_speed
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.rod_inertia import STEEL, with_inertia
 
 
@@ -73,7 +73,7 @@ class Machine:
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)
-        _check_crank(self.mechanism, forces, getattr(self.drive, "programs", None))
+        _check_crank(self.mechanism, forces, getattr(self.drive, "motion_laws", None))
         return replace(self, forces=forces)
 
 
@@ -115,19 +115,19 @@ def machine(
     described = with_inertia(bare, density, units.si(diameter, "m", "diameter of the rods"))
     acting = acting_on(source, forces)
     acting.check(described)
-    _check_crank(described, acting, getattr(drive, "programs", None))
+    _check_crank(described, acting, getattr(drive, "motion_laws", None))
     return Machine(described, acting, drive)
 
 
-def _check_crank(mechanism: Mechanism, forces: Forces, programs: Programs | None) -> None:
-    if programs is not None and any(course.over == "angle" for course in forces.courses):
+def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws | None) -> None:
+    if motion_laws is not None and any(course.over == "angle" for course in forces.courses):
         raise InputError(
             f"{mechanism.name}: a load goes over the crank's angle, but programs drive it; "
             "give it over time, or drive the crank by its speed"
         )
     if not (forces.flywheel or forces.crank_torque or forces.motor):
         return
-    if programs is not None:
+    if motion_laws is not None:
         raise InputError(
             f"{mechanism.name}: a flywheel, motor or torque on the crank is given, but programs drive it; "
             "leave it out, or drive the crank by its speed"

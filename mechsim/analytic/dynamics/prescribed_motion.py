@@ -130,11 +130,11 @@ def prescribed(
         AssemblyError: where the loops do not close.
     """
     require("what is to be solved", machine, Machine)
-    programs = getattr(machine.drive, "programs", None)
+    motion_laws = getattr(machine.drive, "motion_laws", None)
     if as_run is not None:
         at = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)
     else:
-        at = path_instants(machine.mechanism, programs, angles, speed, acceleration, t)
+        at = path_instants(machine.mechanism, motion_laws, angles, speed, acceleration, t)
         if t is None and speed is None:
             raise InputError(f"{machine.mechanism.name}: the crank's speed is missing; give speed= in rad/s")
     time = at.time if time is None else time
@@ -154,14 +154,14 @@ def prescribed_along(
     """Return what `prescribed` does, at values of the path parameter and its rates.
 
     The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
-    `programs.pace`.
+    `motion_laws.pace`.
     """
     angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
         machine = machine.starting_at(angle, float(np.ravel(rate)[0]))
-    programs = getattr(machine.drive, "programs", None)
-    if programs is not None and time is None:
-        time = angle / programs.pace
+    motion_laws = getattr(machine.drive, "motion_laws", None)
+    if motion_laws is not None and time is None:
+        time = angle / motion_laws.pace
     n, joints = len(angle), len(machine.mechanism.joints)
     equations = 6.0 * len(machine.mechanism.links)
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)

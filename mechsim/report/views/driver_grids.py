@@ -16,7 +16,7 @@ from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.programs import programs, steady
+from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.pictures.view import (
     PoseGrid,
     Readout,
@@ -63,7 +63,7 @@ def program_grid(form: LoopForm) -> PoseGrid:
     Raises:
         AssemblyError: where the loops do not close on the way.
     """
-    bound = form.programs
+    bound = form.motion_laws
     assert bound is not None
     times = np.linspace(0.0, bound.duration, SAMPLES + 1)
     motion = form.solve(t=times)
@@ -96,13 +96,13 @@ def box_of(form: LoopForm, limits: Mapping[str, tuple[float, float]], start: Map
     """
     begin, low, high = dict(start), dict[str, float](), dict[str, float]()
     spans: dict[str, tuple[float, float]] = {}
-    if form.programs is not None:
-        values = form.programs.state(np.linspace(0.0, form.programs.duration, 257))[0]
+    if form.motion_laws is not None:
+        values = form.motion_laws.state(np.linspace(0.0, form.motion_laws.duration, 257))[0]
         spans = {
             name: (float(v.min()), float(v.max()))
-            for name, v in zip(form.programs.drivers, values, strict=True)
+            for name, v in zip(form.motion_laws.drivers, values, strict=True)
         }
-        begin |= form.programs.first
+        begin |= form.motion_laws.first
     for name in form.mechanism.drivers:
         unit = form.mechanism.unit(name)
         far = FAR[unit][len(form.mechanism.drivers) > 2] * (1.0 if unit == "rad" else form.mechanism.size)
@@ -175,7 +175,7 @@ def _row(
     states = {one: steady(values[one], 1.0 if one == moved else 0.0) for one in mechanism.drivers}
     clock = nodes - values[moved]
     try:
-        bound = programs(mechanism, states, 1.0)
+        bound = make_motion_laws(mechanism, states, 1.0)
         path = path_under_laws(mechanism, bound)
     except AssemblyError:
         return np.zeros(len(nodes), dtype=np.bool_), None

@@ -30,7 +30,7 @@ def mechanism_view(form: Form, speed: float, limits: Mapping[str, tuple[float, f
     """
     searched, limits = limits is None, limits or {}
     road = "closed form" if isinstance(form, ClosedForm) else "loop equations"
-    if form.mechanism.has_crank and form.programs is None:
+    if form.mechanism.has_crank and form.motion_laws is None:
         grids = crank_grids(form, speed, limits.get(form.mechanism.crank.name))
         others, said = curve_grids(form) if searched else ([], NOT_SOUGHT)
         facts = [f"Solved by its {road}; speeds are at a crank speed of {speed * 60.0 / TURN:g} rpm.", said]
@@ -38,7 +38,7 @@ def mechanism_view(form: Form, speed: float, limits: Mapping[str, tuple[float, f
     assert isinstance(form, LoopForm)
     start = start_poses(form.mechanism)[1]
     by_hand = hand_grids(form, box_of(form, limits, start))
-    programmed = [] if form.programs is None else [program_grid(form)]
+    programmed = [] if form.motion_laws is None else [program_grid(form)]
     return _view(form, [*programmed, *by_hand], ["Solved by its loop equations."])
 
 

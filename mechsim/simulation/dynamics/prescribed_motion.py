@@ -10,7 +10,7 @@ from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.simulation.closed_model import HasMechanism
 from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
@@ -48,7 +48,7 @@ def driven(
     speed: float | str | None = None,
     turns: float = 1.0,
     profile: CrankProfile | None = None,
-    programs: Programs | None = None,
+    motion_laws: MotionLaws | None = None,
     method: Method | None = None,
     tolerance: float | None = None,
     samples: int | None = None,
@@ -66,7 +66,7 @@ def driven(
         speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
-        programs: of the drivers, in place of speed or profile; angles are then those of their clock. None
+        motion_laws: of the drivers, in place of speed or profile; angles are then those of their clock. None
             takes those of the source where neither speed nor profile is given.
         method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
             rounding. "step" integrates in time; every number then belongs to the recorded instant,
@@ -93,12 +93,12 @@ def driven(
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
     speed = si(speed, "rad/s", "the crank speed")
-    if programs is None and speed is None and profile is None:
-        programs = getattr(source, "programs", None)
+    if motion_laws is None and speed is None and profile is None:
+        motion_laws = getattr(source, "motion_laws", None)
     mechanism, acting = described(source), acting_on(source, forces)
-    loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=programs is not None)
-    if programs is not None:
-        loaded, profile = at_initial_state(loaded, programs), parameter_profile(programs)
+    loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=motion_laws is not None)
+    if motion_laws is not None:
+        loaded, profile = at_initial_state(loaded, motion_laws), parameter_profile(motion_laws)
     if profile is None:
         if speed is None:
             raise InputError("neither a crank speed nor a profile was given; give one of them")

@@ -68,7 +68,7 @@ def _stiffened(scene: Inspected, loops: Sequence[Loop]) -> tuple[Inspected, str]
     for loop in loops:
         equalities[loop.number].solref = np.array([hardest, 1.0])
         equalities[loop.number].solimp = np.array([MAX_IMPEDANCE, MAX_IMPEDANCE, 0.001, 0.5, 2.0])
-    return Inspected(replace(scene.read, spec=spec), scene.programs), f'solref="{hardest:g} 1"'
+    return Inspected(replace(scene.read, spec=spec), scene.motion_laws), f'solref="{hardest:g} 1"'
 
 
 def _time_constant(scene: Inspected, loop: Loop) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.maths.arrays import Array
 from mechsim.model.finding import NOWHERE, FilePlace
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet
@@ -67,11 +67,11 @@ class Inspected:
 
     Attributes:
         read: what was read of the file.
-        programs: of its drivers; None where nothing says how they go.
+        motion_laws: of its drivers; None where nothing says how they go.
     """
 
     read: MjcfModel
-    programs: Programs | None = None
+    motion_laws: MotionLaws | None = None
 
     @cached_property
     def model(self) -> mujoco.MjModel:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
-from mechsim.model.programs import Programs, State, programs
+from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
 from mechsim.simulation import closed_model
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.findings.inspected import Inspected
@@ -50,9 +50,9 @@ def swing(scene: Inspected) -> Swing | None:
 
     None where the drivers do not settle one, or the loops let none be.
     """
-    if scene.programs is not None:
+    if scene.motion_laws is not None:
         with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
-            return _moved(scene, scene.programs, "the programs")
+            return _moved(scene, scene.motion_laws, "the programs")
         return None
     for half in range(TRIES if scene.drivers else 0):
         displacements = reaches(scene, 0.5**half)
@@ -62,7 +62,7 @@ def swing(scene: Inspected) -> Swing | None:
             states = {
                 name: wave(scene.read.mechanism.counted[name], by) for name, by in displacements.items()
             }
-            return _moved(scene, programs(scene.read.mechanism, states, DURATION), description)
+            return _moved(scene, make_motion_laws(scene.read.mechanism, states, DURATION), description)
     return None
 
 
@@ -92,7 +92,7 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
 
 
 @quiet()
-def _moved(scene: Inspected, laws: Programs, description: str) -> Swing:
+def _moved(scene: Inspected, laws: MotionLaws, description: str) -> Swing:
     closed = closed_model.from_source(scene.read, drivers=laws.drivers)
     require_determined(closed, residual_mobility(closed))
     closed = at_initial_state(closed, laws)

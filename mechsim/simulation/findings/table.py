@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from mechsim.model.finding import Finding
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.simulation.findings.actuation import fighting
 from mechsim.simulation.findings.beyond_limits import outside_limits
 from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
@@ -35,14 +35,14 @@ CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
 )
 
 
-def findings(read: MjcfModel, programs: Programs | None = None) -> tuple[Finding, ...]:
+def findings(read: MjcfModel, motion_laws: MotionLaws | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a scene, the gravest first.
 
     Args:
         read: what was read of its file.
-        programs: of its drivers; None looks at a swing of them where a motion is needed.
+        motion_laws: of its drivers; None looks at a swing of them where a motion is needed.
     """
-    scene = Inspected(read, programs)
+    scene = Inspected(read, motion_laws)
     result: list[Finding] = []
     for check in CHECKS:
         # a state so wrong that it overflows is what other looks have found

@@ -17,8 +17,8 @@ from mechsim.maths.given import number
 from mechsim.model.finding import Finding
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import State
 from mechsim.model.outcome import Outcome
-from mechsim.model.programs import State
 from mechsim.studies.agreement.attribution import AskedAgain, told
 from mechsim.studies.agreement.claim import Claim, claimed
 from mechsim.studies.agreement.comparand import EFFORTS, Comparand, comparand_of
@@ -273,7 +273,7 @@ def _claims(
         source, function = getattr(against, "__name__", "the function"), against
     if not callable(function):
         raise InputError(f"{source} is of type {type(function).__name__}; name a function")
-    if form.programs is None and not form.mechanism.has_crank:
+    if form.motion_laws is None and not form.mechanism.has_crank:
         raise InputError(
             f"{form.name}: no program says how {', '.join(form.mechanism.drivers)} move; give each one, as "
             f"drive={{'{form.mechanism.drivers[0]}': '0.3*sin(2*pi*t)'}}"

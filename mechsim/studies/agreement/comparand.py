@@ -82,7 +82,7 @@ class Comparand:
     @property
     def instants(self) -> RecordInstants:
         """What names the instants: crank angles, times of motion laws, or rows of a table without times."""
-        if self.form.programs is None:
+        if self.form.motion_laws is None:
             return RecordInstants(self.angle, "rad")
         if self.time is not None:
             return RecordInstants(self.time, "s")
@@ -91,7 +91,7 @@ class Comparand:
     @property
     def phase(self) -> Array:
         """Angle of the crank within its period, or the parameter of the motion laws, (n,)."""
-        return self.angle if self.form.programs is not None else np.mod(self.angle, self.form.period)
+        return self.angle if self.form.motion_laws is not None else np.mod(self.angle, self.form.period)
 
     def with_dimensions(self, form: Form) -> "Comparand":
         """Return the same with what has other dimensions, solved from the motion here where that can be."""
@@ -135,16 +135,16 @@ class Comparand:
 
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:
         """Return driver -> value, rate and acceleration, (n,) each in SI."""
-        programs = self.form.programs
-        if self.solved is not None and programs is not None:
+        motion_laws = self.form.motion_laws
+        if self.solved is not None and motion_laws is not None:
             # where drivers really were, as in a run
-            joints = {name: self.solved.joints[name] for name in programs.drivers}
+            joints = {name: self.solved.joints[name] for name in motion_laws.drivers}
             return {name: (one.value, one.rate, one.acceleration) for name, one in joints.items()}
-        if programs is None:
+        if motion_laws is None:
             return {self.form.mechanism.crank.name: (self.angle, self.speed, self.acceleration)}
-        value, first, second = programs.by_clock(self.angle)
+        value, first, second = motion_laws.by_clock(self.angle)
         rate, bend = first * self.speed, first * self.acceleration + second * self.speed**2
-        return {name: (value[i], rate[i], bend[i]) for i, name in enumerate(programs.drivers)}
+        return {name: (value[i], rate[i], bend[i]) for i, name in enumerate(motion_laws.drivers)}
 
     def exact(self, named: NamedQuantity) -> Array:
         """Return what a quantity is, (n, k) in SI.
@@ -277,6 +277,6 @@ def comparand_of(form: Form, speed: float, samples: int = INSTANTS) -> Comparand
 def asked_of(comparand: Comparand) -> Array | Mapping[str, Array]:
     """Return what a formula is asked at: the crank's angles, or the coordinates of the drivers by name."""
     drivers = {name: state[0] for name, state in comparand.drivers().items()}
-    if comparand.form.programs is None or len(drivers) == 1:
+    if comparand.form.motion_laws is None or len(drivers) == 1:
         return next(iter(drivers.values()))
     return drivers

@@ -96,7 +96,7 @@ def _own_runs(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
 def _profile(comparand: Comparand) -> CrankProfile:
     """Return the motion of the crank that a comparand was made of."""
     form, speed = comparand.form, float(comparand.speed[0])
-    if form.programs is not None:
+    if form.motion_laws is not None:
         return profile_of(form, 1.0, 1.0)
     assert comparand.time is not None
     fastest = float(np.abs(comparand.speed).max()) * float(np.sign(speed or 1.0))
@@ -107,7 +107,7 @@ def _scene_runs(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
     form = comparand.form
     assert isinstance(form, MjcfForm)
     assert form.source is not None
-    if form.programs is None:
+    if form.motion_laws is None:
         raise InputError(f"{form.name}: no program says how its drivers move in time")
     scene, fed = published_scene(form)
     fine = _finer(scene)

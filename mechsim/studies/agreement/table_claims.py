@@ -12,7 +12,7 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.programs import Programs, State, programs, tabled
+from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest
@@ -120,7 +120,7 @@ def tabled_comparand(
     Raises:
         InputError: for a table that tells neither of all drivers nor of the time.
     """
-    mechanism, known = form.mechanism, form.programs
+    mechanism, known = form.mechanism, form.motion_laws
     clock = next((name for name in CLOCKS if name in table), None)
     if mechanism.has_crank and known is None:
         return _of_crank(form, table, speed, source, clock)
@@ -137,18 +137,18 @@ def tabled_comparand(
     rows = len(next(iter(table.values())).values)
     time = table[clock].values if clock else np.linspace(0.0, 1.0, rows)
     through = _through(mechanism, names, table, time)
-    own = LoopForm(mechanism, forces=form.forces, programs=through)
+    own = LoopForm(mechanism, forces=form.forces, motion_laws=through)
     one = np.full_like(time, through.pace)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
     there = through.pace * (time - time[0])
     return Comparand(own, there, one, 0.0 * one, time if clock else None), used + ([clock] if clock else [])
 
 
-def _of_programs(form: Form, known: Programs, time: Array) -> Comparand:
+def _of_programs(form: Form, known: MotionLaws, time: Array) -> Comparand:
     """Return a form under its own programs at the times of a table."""
     last = float(time.max())
     if isinstance(form, LoopForm) and last > known.duration:
-        form = replace(form, programs=known.lasting(last))
+        form = replace(form, motion_laws=known.lasting(last))
     one = np.full_like(time, known.pace)
     return Comparand(form, known.pace * time, one, 0.0 * one, time)
 
@@ -180,10 +180,10 @@ def _driver_column(driver: str, table: Mapping[str, Column]) -> str | None:
 
 def _through(
     mechanism: Mechanism, names: Mapping[str, str], table: Mapping[str, Column], time: Array
-) -> Programs:
+) -> MotionLaws:
     """Return programs through the rows of a table, with the rates that it has or those of a spline."""
     states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
-    return programs(mechanism, states, float(np.ptp(time)))
+    return make_motion_laws(mechanism, states, float(np.ptp(time)))
 
 
 def _state(driver: str, column: str, table: Mapping[str, Column], time: Array) -> State:

@@ -46,8 +46,8 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
     Raises:
         InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
     """
-    columns, programs = columns_in_si(table, where), form.programs
-    over = "angle" if programs is None else "t"
+    columns, motion_laws = columns_in_si(table, where), form.motion_laws
+    over = "angle" if motion_laws is None else "t"
     if over not in columns:
         unit = "crank angles in rad" if over == "angle" else "times in s"
         raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(columns) or 'none'}")
@@ -80,7 +80,7 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
             raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
-    angles = at if programs is None else programs.pace * at
+    angles = at if motion_laws is None else motion_laws.pace * at
     if len(angles) and float(np.ptp(angles)) > FAR:
         turns = float(np.ptp(angles)) / (2.0 * np.pi)
         raise InputError(

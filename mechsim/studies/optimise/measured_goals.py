@@ -109,7 +109,7 @@ class _Measured:
 
 def _measured(text: str, moved: MovedFamily) -> _Measured:
     form, angles = moved.form, moved.angles
-    found = measure(text, form.mechanism, form.programs)
+    found = measure(text, form.mechanism, form.motion_laws)
     if (
         found.kind in FACTS
         or found.kind == "function"
@@ -119,17 +119,17 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
             "as examples/design/torque_ripple.py does"
         )
-    whole = form.programs is None and abs(angles[-1] - angles[0] - TURN) < SAME
+    whole = form.motion_laws is None and abs(angles[-1] - angles[0] - TURN) < SAME
     place = None
     if found.angle is not None:
         near = np.abs(angles - found.angle)
         place = int(np.argmin(near))
         if near[place] > SAME:
-            programs = form.programs
-            there = f"{found.angle:.6g} rad" if programs is None else programs.called(found.angle)
+            motion_laws = form.motion_laws
+            there = f"{found.angle:.6g} rad" if motion_laws is None else motion_laws.called(found.angle)
             raise InputError(
                 f"{text} is taken at {there}, where the motion is not solved; give `moved` "
-                f"{'an angle' if programs is None else 'a time'} there"
+                f"{'an angle' if motion_laws is None else 'a time'} there"
             )
         whole = False
     return _Measured(found, slice(0, -1) if whole else slice(None), place)

@@ -11,7 +11,7 @@ from mechsim.errors import MechsimError
 from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
-from mechsim.model.programs import State, steady
+from mechsim.model.motion_laws import State, steady
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scenes.plain_settings import settings_of
@@ -128,7 +128,7 @@ def published_run(form: MjcfForm, profile: CrankProfile) -> PublishedRun:
     if run.broken:
         return known
     errors = scene.closure.errors(run.qpos, run.points).max(1, initial=0.0)
-    if form.programs is None:
+    if form.motion_laws is None:
         known = replace(known, at=profile.state(run.time)[0])
     else:
         known = replace(known, at=run.time, at_unit="s")
@@ -149,8 +149,8 @@ def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tupl
         MechsimError: where the scene cannot start.
     """
     assert form.source is not None
-    if form.programs is not None:
-        laws: dict[str, State] = dict(form.programs.by_name)
+    if form.motion_laws is not None:
+        laws: dict[str, State] = dict(form.motion_laws.by_name)
     else:
         assert profile is not None
         laws = {form.mechanism.crank.name: profile.state}
@@ -188,8 +188,8 @@ def loop_gaps(run: SceneRun) -> Array:
 
 
 def _duration(form: MjcfForm, profile: CrankProfile | None) -> float:
-    if form.programs is not None:
-        return float(form.programs.duration)
+    if form.motion_laws is not None:
+        return float(form.motion_laws.duration)
     assert profile is not None
     return float(profile.duration)
 

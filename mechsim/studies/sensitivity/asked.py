@@ -50,8 +50,10 @@ def moved(
     form = of.make({})
     if angles is None and t is None:
         return moved_along(of, instants_of(form), pace, forces)
-    given = None if form.programs is not None else pace
-    at = np.atleast_1d(numbers(path_instants(form.mechanism, form.programs, angles, given, 0.0, t).parameter))
+    given = None if form.motion_laws is not None else pace
+    at = np.atleast_1d(
+        numbers(path_instants(form.mechanism, form.motion_laws, angles, given, 0.0, t).parameter)
+    )
     if at.ndim != 1 or not at.size or not np.isfinite(at).all():
         raise InputError(f"{of.name}: angles must be a list of finite numbers; give them in [rad]")
     return moved_along(of, at, pace, forces)

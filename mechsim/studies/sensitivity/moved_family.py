@@ -102,19 +102,19 @@ class MovedFamily:
     @cached_property
     def over(self) -> tuple[str, Array]:
         """What tells the instants apart: crank angle in [rad], or t in [s] under programs."""
-        programs = self.form.programs
-        return ("angle", self.angles) if programs is None else ("t", self.angles / programs.pace)
+        motion_laws = self.form.motion_laws
+        return ("angle", self.angles) if motion_laws is None else ("t", self.angles / motion_laws.pace)
 
     @property
     def rate(self) -> float:
         """Speed of the crank or of the clock, in [rad/s]."""
-        programs = self.form.programs
-        return self.speed if programs is None else programs.pace
+        motion_laws = self.form.motion_laws
+        return self.speed if motion_laws is None else motion_laws.pace
 
     @property
     def offset(self) -> str:
         """The name of the crank's unknown zero, a dimension in [rad]; empty under programs."""
-        alone = self.form.programs is None and self.form.mechanism.has_crank
+        alone = self.form.motion_laws is None and self.form.mechanism.has_crank
         return self.form.mechanism.crank.name + OFFSET if alone else ""
 
     def quantities(self, asked: Sequence[str]) -> list[str]:
@@ -317,9 +317,9 @@ def instants_of(form: Form) -> Array:
     Raises:
         AssemblyError: if the loops close at no crank angle.
     """
-    programs = form.programs
-    if programs is not None:
-        low, high, turn = 0.0, programs.pace * programs.duration, np.inf
+    motion_laws = form.motion_laws
+    if motion_laws is not None:
+        low, high, turn = 0.0, motion_laws.pace * motion_laws.duration, np.inf
     elif (arcs := form.crank_range()).full:
         low, high, turn = 0.0, TURN, TURN
     else:

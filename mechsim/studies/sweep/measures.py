@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, taken
-from mechsim.model.programs import Programs
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quantity
 from mechsim.subjects.python_object import run_object, run_user_code
 from mechsim.subjects.toml_source import suggestion
@@ -93,7 +93,7 @@ class TurnMeasure:
         return STATISTICS[self.kind](values)
 
 
-def measure(text: str, mechanism: Mechanism, motion_laws: Programs | None = None) -> TurnMeasure:
+def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws | None = None) -> TurnMeasure:
     """Return the measure that a text names.
 
     Args:
@@ -129,7 +129,7 @@ def measure(text: str, mechanism: Mechanism, motion_laws: Programs | None = None
     raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
 
 
-def _parameter(text: str, index: str, motion_laws: Programs | None) -> float:
+def _parameter(text: str, index: str, motion_laws: MotionLaws | None) -> float:
     """Return the path parameter at a crank angle, or under motion laws at a time, in [rad]."""
     if motion_laws is None:
         return units.parse(index, "rad", f"the angle of {text}")
@@ -184,7 +184,7 @@ def _number(where: str, value: object) -> float:
 
 
 def measures(
-    texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, motion_laws: Programs | None = None
+    texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, motion_laws: MotionLaws | None = None
 ) -> tuple[TurnMeasure, ...]:
     """Return the measures that texts name, each once.
 

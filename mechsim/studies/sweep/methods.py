@@ -209,7 +209,7 @@ def _loop_swings(
 ) -> Rows:
     """Measure designs whose cranks swing by loop equations together; return their indices."""
     assert task.loops is not None
-    if not len(others) or task.subject.solver.programs is not None:
+    if not len(others) or task.subject.solver.motion_laws is not None:
         return others[:0]
     try:
         tracer = SwingTracer(task.loops, started.some(others))
@@ -319,7 +319,7 @@ def swing_arc(solver: Form) -> tuple[float, float] | None:
     Raises:
         AssemblyError: if it assembles at no crank angle.
     """
-    if solver.programs is not None:
+    if solver.motion_laws is not None:
         return None
     arcs = solver.crank_range()
     if arcs.full:
@@ -336,11 +336,11 @@ def _solved_alone(
     """Return the measures of one design by its formulas or loop equations along a crank motion (p,)."""
     kept = {name: np.array([value]) for name, value in facts.items()}
     angles, path_speed = crank.angle, crank.speed
-    if solver.programs is not None:
+    if solver.motion_laws is not None:
         # the rate of the path parameter depends on the design; the times are the same
         angles, path_speed = (
-            angles / path_speed * solver.programs.pace,
-            np.full_like(path_speed, solver.programs.pace),
+            angles / path_speed * solver.motion_laws.pace,
+            np.full_like(path_speed, solver.motion_laws.pace),
         )
     motion = solver.solve_along(angles, path_speed, crank.acceleration)
     shape = (1, len(angles))
@@ -376,7 +376,7 @@ def require_measurable(task: SweepTask) -> None:
             )
         if measure.quantity is not None and measure.quantity.kind == "transmission":
             closed_form(solver, "a transmission angle")
-    if solver.programs is None and not solver.mechanism.has_crank:
+    if solver.motion_laws is None and not solver.mechanism.has_crank:
         raise InputError(
             f"{solver.name} has no single crank; give its drivers motion laws with --drive JOINT=PROGRAM"
         )

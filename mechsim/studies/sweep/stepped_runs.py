@@ -100,7 +100,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
         AssemblyError: if it cannot be assembled along the whole motion.
     """
     solver = with_closed_start(solver)
-    motion_laws, prescribed = solver.programs, prescribed_motion(solver, task.path_speed)
+    motion_laws, prescribed = solver.motion_laws, prescribed_motion(solver, task.path_speed)
     options: dict[str, Any] = {"method": "step", "settings": task.settings, "samples": task.intervals}
     options |= prescribed
     if "profile" in prescribed and task.angle_index:
@@ -144,8 +144,8 @@ def prescribed_motion(solver: Form, pace: float) -> dict[str, Any]:
     Raises:
         AssemblyError: if its loops close at no crank angle.
     """
-    if solver.programs is not None:
-        return {"programs": solver.programs}
+    if solver.motion_laws is not None:
+        return {"motion_laws": solver.motion_laws}
     arcs = solver.crank_range()
     if arcs.full:
         return {"speed": pace}

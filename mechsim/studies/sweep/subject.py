@@ -140,7 +140,7 @@ def swept(
         return SweptSubject(name, solver, result, OfCatalog(solver))
     path = toml_path(model) if isinstance(model, str) else None
     unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
-    if path is not None and solver.programs is None and not any(options.values()):
+    if path is not None and solver.motion_laws is None and not any(options.values()):
         make = OfToml(read_source(path), current, solver.mechanism.guess, unit_of)
         return SweptSubject(name, solver, result, make)
     return SweptSubject(name, solver, result, result.make)

@@ -151,7 +151,7 @@ def swept_task(
     designs = _designs(subject, vary or {}, design, sample, parameters)
     rate = float(units.si(speed, "rad/s", "the speed"))
     texts = [measure] if isinstance(measure, str) else list(measure)
-    measures_read = measures(texts, subject.solver.mechanism, subject.solver.programs)
+    measures_read = measures(texts, subject.solver.mechanism, subject.solver.motion_laws)
     if settings is not None and settings.jacobian == "auto":
         settings = replace(settings, jacobian="dense")
     task = _hard_enough(SweepTask(subject, designs, measures_read, int(samples), rate, settings))

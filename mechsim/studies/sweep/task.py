@@ -85,7 +85,7 @@ class SweepTask:
     @property
     def path_speed(self) -> float:
         """Rate of the path parameter in [rad/s]: speed of the crank, or `pace` of the motion laws."""
-        motion_laws = self.subject.solver.programs
+        motion_laws = self.subject.solver.motion_laws
         return self.speed if motion_laws is None else motion_laws.pace
 
     @cached_property
@@ -99,7 +99,7 @@ class SweepTask:
         """Path parameters of the poses, (poses,) in [rad]; empty if no motion is measured."""
         if not any(measure.turns for measure in self.measures):
             return np.zeros(0)
-        motion_laws = self.subject.solver.programs
+        motion_laws = self.subject.solver.motion_laws
         if motion_laws is None:
             turn = TURN * np.arange(self.samples) / self.samples
         else:
@@ -168,7 +168,7 @@ class SweepTask:
         if alone or getattr(solver, "change_point", "smooth") != "smooth":
             return None
         with suppress(MechsimError):
-            return shared_loops(solver.mechanism, self.joints, solver.programs)
+            return shared_loops(solver.mechanism, self.joints, solver.motion_laws)
         return None
 
     @cached_property
@@ -176,7 +176,7 @@ class SweepTask:
         """The model with which designs are stepped together; None if each must be stepped alone."""
         solver = self.subject.solver
         alone = self.settings is None or self.wants("function") or self.samples > CHUNK
-        if alone or solver.programs is not None or (self.loaded and not self._weighed):
+        if alone or solver.motion_laws is not None or (self.loaded and not self._weighed):
             return None
         with suppress(MechsimError):
             return like_model(solver.mechanism, self.forces.gravity if self.loaded else None)
@@ -209,7 +209,7 @@ class SweepTask:
     @property
     def intervals(self) -> int:
         """Intervals between the poses of a stepped motion, whose last pose is the end."""
-        return self.samples if self.subject.solver.programs is None else self.samples - 1
+        return self.samples if self.subject.solver.motion_laws is None else self.samples - 1
 
     @property
     def stride(self) -> int:
@@ -224,7 +224,7 @@ class SweepTask:
         Raises:
             InputError: for an angle at which something is measured and no instant is recorded.
         """
-        motion_laws, solver = self.subject.solver.programs, self.subject.solver
+        motion_laws, solver = self.subject.solver.motion_laws, self.subject.solver
         period = TURN if motion_laws is None else motion_laws.pace * motion_laws.duration
         start = solver.mechanism.start if motion_laws is None else 0.0
         result = np.arange(self.samples)

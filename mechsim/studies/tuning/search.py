@@ -299,10 +299,10 @@ def _stands(search: _SettingSearch, trial: SceneTrial) -> bool:
     What grows slowly, as steps at the edge of stability do, is seen in this way.
     """
     scene, model = search.scene, trial.settings.applied(search.scene.model)
-    programs = [*scene.drive.values(), *scene.ctrl.values()]
+    motion_laws = [*scene.drive.values(), *scene.ctrl.values()]
     longer = (
         LONGER
-        if search.by == "closure" and not any(getattr(one, "end_time", 0.0) for one in programs)
+        if search.by == "closure" and not any(getattr(one, "end_time", 0.0) for one in motion_laws)
         else 1.0
     )
     run = stepped(scene, model, records=None, duration=longer * scene.duration)

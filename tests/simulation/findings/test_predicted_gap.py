@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from sound_scene import changed
 
-from mechsim.model.programs import programs
+from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected
 from mechsim.simulation.findings.predicted_gap import gaps_at_rest, gaps_in, impedance
 from mechsim.simulation.findings.swing import swing, wave
@@ -28,7 +28,7 @@ def scene(tmp_path):
         path = tmp_path / "scene.xml"
         path.write_text(changed((HARD, softness), SERVO, STIFFLY, *more))
         source = read_model(str(path))
-        moves = programs(source.mechanism, {"crank": wave(0.0, 1.0)}, 1.0)
+        moves = make_motion_laws(source.mechanism, {"crank": wave(0.0, 1.0)}, 1.0)
         return Inspected(source, moves)
 
     return read

@@ -158,7 +158,7 @@ def _anew(comparand: Comparand, form: Form) -> Comparand:
 def as_before(made: Form, before: Form) -> Form:
     """Return what was made anew with the programs that it had."""
     if isinstance(made, LoopForm) and isinstance(before, LoopForm):
-        return replace(made, programs=before.programs, change_point=before.change_point)
+        return replace(made, motion_laws=before.motion_laws, change_point=before.change_point)
     return made
 
 

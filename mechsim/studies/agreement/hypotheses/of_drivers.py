@@ -10,7 +10,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError
 from mechsim.maths.angles import TURN
 from mechsim.maths.arrays import Array
-from mechsim.model.programs import Programs, State
+from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Rows, Values
@@ -24,8 +24,8 @@ FAR = 2.5
 
 def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]]) -> Comparand:
     """Return a comparand whose drivers go otherwise: name -> what makes a program of a program."""
-    form, programs = comparand.form, comparand.form.programs
-    if programs is None:
+    form, motion_laws = comparand.form, comparand.form.motion_laws
+    if motion_laws is None:
         crank = form.mechanism.crank.name
         steady = comparand.angle, comparand.speed, comparand.acceleration
         if crank in changes:
@@ -33,8 +33,8 @@ def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]
         angle, speed, acceleration = steady
         return replace(comparand, angle=_near(comparand, angle), speed=speed, acceleration=acceleration)
     joints = dict(comparand.motion.joints)
-    time = comparand.angle / programs.pace
-    for name, state in programs.by_name.items():
+    time = comparand.angle / motion_laws.pace
+    for name, state in motion_laws.by_name.items():
         if name in changes:
             value, rate, second = (np.broadcast_to(part, time.shape) for part in changes[name](state)(time))
             unit = form.mechanism.size if form.mechanism.unit(name) == "m" else 1.0
@@ -151,7 +151,7 @@ def driver_offsets(miss: Miss) -> Iterator[Hypothesis]:
 def _rolled(miss: Miss) -> tuple[tuple[float], ...]:
     """Return the offset, in samples of a full turn, at which exact values look most like the claims."""
     comparand = miss.comparand
-    if comparand.form.programs is not None or not comparand.form.crank_range().full:
+    if comparand.form.motion_laws is not None or not comparand.form.crank_range().full:
         return ()
     angle, n = comparand.angle, len(comparand) - 1
     if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - TURN) > 1e-9:
@@ -174,13 +174,13 @@ def _turned_on(values: Array, k: int) -> Array:
 def delays(miss: Miss) -> Iterator[Hypothesis]:
     """All that is claimed late, by samples or by a time; one program of several late."""
     yield from _by_samples(miss)
-    comparand, programs = miss.comparand, miss.comparand.form.programs
-    if comparand.time is None or (miss.function and programs is None):
+    comparand, motion_laws = miss.comparand, miss.comparand.form.motion_laws
+    if comparand.time is None or (miss.function and motion_laws is None):
         return
     step = float(np.median(np.diff(comparand.time)))
 
     def late(p: Array) -> Values:
-        pace = comparand.speed if programs is None else programs.pace
+        pace = comparand.speed if motion_laws is None else motion_laws.pace
         return miss.predicted(
             replace(comparand, angle=comparand.angle - pace * p[0], time=comparand.time - p[0])
         )
@@ -189,19 +189,20 @@ def delays(miss: Miss) -> Iterator[Hypothesis]:
         return f"all is late by {p[0]:.6g} s, {p[0] / step:.4g} samples"
 
     starts = tuple((k * step,) for k in (0.0, 3.0, -3.0))
-    if programs is None or _goes_on(programs):
+    if motion_laws is None or _goes_on(motion_laws):
         yield Hypothesis("delay", "", NAMED, late, say, starts=starts, steps=(1e-3 * step,))
-    if programs is not None and len(programs.drivers) > 1:
-        for driver in programs.drivers:
-            yield _out_of_phase(miss, driver, programs.duration)
+    if motion_laws is not None and len(motion_laws.drivers) > 1:
+        for driver in motion_laws.drivers:
+            yield _out_of_phase(miss, driver, motion_laws.duration)
 
 
-def _goes_on(programs: Programs) -> bool:
+def _goes_on(motion_laws: MotionLaws) -> bool:
     """Whether programs tell of a time before they begin."""
     with np.errstate(all="ignore"):
         try:
             return all(
-                np.isfinite(part).all() for part in programs.state(np.array([-1e-3 * programs.duration]))
+                np.isfinite(part).all()
+                for part in motion_laws.state(np.array([-1e-3 * motion_laws.duration]))
             )
         except Exception:
             return False
@@ -257,13 +258,13 @@ def _out_of_phase(miss: Miss, driver: str, duration: float) -> Hypothesis:
 
 def drivers_swapped(miss: Miss) -> Iterator[Hypothesis]:
     """Two drivers taken for each other."""
-    programs = miss.comparand.form.programs
-    if programs is None:
+    motion_laws = miss.comparand.form.motion_laws
+    if motion_laws is None:
         return
-    for one, other in combinations(programs.drivers, 2):
+    for one, other in combinations(motion_laws.drivers, 2):
         if _unit(miss, one) != _unit(miss, other):
             continue
-        first, second = programs.by_name[one], programs.by_name[other]
+        first, second = motion_laws.by_name[one], motion_laws.by_name[other]
 
         def taken(
             _: Array, one: str = one, other: str = other, a: State = first, b: State = second

@@ -21,7 +21,7 @@ from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End
 from mechsim.model.links import GROUND
-from mechsim.model.programs import programs, steady
+from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.simulation.settings import Settings
 
 ARMS = {"left": waving(2.0, 0.3, 6.0, 0.2), "right": waving(1.0, 0.4, 9.0, 1.0)}
@@ -29,7 +29,7 @@ FIRST = np.array([3, -32, 168, -672, 0, 672, -168, 32, -3]) / 840.0
 
 
 def moved(mechanism, states, duration):
-    return mechanism, programs(mechanism, states, duration)
+    return mechanism, make_motion_laws(mechanism, states, duration)
 
 
 CASES = {
@@ -46,9 +46,9 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_poses_are_those_of_the_loop_equations(case):
     mechanism, moves = CASES[case]()
-    run = simulate(mechanism, programs=moves)
+    run = simulate(mechanism, motion_laws=moves)
     assert (run.method, run.outcome) == ("pose", "passed")
-    verdict = crosscheck(run, LoopForm(mechanism, programs=moves))
+    verdict = crosscheck(run, LoopForm(mechanism, motion_laws=moves))
     assert verdict.passed, verdict
     assert run.motion.drivers == mechanism.drivers
     for name, value in zip(moves.drivers, moves.state(run.motion.time)[0], strict=True):
@@ -58,9 +58,9 @@ def test_poses_are_those_of_the_loop_equations(case):
 @pytest.mark.parametrize("case", CASES)
 def test_steps_are_those_of_the_loop_equations_where_the_drivers_really_were(case):
     mechanism, moves = CASES[case]()
-    run = simulate(mechanism, programs=moves, method="step")
+    run = simulate(mechanism, motion_laws=moves, method="step")
     assert run.outcome == "passed"
-    verdict = crosscheck(run, LoopForm(mechanism, programs=moves))
+    verdict = crosscheck(run, LoopForm(mechanism, motion_laws=moves))
     assert verdict.passed, verdict
     # the drive is right at the end of each step, and off by the square of a step between
     for name, rate in zip(moves.drivers, moves.state(run.motion.time)[1], strict=True):
@@ -71,7 +71,7 @@ def test_steps_are_those_of_the_loop_equations_where_the_drivers_really_were(cas
 def test_rates_are_the_derivatives_of_places(case):
     mechanism, moves = CASES[case]()
     step = 1e-3
-    motion = simulate(mechanism, programs=moves.lasting(8 * step), samples=8).motion
+    motion = simulate(mechanism, motion_laws=moves.lasting(8 * step), samples=8).motion
     for one in (*motion.points.values(), *motion.links.values()):
         assert one.velocity[4] == pytest.approx(FIRST @ one.position / step, abs=1e-9)
         assert one.acceleration[4] == pytest.approx(FIRST @ one.velocity / step, abs=1e-8)
@@ -83,7 +83,7 @@ def test_rates_are_the_derivatives_of_places(case):
 @pytest.mark.parametrize(("method", "near"), [("pose", 1e-15), ("step", 1e-10)])
 def test_a_five_bar_goes_where_two_circles_meet(method, near):
     mechanism, moves = CASES["five-bar"]()
-    motion = simulate(mechanism, programs=moves, method=method).motion
+    motion = simulate(mechanism, motion_laws=moves, method=method).motion
     truth = where_circles_meet(motion.joints["left"].value, motion.joints["right"].value)
     assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=near)
     assert [name for name, _ in motion.columns()][:3] == ["t", "left", "right"]
@@ -94,14 +94,14 @@ def test_the_drive_errs_by_the_square_of_the_step():
     mechanism, moves = CASES["five-bar"]()
     gaps = []
     for steps in (200, 400):
-        motion = simulate(mechanism, programs=moves, settings=Settings(steps_per_turn=steps)).motion
+        motion = simulate(mechanism, motion_laws=moves, settings=Settings(steps_per_turn=steps)).motion
         gaps.append(np.abs(motion.joints["right"].value - moves.state(motion.time)[0][1]).max())
     assert 3.0 < gaps[0] / gaps[1] < 5.0
 
 
 def test_a_tolerance_is_kept_at_the_drivers_places():
     mechanism, moves = CASES["five-bar"]()
-    run = simulate(mechanism, programs=moves, tolerance=1e-8)
+    run = simulate(mechanism, motion_laws=moves, tolerance=1e-8)
     joints = run.motion.joints
     truth = where_circles_meet(joints["left"].value, joints["right"].value)
     assert run.outcome == "passed"
@@ -110,7 +110,7 @@ def test_a_tolerance_is_kept_at_the_drivers_places():
 
 def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
     mechanism, moves = CASES["boom"]()
-    joints = simulate(mechanism, programs=moves, method="step").motion.joints
+    joints = simulate(mechanism, motion_laws=moves, method="step").motion.joints
     foot = np.hypot(0.5, 0.2)
     cosine = (1.0 + foot**2 - joints["stroke"].value ** 2) / (2.0 * foot)
     assert joints["lift"].value == pytest.approx(np.arccos(cosine) - np.arctan2(0.2, 0.5), abs=1e-9)
@@ -118,17 +118,17 @@ def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
 
 def test_a_platform_goes_where_its_legs_were_measured():
     mechanism, moves, stood = platform()
-    motion = simulate(mechanism, programs=moves).motion
+    motion = simulate(mechanism, motion_laws=moves).motion
     # the legs' programs are splines through 121 lengths
     assert motion.points["P"].position == pytest.approx(stood(motion.time), abs=1e-10)
 
 
 def test_a_lone_crank_under_a_steady_program_goes_as_at_that_speed():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
-    moves = programs(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
+    moves = make_motion_laws(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
     known = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
     for method, near in (("pose", 1e-15), ("step", 1e-11)):
-        motion = simulate(mechanism, programs=moves, samples=10, method=method).motion
+        motion = simulate(mechanism, motion_laws=moves, samples=10, method=method).motion
         assert motion.points["P"].position == pytest.approx(known.points["P"].position, abs=near)
         assert motion.joints["left"].value == pytest.approx(known.angle, abs=1e-12)
         assert motion.joints["right"].value == pytest.approx(1.2, abs=1e-9)
@@ -136,37 +136,37 @@ def test_a_lone_crank_under_a_steady_program_goes_as_at_that_speed():
 
 def test_parts_of_a_joint_are_recorded_as_such():
     mechanism, moves = CASES["table"]()
-    names = {name for name, _ in simulate(mechanism, programs=moves).motion.columns()}
+    names = {name for name, _ in simulate(mechanism, motion_laws=moves).motion.columns()}
     assert {"plane.q0", "plane.v1", "plane.a2", "tool.q"} <= names
 
 
 def test_what_the_drivers_leave_open_is_named():
     mechanism = replace(five_bar(), driver=("left",), counted={})
-    moves = programs(mechanism, {"left": steady(2.0, 1.0)}, 0.01)
+    moves = make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 0.01)
     with pytest.raises(MobilityError, match=r"underdetermined: with the drivers held .*joint 'right'"):
-        simulate(mechanism, programs=moves, method="pose")
-    assert simulate(mechanism, programs=moves).method == "step"
+        simulate(mechanism, motion_laws=moves, method="pose")
+    assert simulate(mechanism, motion_laws=moves).method == "step"
 
 
 def test_drivers_that_are_too_many_are_named():
     mechanism = replace(five_bar(), driver=("left", "right", "A"))
-    moves = programs(mechanism, ARMS | {"A": steady(0.0, 0.0)}, 1.0)
+    moves = make_motion_laws(mechanism, ARMS | {"A": steady(0.0, 0.0)}, 1.0)
     with pytest.raises(MobilityError, match=r"overdetermined: the loops do not let left.* move"):
-        simulate(mechanism, programs=moves)
+        simulate(mechanism, motion_laws=moves)
 
 
 def test_drivers_that_go_where_the_loops_do_not_close_are_stopped_with_the_time():
     mechanism = five_bar()
-    moves = programs(mechanism, {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}, 3.0)
+    moves = make_motion_laws(mechanism, {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}, 3.0)
     with pytest.raises(AssemblyError, match=r"the drivers cannot pass 0\.\d+ s in this assembly"):
-        simulate(mechanism, programs=moves)
+        simulate(mechanism, motion_laws=moves)
 
 
 def test_programs_that_begin_where_the_loops_cannot_go_are_refused_with_the_place():
     mechanism = five_bar()
-    moves = programs(mechanism, {"left": steady(3.1, 1.0), "right": steady(0.0, 1.0)}, 0.1)
+    moves = make_motion_laws(mechanism, {"left": steady(3.1, 1.0), "right": steady(0.0, 1.0)}, 0.1)
     with pytest.raises(AssemblyError, match=r"left = .*on the way to the start of the motion laws"):
-        simulate(mechanism, programs=moves)
+        simulate(mechanism, motion_laws=moves)
 
 
 def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
@@ -174,25 +174,25 @@ def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
     <joint name="right" axis="0 0 1" range="-30 30"/><geom size=".01" pos=".05 0 0"/><site name="P"/>
     </body></body></worldbody></mujoco>"""
     arms = {"left": waving(0.0, 0.3, 1.0), "right": steady(0.0, 1.0)}
-    moves = programs(replace(five_bar(), counted={}), arms, 2.0)
+    moves = make_motion_laws(replace(five_bar(), counted={}), arms, 2.0)
     with pytest.raises(AssemblyError, match=r"'right' would stand at 2 rad, .* at 2 s; widen the range"):
-        simulate(text, programs=moves)
+        simulate(text, motion_laws=moves)
 
 
 def test_what_is_asked_for_twice_or_not_at_all_is_refused():
     mechanism, moves = CASES["five-bar"]()
     with pytest.raises(InputError, match="both programs and a crank's motion"):
-        simulate(mechanism, programs=moves, speed=1.0)
+        simulate(mechanism, motion_laws=moves, speed=1.0)
     with pytest.raises(InputError, match="left, right are driven, and no lone crank"):
         simulate(mechanism, speed=1.0)
     with pytest.raises(InputError, match="programs are of left, right; drivers are stroke"):
-        simulate(boom(), programs=moves)
+        simulate(boom(), motion_laws=moves)
 
 
 def test_drivers_that_go_by_another_program_are_condemned_on_lines_of_their_own():
     mechanism, moves = CASES["five-bar"]()
-    other = programs(mechanism, ARMS | {"right": waving(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
-    verdict = crosscheck(simulate(mechanism, programs=moves), LoopForm(mechanism, programs=other))
+    other = make_motion_laws(mechanism, ARMS | {"right": waving(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
+    verdict = crosscheck(simulate(mechanism, motion_laws=moves), LoopForm(mechanism, motion_laws=other))
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: right"]
 
 
@@ -202,14 +202,14 @@ def test_a_wrong_mechanism_is_condemned():
         replace(joint, a=End(GROUND, (0.1 + 1e-9, 0.0, 0.0))) if joint.name == "right" else joint
         for joint in mechanism.joints
     )
-    run = simulate(replace(mechanism, joints=joints), programs=moves)
-    assert not crosscheck(run, LoopForm(mechanism, programs=moves)).passed
+    run = simulate(replace(mechanism, joints=joints), motion_laws=moves)
+    assert not crosscheck(run, LoopForm(mechanism, motion_laws=moves)).passed
 
 
 def test_a_coupling_that_bends_with_a_passive_joint_is_stepped_by_its_constraint():
     mechanism = five_bar_with_cam()
-    moves = programs(mechanism, ARMS, 1.0)
-    run = simulate(mechanism, programs=moves, settings=Settings(steps_per_turn=4000))
+    moves = make_motion_laws(mechanism, ARMS, 1.0)
+    run = simulate(mechanism, motion_laws=moves, settings=Settings(steps_per_turn=4000))
     assert run.outcome == "passed"
     joints = run.motion.joints
     law = 0.01 * joints["A"].value + 0.004 * joints["A"].value ** 2

@@ -29,7 +29,7 @@ SLOWEST, FASTEST = 1e-12, 1e9
 
 
 @dataclass(frozen=True)
-class Programs:
+class MotionLaws:
     """The programs of all drivers of a mechanism, by a clock that runs as fast as the fastest of them.
 
     The clock's angle stands where a crank's would: `clock` is the profile of a crank that turns steadily,
@@ -100,12 +100,12 @@ class Programs:
         """Revolutions of the fastest driver, or cycles of the one that oscillates most often."""
         return self.duration * self.fastest / TURN
 
-    def lasting(self, duration: float) -> "Programs":
+    def lasting(self, duration: float) -> "MotionLaws":
         """Return the same programs over another duration in [s]."""
         return replace(self, duration=duration)
 
 
-def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float) -> Programs:
+def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration: float) -> MotionLaws:
     """Return the programs of a mechanism's drivers.
 
     Args:
@@ -133,7 +133,7 @@ def programs(mechanism: Mechanism, states: Mapping[str, State], duration: float)
             f"drivers are {', '.join(mechanism.drivers)}"
         )
     chosen = tuple(states[name] for name in mechanism.drivers)
-    made = Programs(float(duration), mechanism.drivers, chosen, 1.0)
+    made = MotionLaws(float(duration), mechanism.drivers, chosen, 1.0)
     with np.errstate(all="ignore"):
         found = made.state(_probes(duration))
     for name, *parts in zip(made.drivers, *found, strict=True):
