@@ -11,7 +11,8 @@ from mechsim._version import __version__
 
 if TYPE_CHECKING:
     from mechsim import simulation, testing, units
-    from mechsim.analytic import catalog, closure, dynamics
+    from mechsim.analytic import catalog, dynamics
+    from mechsim.analytic import loops as closure
     from mechsim.errors import AssemblyError, InputError, MechsimError
     from mechsim.model import load_profile as course
     from mechsim.model import motors
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 # public name -> where it is: modules, then what is in one
 _MODULES = {
     "catalog": "analytic.catalog",
-    "closure": "analytic.closure",
+    "closure": "analytic.loops",
     "course": "model.load_profile",
     "dynamics": "analytic.dynamics",
     "motors": "model.motors",

@@ -19,8 +19,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from mechsim.errors import InputError, OutputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.memory import require_room
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import require_room
 
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")

@@ -6,14 +6,14 @@ SPEED = "changes what a run costs, not what it gives"
 LOOPS = "simulation/model_loops.py"
 CUTS = "simulation/mjcf/loop_cuts.py"
 POSED = "simulation/posed_bodies.py"
-MOTION = "analytic/closure/motion.py"
-PATH = "analytic/closure/continuation_path.py"
-SOLVER = "analytic/closure/loop_solver.py"
-TREE = "analytic/closure/tree_motion.py"
-MANY = "analytic/closure/many_paths.py"
-WHOLE = "analytic/closure/crank_motion.py"
-RATES = "analytic/closure/tree_rates.py"
-LAYOUT = "analytic/closure/tree_layout.py"
+MOTION = "analytic/loops/motion.py"
+PATH = "analytic/loops/continuation_path.py"
+SOLVER = "analytic/loops/loop_solver.py"
+TREE = "analytic/loops/tree_motion.py"
+MANY = "analytic/loops/many_paths.py"
+WHOLE = "analytic/loops/crank_motion.py"
+RATES = "analytic/loops/tree_rates.py"
+LAYOUT = "analytic/loops/tree_layout.py"
 CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
 
@@ -91,7 +91,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): NEAR_ONE
         for file, limit, floor in (
             ("simulation/numerical_rank.py", "RANK_TOLERANCE", "FLOOR"),
-            ("analytic/closure/numerical_rank.py", "tolerance", "floor"),
+            ("analytic/loops/numerical_rank.py", "tolerance", "floor"),
         )
     },
     **{
@@ -201,7 +201,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "bounds of a run that was asked for nothing have no part of what was asked",
     **{
         (
-            "maths/roots.py",
+            "numerics/newton.py",
             "return float(brent(function, low, high, xtol=1e-300, rtol=1e-15, maxiter=1000))",
             f"return float(brent(function, low, high, xtol={tiny}, rtol=1e-15, maxiter={most}))",
         ): "any tiny number will do, the relative bound ends the search; so will any large number of steps"

@@ -59,24 +59,24 @@ KILLERS: dict[str, list[str]] = {
     "verdict/checks.py": VERDICT,
     "verdict/judge.py": [*VERDICT, "verdict/test_programmed.py"],
     "verdict/other_assembly.py": ["verdict/test_other_assembly.py"],
-    "analytic/closure/joint_rows.py": CLOSURE,
-    "analytic/closure/motion.py": CLOSURE,
-    "analytic/closure/joint_motion.py": ["analytic/test_joint_motion.py", *CLOSURE],
-    "analytic/closure/cut_rows.py": TREE,
-    "analytic/closure/tree_layout.py": TREE,
-    "analytic/closure/tree_motion.py": TREE,
-    "analytic/closure/tree_rates.py": [
+    "analytic/loops/joint_rows.py": CLOSURE,
+    "analytic/loops/motion.py": CLOSURE,
+    "analytic/loops/joint_motion.py": ["analytic/test_joint_motion.py", *CLOSURE],
+    "analytic/loops/cut_rows.py": TREE,
+    "analytic/loops/tree_layout.py": TREE,
+    "analytic/loops/tree_motion.py": TREE,
+    "analytic/loops/tree_rates.py": [
         "analytic/test_tree_rates.py",
         "analytic/test_rates_are_derivatives.py",
         "analytic/test_change_points.py::test_closed_form_and_loop_equations_pass_change_points_alike",
     ],
-    "analytic/closure/crank_motion.py": [
+    "analytic/loops/crank_motion.py": [
         "analytic/test_crank_motion.py",
         "analytic/test_undetermined_joints.py",
     ],
-    "analytic/closure/many_paths.py": ["analytic/test_many_motion.py"],
-    "analytic/closure/loop_solver.py": ["analytic/test_loop_solver.py", *PATHS],
-    "analytic/closure/continuation_path.py": ["analytic/test_continuation_path.py"],
+    "analytic/loops/many_paths.py": ["analytic/test_many_motion.py"],
+    "analytic/loops/loop_solver.py": ["analytic/test_loop_solver.py", *PATHS],
+    "analytic/loops/continuation_path.py": ["analytic/test_continuation_path.py"],
     "simulation/model_loops.py": [
         *LOOPS,
         "simulation/test_spherical_change_points.py",
@@ -85,7 +85,7 @@ KILLERS: dict[str, list[str]] = {
     "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
     "simulation/posed_bodies.py": ["simulation/test_posed_bodies.py"],
     "simulation/numerical_rank.py": ["analytic/test_numerical_rank.py"],
-    "analytic/closure/numerical_rank.py": ["analytic/test_numerical_rank.py"],
+    "analytic/loops/numerical_rank.py": ["analytic/test_numerical_rank.py"],
     "simulation/loop_constraints.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",
@@ -96,7 +96,10 @@ KILLERS: dict[str, list[str]] = {
         "simulation/test_recorded_motion.py",
         "simulation/test_motion_laws.py",
     ],
-    **{f"maths/{name}.py": ["maths"] for name in ("angles", "convergence", "given", "norms", "roots")},
+    **{
+        f"numerics/{name}.py": ["numerics"]
+        for name in ("angles", "arrays", "convergence", "inputs", "newton")
+    },
 }
 # hypothesis is loaded before pytest could rewrite it: no news
 KNOWN = ["-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning"]

@@ -1,7 +1,7 @@
 """What moves: a closed form of the catalogue, or a mechanism of one's own by its loop equations."""
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 
 Form = ClosedForm | LoopForm

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number, numbers
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number, numbers
 
 EXAMPLE = "t=[0, 0.1, 0.2]"
 

@@ -33,11 +33,11 @@ from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of, moving
 from mechsim.cli.output import Tick, print_json, progress
 from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
 from mechsim.errors import InputError
-from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws
+from mechsim.numerics.resources import require_room
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_running

@@ -7,7 +7,7 @@ import typer
 
 from mechsim import files, units
 from mechsim.analytic import catalog
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import (
     SPEED,

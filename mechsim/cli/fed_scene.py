@@ -13,8 +13,8 @@ from mechsim.cli.output import print_json
 from mechsim.cli.plain_options import plain_settings
 from mechsim.cli.scene_options import CTRL, SceneOptions, user_scene
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.outcome import POSITION_TOLERANCE, Outcome
+from mechsim.numerics.arrays import Array
 from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene, start_error
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.why_broken import why_broken

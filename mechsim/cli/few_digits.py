@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from mechsim.analytic.forms import Form
 from mechsim.cli.endings import tell
 from mechsim.errors import MobilityError
-from mechsim.maths.angles import TURN
 from mechsim.model.motion import Motion, taken
+from mechsim.numerics.angles import TURN
 from mechsim.verdict.tolerances import RATES
 
 # of accelerations, which nothing is said of

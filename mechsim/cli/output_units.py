@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from mechsim import units
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.files import Tabled
-from mechsim.maths.arrays import Array
 from mechsim.model.written_units import WrittenUnits
+from mechsim.numerics.arrays import Array
 
 Units = Annotated[
     str | None,

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
+from mechsim.numerics.angles import TURN
 from mechsim.simulation import Settings
 from mechsim.studies.scenes.plain_settings import PlainSettings
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import typer
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.declared_options import spread
 from mechsim.cli.mass_table import print_masses
 from mechsim.cli.options import (
@@ -26,9 +26,9 @@ from mechsim.cli.options import (
 from mechsim.cli.output import print_json, progress
 from mechsim.cli.slips import asked_angle
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
+from mechsim.numerics.angles import TURN
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.render.frame_poses import SEEN, comes_round

@@ -8,8 +8,8 @@ import numpy as np
 import typer
 
 from mechsim import files, simulation
-from mechsim.analytic.closure.joint_motion import with_all_joints
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.joint_motion import with_all_joints
 from mechsim.cli.declared_options import spread
 from mechsim.cli.fed_scene import simulate_fed
 from mechsim.cli.few_digits import digits_in_json, few_digits, tell_digits

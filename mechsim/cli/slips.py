@@ -5,8 +5,8 @@ from dataclasses import fields
 from math import pi
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.endings import questions
 from mechsim.units import require_written
 

@@ -32,9 +32,9 @@ from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
 from mechsim.cli.slips import asked_angles
 from mechsim.cli.swinging import swing_of
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.memory import require_room
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import require_room
 from mechsim.subjects.driver_positions import Poses, poses_of_table
 from mechsim.units import option, parse_angles
 

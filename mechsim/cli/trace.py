@@ -13,7 +13,7 @@ from mechsim.cli.options import DriveOptions, Json, Model, Output, Sets, form_of
 from mechsim.cli.output import print_json, print_table, progress
 from mechsim.cli.output_units import OutputUnits, Units, output_units
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import (
     SAMPLES,

@@ -19,8 +19,8 @@ from mechsim.cli.scene_findings import found_in, in_json
 from mechsim.cli.validate_reference import validate_by_reference
 from mechsim.cli.validation_text import print_cases
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.maths.angles import TURN
 from mechsim.model.finding import Finding
+from mechsim.numerics.angles import TURN
 from mechsim.report.validation import write_validation_report
 from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery

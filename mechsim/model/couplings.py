@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number
 
 # the highest degree, that of MJCF's joint equality
 MOST = 4

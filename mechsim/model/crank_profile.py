@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number, numbers, units_remedy
-from mechsim.maths.quintic_spline import quintic_spline
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number, numbers, units_remedy
+from mechsim.numerics.interpolation import quintic_spline
 
 # a crank that cannot turn fully swings over this part of its range
 PART_OF_RANGE = 0.9

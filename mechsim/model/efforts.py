@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.model.outcome import Outcome
+from mechsim.numerics.arrays import Array
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 # of a component that is determined only together with others

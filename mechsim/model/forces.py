@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.given import HUGE, number, numbers, require
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import Motor
+from mechsim.numerics.inputs import HUGE, number, numbers, require
 
 # a tracked point's name, or a link ("ground" too) and a point in its frame in [m]
 Place = str | tuple[str, Vector]

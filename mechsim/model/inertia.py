@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import HUGE
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]

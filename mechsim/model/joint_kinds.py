@@ -16,8 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import turn_of
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import turn_of
 
 Axis = Literal["a", "b", "x", "y", "z"]
 KindName = Literal[

@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number, numbers, require
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates
 from mechsim.model.links import EX, EY, EZ, FARTHEST, ORIGIN, Pose, Vector
 from mechsim.model.unmarked_slides import least_turned
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number, numbers, require
 
 # lengths and cosines of unit vectors across each other are off by less
 ROUNDED = 1e-14

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.inertia import Inertia
+from mechsim.numerics.arrays import Array
 
 Vector = tuple[float, float, float]
 

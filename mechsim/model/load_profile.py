@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import HUGE
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
 
 Over = Literal["angle", "time"]
 # how far a table may miss the turn, in [rad], and be drawn to it: angles written with six digits

@@ -11,9 +11,6 @@ from typing import TypeVar
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number, numbers, require
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.display import short_repr
 from mechsim.model.joint_kinds import KINDS
@@ -21,6 +18,9 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.unmarked_slides import MEANT, guessed
 from mechsim.model.vertical import Up, require_axis
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number, numbers, require
 
 Source = TypeVar("Source")
 

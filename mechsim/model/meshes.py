@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # lengths below this fraction of the mechanism's size, and cosines below it, are rounding
 ROUNDING = 1e-9

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import needs
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
+from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:
     from pandas import DataFrame

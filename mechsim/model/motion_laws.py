@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number
-from mechsim.maths.quintic_spline import quintic_spline
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.work_size import require_revolutions
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number
+from mechsim.numerics.interpolation import quintic_spline
 
 # times (n,) in [s] -> value [m] or [rad], rate and acceleration, (n,) each
 State = Callable[[Array], tuple[Array, Array, Array]]

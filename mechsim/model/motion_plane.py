@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # directions this little out of parallel are parallel: frames are made to 1e-16, a real tilt is far larger
 PARALLEL = 1e-9

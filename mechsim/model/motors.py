@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import HUGE
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
 
 # a gear ratio beyond this, or below its inverse, is a slip too: its square goes with a torque
 STEEPEST = 1e9

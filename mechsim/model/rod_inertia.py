@@ -6,10 +6,10 @@ from typing import Literal
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import HUGE, number
 from mechsim.model.inertia import Inertia, Matrix, Rods, Vector, combine
 from mechsim.model.mechanism import Mechanism, described
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE, number
 
 # of steel in [kg/m3]
 STEEL = 7850.0

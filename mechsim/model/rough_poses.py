@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS, displaced
 from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # of one joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in their links' frames
 Sides = tuple[Array, Array, Array, Array]

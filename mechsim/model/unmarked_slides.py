@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # axes whose sum has a smaller square are opposed, to rounding
 OPPOSED = 1e-14

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: tuple[Up, ...] = ("x", "y", "z", "-x", "-y", "-z")

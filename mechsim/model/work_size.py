@@ -2,13 +2,13 @@
 
 Every command builds its motion from a crank motion or from motion laws, so that one check here bounds the
 continuation steps of the loop equations, the poses that MuJoCo solves and the time steps it takes. What a
-record of the motion holds in memory is checked by `mechsim.maths.memory`.
+record of the motion holds in memory is checked by `mechsim.numerics.resources`.
 """
 
 import math
 
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
+from mechsim.numerics.angles import TURN
 
 # revolutions of the fastest driver in one motion; loop equations take 4 ms (four-bar linkage) to 40 ms (leg
 # of a humanoid robot) to follow one

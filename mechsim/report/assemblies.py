@@ -7,9 +7,9 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.plots import AssemblyTable
 from mechsim.theory.continuation import AssemblyTrace
 from mechsim.theory.continuation.curve_joints import joint_columns

@@ -7,15 +7,15 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.determinacy import driver_determinacy
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.determinacy import driver_determinacy
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
 from mechsim.model.meshes import threads_of
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # what there is to say of a mechanism that is not of the catalogue
 OWN = "a mechanism of one's own, by its loop equations"

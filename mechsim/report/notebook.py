@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, overload
 
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
+from mechsim.numerics.angles import TURN
 
 if TYPE_CHECKING:
     from mechsim.analytic.forms import Form
@@ -96,7 +96,7 @@ def turned(source: "Form | Mechanism", *, speed: float | str = SPEED, height: in
         InputError: for what does not move.
     """
     from mechsim.analytic.catalog.base import ClosedForm
-    from mechsim.analytic.closure.loop_form import LoopForm
+    from mechsim.analytic.loops.loop_form import LoopForm
     from mechsim.model.mechanism import described
     from mechsim.pictures.view import page
     from mechsim.report.views import mechanism_view

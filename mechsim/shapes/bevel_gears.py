@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.wheels import Cone, Wheel, angle_in, teeth_on
 
 # axes that pass each other at less than this part of a rod's radius meet

@@ -6,8 +6,8 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.shape import PALETTE, Rgba
 
 

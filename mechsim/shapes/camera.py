@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
 from mechsim.model.vertical import Up, unit_vector
+from mechsim.numerics.arrays import Array
 
 PRESETS = ("iso", "shaft", "top", "side")
 # share of the picture kept free on each side for labels, scale bar and read-out

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
 from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import link_colours, rod_radius
 from mechsim.shapes.extent import displacement
 from mechsim.shapes.planar import layers_of, planar_normals

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.shape import Shape
 
 

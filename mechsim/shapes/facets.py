@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

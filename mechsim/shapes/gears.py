@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.bevel_gears import bevel_pair
 from mechsim.shapes.body import rod_radius
 from mechsim.shapes.canvas import Canvas

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import stations
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import HOUSING, STEEL, Shape, vector

@@ -1,9 +1,9 @@
 """Planar mechanisms as they are drawn: flat links in layers, so that they pass one another."""
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import span
 
 

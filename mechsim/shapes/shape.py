@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.maths.arrays import Array
 from mechsim.model.links import Vector
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.facets import Facets
 
 Rgba = tuple[float, float, float, float]

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import edges, rod_radius, stations
 
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End
 from mechsim.model.links import GROUND
+from mechsim.numerics.arrays import Array
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.antiparallel_axes import require_aligned
 from mechsim.simulation.contact_filtering import exclude_contacts
 from mechsim.simulation.drivers import find_drivers, with_parameter_joint

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
 
 # states looked at before the end

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.budget import ProcessorBudget
-from mechsim.maths.convergence import half_extent
-from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import POSITION_TOLERANCE, Outcome
 from mechsim.model.work_size import require_steps
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.convergence import half_extent
+from mechsim.numerics.resources import ProcessorBudget, require_room
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.divergence_cause import STIFFNESS_MESSAGE, limit_or_contact, near_singular
 from mechsim.simulation.model_loops import CLOSED, ModelLoops

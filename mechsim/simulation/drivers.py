@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # name of the hinge joint, and of its body, whose angle is the path parameter
 PARAMETER_JOINT = "mechsim:clock"

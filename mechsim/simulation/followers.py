@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.loop_constraints import CouplingConstraint, Sum
 
 

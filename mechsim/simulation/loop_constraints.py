@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 # 4 cos²(angle/2) below which two frames count as rotated by half a revolution

@@ -10,7 +10,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 Jacobian = Literal["dense", "sparse"]
 KINDS: dict[Jacobian, int] = {

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import ChangePointPolicy
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import followers
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers, Law
 from mechsim.simulation.loop_constraints import CouplingConstraint, constraints

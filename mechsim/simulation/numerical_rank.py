@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # singular values below this fraction of the largest count as zero; entries below the floor, in radians and
 # characteristic lengths, are rounding: a ball joint at the common point of all axes of its loop leaves

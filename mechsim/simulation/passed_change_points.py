@@ -6,9 +6,9 @@ from contextlib import suppress
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow

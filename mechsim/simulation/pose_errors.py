@@ -3,8 +3,8 @@
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.poses import follow
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # body and points on it, (n, 3) -> the Jacobians of the points and of the body's rotation, (n, 3, nv) each
 PointJacobians = Callable[[int, Array], tuple[Array, Array]]

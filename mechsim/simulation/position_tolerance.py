@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import BudgetError
-from mechsim.maths.angles import TURN
-from mechsim.maths.convergence import believed_order
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.convergence import believed_order
 from mechsim.simulation.compliance_search import improving_compliance
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.pose_errors import lag_distance

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
 from mechsim.simulation.posed_bodies import ONE_THREAD, rotated

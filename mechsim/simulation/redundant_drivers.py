@@ -3,7 +3,7 @@
 import numpy as np
 
 from mechsim.errors import MobilityError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 

@@ -7,8 +7,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from mechsim.errors import BudgetError
-from mechsim.maths.budget import ProcessorBudget
-from mechsim.maths.norms import worst
+from mechsim.numerics.arrays import worst
+from mechsim.numerics.resources import ProcessorBudget
 
 R = TypeVar("R")
 

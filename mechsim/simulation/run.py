@@ -5,12 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.budget import ProcessorBudget
-from mechsim.maths.given import number, require, units_remedy
 from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.mechanism import Mechanism, starting_at
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.scene import Scene
+from mechsim.numerics.inputs import number, require, units_remedy
+from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel, Source
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved_run

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths import given
+from mechsim.numerics import inputs
 
 
 def choice(default: str | None, options: tuple[str, ...], about: str, **told: Any) -> Any:
@@ -56,9 +56,9 @@ def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
     """Raise InputError for what the declaration of a setting does not allow."""
     if "options" in rule and value not in rule["options"]:
         raise InputError(f"there is no {name} {value!r}; known are {', '.join(rule['options'])}")
-    if "least" in rule and not rule["least"] <= given.number(value) < np.inf:
+    if "least" in rule and not rule["least"] <= inputs.number(value) < np.inf:
         raise InputError(rule["remedy"].format(name=name, value=value))
     if "count" in rule:
-        values = given.numbers(value)
+        values = inputs.numbers(value)
         if values.shape != (rule["count"],) or not np.isfinite(values).all():
             raise InputError(f"{name} is {value}; give {rule['count']} finite numbers")

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import setting_fields
 from mechsim.simulation.matrices import KINDS, quicker
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO

@@ -9,10 +9,10 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.memory import require_room
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.work_size import MAX_STEPS
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.resources import require_room
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import SLIDE, ModelLoops
 from mechsim.simulation.recorded_motion import States

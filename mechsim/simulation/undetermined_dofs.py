@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_ranges import check_instants, extremes, require_within
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.analytic import closure
+from mechsim.analytic import loops
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.links import Pose
 from mechsim.model.motion import Motion, taken
@@ -24,8 +24,8 @@ def against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
         off = np.abs(np.exp(1j * exact.angle[:, None]) - np.exp(1j * points)).min(1) > KEPT_OFF
         exact = taken(exact, off)
         poses = {name: pose.at(off) for name, pose in poses.items()}
-    open_by, turned_by = closure.residual_norms(mechanism, poses, exact.angle)
-    loops = closure.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
+    open_by, turned_by = loops.residual_norms(mechanism, poses, exact.angle)
+    loop_rates = loops.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
     closed = Tolerance(8 * EPS * mechanism.size, "m", "8 ulp of the longest link")
     turned = Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
     checks = [
@@ -36,5 +36,5 @@ def against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
     for kind in ("velocity", "acceleration"):
         rows = (QUANTITIES[kind],)
         allowed = tolerances_of(rows, "closed form", scales, Requested())
-        checks += checks_of(rows, loops, exact, allowed, drive.conditioning(exact))
+        checks += checks_of(rows, loop_rates, exact, allowed, drive.conditioning(exact))
     return concluded(checks)

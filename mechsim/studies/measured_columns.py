@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # before or after the name of a quantity
 MARKS = ("±", "+-")

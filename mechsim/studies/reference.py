@@ -10,10 +10,10 @@ from mechsim.analytic.dynamics import Machine, machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import Motion, PointMotion, taken
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motion_source import simulated
 from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of

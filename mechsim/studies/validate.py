@@ -12,12 +12,12 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, BudgetError
-from mechsim.maths.angles import TURN
-from mechsim.maths.budget import ProcessorBudget
 from mechsim.model.crank_profile import CrankProfile, arc_around, swing
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.outcome import most_severe
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.agreement.agreement import Agreement, held

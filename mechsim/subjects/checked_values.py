@@ -8,7 +8,7 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.maths.given import HUGE, number
+from mechsim.numerics.inputs import HUGE, number
 from mechsim.subjects.expressions import FUNCTIONS, NumberEvaluator
 from mechsim.subjects.key_types import (
     AnyOf,

@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.motion_law_text import MotionLaw, parse_motion_law
 from mechsim.subjects.time_expressions import time_function
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import MotionLaws, State
+from mechsim.numerics.arrays import Array
 
 # endings of the columns that a pose has: places of points and coordinates of joints
 _COORDINATE_SUFFIXES = (".x", ".y", ".z")

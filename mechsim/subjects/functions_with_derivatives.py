@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim.analytic.vector_method.jets import Jet, Values, composed
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.expressions import require_exponent
 
 

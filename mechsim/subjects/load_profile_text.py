@@ -9,9 +9,9 @@ import numpy as np
 
 from mechsim import files
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.load_profile import WRITTEN, LoadProfile, Over, constant, function, table
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.motion_law_text import read_column
 from mechsim.subjects.time_expressions import VARIABLES, time_function
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from mechsim import files, units
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.motion_laws import State, steady, tabled
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.time_expressions import time_function
 from mechsim.units import Unit
 

@@ -7,18 +7,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.start_values import start_poses
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
 from mechsim.model.written_units import WrittenUnits
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number
 from mechsim.subjects.motion_law_text import MotionLaw, Start, parse_motion_law
 from mechsim.subjects.toml_drivers import FileMotionLaw
 from mechsim.subjects.toml_source import suggestion

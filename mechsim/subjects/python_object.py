@@ -8,8 +8,8 @@ from typing import Any
 
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.toml_source import suggestion

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import PointMotion
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.gallery import PACKAGE
 
 CHECKSUMS = "SHA256SUMS"

@@ -7,10 +7,10 @@ from typing import Any
 
 from mechsim import units
 from mechsim.analytic import catalog
-from mechsim.analytic.closure.determinacy import undetermined_joints
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.determinacy import undetermined_joints
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.start_values import with_closed_guess
 from mechsim.errors import InputError
 from mechsim.model.motion_laws import State
 from mechsim.subjects import gallery

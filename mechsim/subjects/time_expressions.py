@@ -12,8 +12,8 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.vector_method.jets import Jet, Values
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.motion_laws import State
+from mechsim.numerics.arrays import Array
 from mechsim.subjects import functions_with_derivatives
 from mechsim.subjects.expressions import ExpressionEvaluator, parse_expression
 

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
-from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import mesh_of
+from mechsim.numerics.angles import TURN
 from mechsim.subjects.key_types import Number
 from mechsim.subjects.toml_drivers import FileCoordinates
 from mechsim.subjects.toml_source import KeyPath, TomlSource

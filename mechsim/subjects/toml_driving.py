@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mechsim import files
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Place
 from mechsim.model.load_profile import LoadProfile

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint

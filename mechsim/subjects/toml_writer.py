@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link, Pose

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import OutputError
 from mechsim.files import written_beside
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.testing.failure import cause_of
 from mechsim.testing.running import RunningTest

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.outcome import Outcome, most_severe
+from mechsim.numerics.arrays import Array
 from mechsim.verdict.instants import InstantUnit, RecordInstants, instant_text, instants_of
 from mechsim.verdict.quantities import QUANTITIES, Quantity
 from mechsim.verdict.tolerances import FRACTION_OF, Requested, Tolerance, ToleranceRule

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 
 # rows are those of a table without times
 InstantUnit = Literal["rad", "s", "row"]

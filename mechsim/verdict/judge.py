@@ -6,12 +6,12 @@ from typing import Literal, Protocol
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import require
 from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion, Solver
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.outcome import POSITION_TOLERANCE
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
 from mechsim.verdict.instants import instants_of
 from mechsim.verdict.other_assembly import elsewhere

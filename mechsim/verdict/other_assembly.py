@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion, Solver
+from mechsim.numerics.arrays import Array
 from mechsim.verdict.instants import instants_of
 from mechsim.verdict.quantities import stroke_of
 

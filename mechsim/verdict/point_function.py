@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import numbers
 from mechsim.model.motion import Motion, PointMotion
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import numbers
 
 PointFunction = Callable[[Array], Mapping[str, Array]]
 

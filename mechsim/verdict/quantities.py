@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
-from mechsim.maths.convergence import half_extent
-from mechsim.maths.norms import worst
 from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.convergence import half_extent
 from mechsim.verdict import record_errors as errors
 from mechsim.verdict.record_errors import Error, Subjects, alone, of
 from mechsim.verdict.tolerances import EPS, FRACTION_OF, ToleranceRule

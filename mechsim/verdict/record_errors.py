@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.arrays import Array
 from mechsim.model.efforts import COMPONENTS, Efforts
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 
 Error = Callable[[Any, Any, str], Array | None]
 Subjects = Callable[[Any, Any], Iterable[str]]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 EPS = 2.0**-52
 # conditioning of the loops from which they count as sound: below it bounds widen. Measured over random

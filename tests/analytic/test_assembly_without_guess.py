@@ -8,9 +8,9 @@ import pytest
 
 import mechsim as ms
 from mechsim import closure, simulate
-from mechsim.analytic.closure import completed_guess
-from mechsim.analytic.closure.start_values import start_poses
-from mechsim.analytic.closure.tree_assembly import assembled
+from mechsim.analytic.loops import completed_guess
+from mechsim.analytic.loops.start_values import start_poses
+from mechsim.analytic.loops.tree_assembly import assembled
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link, Pose

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from flat_linkages import FLAT_ONES, FOLDING, flat_linkages, named, smooth_b, worst
 
-from mechsim import catalog
-from mechsim.analytic import closure
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim import catalog, closure
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.trig_polynomial import FLAT, sampled, signed_root
 from mechsim.errors import AssemblyError
 from mechsim.report.facts import facts

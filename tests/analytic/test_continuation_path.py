@@ -6,13 +6,12 @@ import pytest
 from flat_linkages import flat_linkages, named, smooth_b, worst
 from mechanisms import three_cranks
 
-from mechsim import catalog
-from mechsim.analytic import closure
-from mechsim.analytic.closure.continuation_path import MAX_GROWTH, NODES, TARGET_CORRECTION, TARGET_ERROR
-from mechsim.analytic.closure.crank_motion import crank_path
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.loop_solver import Linearised, LoopSolver, loop_solver
-from mechsim.analytic.closure.tree_loops import TreeLoops
+from mechsim import catalog, closure
+from mechsim.analytic.loops.continuation_path import MAX_GROWTH, NODES, TARGET_CORRECTION, TARGET_ERROR
+from mechsim.analytic.loops.crank_motion import crank_path
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.loop_solver import Linearised, LoopSolver, loop_solver
+from mechsim.analytic.loops.tree_loops import TreeLoops
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose

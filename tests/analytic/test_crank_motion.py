@@ -7,9 +7,8 @@ import pytest
 from driven import five_bar
 from mechanisms import at
 
-from mechsim import catalog
-from mechsim.analytic import closure
-from mechsim.analytic.closure.crank_motion import crank_path, motion_along
+from mechsim import catalog, closure
+from mechsim.analytic.loops.crank_motion import crank_path, motion_along
 from mechsim.errors import AssemblyError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import Joint

@@ -9,11 +9,11 @@ from exact import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
 from mechsim.analytic import catalog
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
 from mechsim.analytic.derivatives.catalog_family import catalog_family
 from mechsim.analytic.derivatives.joint_places import placed_family
 from mechsim.analytic.derivatives.numbers import numbers_of
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.subjects import subject
 from mechsim.subjects.parametric_models import parametric_model

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.analytic import closure
-from mechsim.analytic.closure.exact_geometry import DIMENSION_TOLERANCE, corrected
+from mechsim import catalog, closure
+from mechsim.analytic.loops.exact_geometry import DIMENSION_TOLERANCE, corrected
 from mechsim.errors import MechsimError
 from mechsim.model.mechanism import Mechanism
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from flat_linkages import FLAT_ONES, FOLDING
 
-from mechsim import catalog
-from mechsim.analytic import closure, dynamics
+from mechsim import catalog, closure, dynamics
 from mechsim.model.forces import Forces
 
 TURN = 2.0 * np.pi

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.closure import many_paths
-from mechsim.analytic.closure.many_motion import many_motion, shared_loops
+from mechsim.analytic.loops import many_paths
+from mechsim.analytic.loops.many_motion import many_motion, shared_loops
 from mechsim.model.design_arrays import those_alike
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim.analytic.closure import numerical_rank as by_formulas
+from mechsim.analytic.loops import numerical_rank as by_formulas
 from mechsim.simulation import numerical_rank as by_mujoco
 
 # turns, so that singular values are what they are said to be; neither is symmetric whatever its signs

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.closure.determinacy import driver_determinacy
-from mechsim.analytic.closure.tree_assembly import assembled
-from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.loops.determinacy import driver_determinacy
+from mechsim.analytic.loops.tree_assembly import assembled
+from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.errors import MobilityError
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene

@@ -7,7 +7,7 @@ import pytest
 from driven import boom, five_bar, platform, press, rack_and_cam, table, waving, where_circles_meet
 from scipy.optimize import brentq
 
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.couplings import Coupling
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady, tabled

@@ -7,11 +7,10 @@ import pytest
 from driven import five_bar, waving, where_circles_meet
 from mechanisms import at
 
-from mechsim import catalog
-from mechsim.analytic import closure
-from mechsim.analytic.closure.crank_motion import crank_path, motion_along
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.tree_rates import CHUNK, rates_of_polynomial, regularised
+from mechsim import catalog, closure
+from mechsim.analytic.loops.crank_motion import crank_path, motion_along
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.tree_rates import CHUNK, rates_of_polynomial, regularised
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import Joint
 from mechsim.model.links import EX, GROUND, Link

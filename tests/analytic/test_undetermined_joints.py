@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog
-from mechsim.analytic import closure
-from mechsim.analytic.closure.determinacy import driver_determinacy
-from mechsim.analytic.closure.generic_pose import with_coordinate_locked
+from mechsim import catalog, closure
+from mechsim.analytic.loops.determinacy import driver_determinacy
+from mechsim.analytic.loops.generic_pose import with_coordinate_locked
 from mechsim.errors import MobilityError
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint

@@ -5,7 +5,7 @@ import pytest
 from exact import four_bar_b
 
 from mechsim import catalog, simulate, simulation
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.few_digits import few_digits
 from mechsim.verdict.tolerances import RATES
 

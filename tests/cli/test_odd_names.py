@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import mechsim as ms
 from mechsim import catalog, files
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import LONGEST_NAME, Mechanism

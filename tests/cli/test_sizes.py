@@ -12,8 +12,8 @@ from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.analytic.dynamics.free_run_events import Runner
 from mechsim.cli import dynamics as cli_dynamics
 from mechsim.cli import output, solve, time_left
-from mechsim.maths import memory
 from mechsim.model.forces import Forces
+from mechsim.numerics import resources
 from mechsim.simulation.dynamics import free_running
 
 # what would hold more than a machine has: words of the command, and what the one line says
@@ -31,7 +31,7 @@ TOO_LARGE = {
 
 @pytest.fixture
 def a_gigabyte(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "room", lambda: 1e9)
+    monkeypatch.setattr(resources, "room", lambda: 1e9)
 
 
 @pytest.mark.usefixtures("a_gigabyte")

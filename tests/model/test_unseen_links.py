@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.unseen_links import moved_links
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim.analytic import closure
+from mechsim import closure
 from mechsim.model.joint_kinds import KINDS, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose

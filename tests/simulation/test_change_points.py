@@ -6,7 +6,7 @@ from flat_linkages import flat_linkages, named
 
 from mechsim import catalog
 from mechsim.analytic import dynamics
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
 from mechsim.simulation import closed_model, constant, simulate

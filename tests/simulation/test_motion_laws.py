@@ -17,7 +17,7 @@ from driven import (
 )
 
 from mechsim import crosscheck, simulate
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End
 from mechsim.model.links import GROUND

@@ -12,9 +12,9 @@ from strategies import CASES, random_knitter
 
 from mechsim import catalog, closure
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
 from mechsim.model.crank_profile import PART_OF_RANGE, arc_around, constant, swing
 from mechsim.model.scene import Scene
+from mechsim.numerics.angles import TURN
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.mjcf.exact_text import to_xml

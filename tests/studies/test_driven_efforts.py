@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling
 from mechsim.model.forces import Forces, Friction

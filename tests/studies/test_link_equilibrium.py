@@ -14,7 +14,7 @@ import pytest
 
 from mechsim import course
 from mechsim.analytic import dynamics
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.couplings import Gear
 from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.simulation.dynamics.prescribed_motion import driven
 

@@ -12,13 +12,13 @@ from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
-from mechsim.analytic.closure import random_starts
+from mechsim.analytic.loops import random_starts
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.maths.roots import root
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.newton import root
 from mechsim.theory.continuation import (
     crank_path_length,
     curve_search,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mechsim import catalog
 from mechsim.analytic.catalog.rssr import Rssr
-from mechsim.analytic.closure import assemble, residual_norms, turned_by
+from mechsim.analytic.loops import assemble, residual_norms, turned_by
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import InputError
 from mechsim.model.couplings import Gear

@@ -8,7 +8,7 @@ import pytest
 from driven import boom, five_bar, waving
 
 from mechsim import crosscheck
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.motion_laws import make_motion_laws
 
 MOVES = make_motion_laws(five_bar(), {"left": waving(2.0, 0.3, 6.0), "right": waving(1.0, 0.2, 9.0)}, 1.0)

@@ -14,8 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 import driven as machines
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation import Settings

@@ -17,7 +17,7 @@ from bare_steps import Bare
 
 from mechsim import catalog
 from mechsim.analytic.catalog.four_bar import FourBar
-from mechsim.maths.convergence import observed_order
+from mechsim.numerics.convergence import observed_order
 from mechsim.simulation import mjcf
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200)

@@ -22,10 +22,10 @@ import sheet
 
 from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.maths.convergence import richardson
-from mechsim.maths.norms import worst
 from mechsim.model.crank_profile import within_range
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import worst
+from mechsim.numerics.convergence import richardson
 from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow

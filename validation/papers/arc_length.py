@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.roots import root
 from mechsim.model.display import short_repr
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853

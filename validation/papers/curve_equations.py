@@ -8,7 +8,7 @@ from arc_length import SINGULAR, Curve, Frame, turns, walk
 from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 EPS = float(np.finfo(np.float64).eps)
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.vector_method.trig_arcs import reachable_arcs
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # the frame of the torus: its x, y, z are Y, Z, X of the mechanism (T1 of the paper)
 CRANK_FRAME = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -12,10 +12,10 @@ from mechsim.analytic.vector_method.plane import flat, xyz
 from mechsim.analytic.vector_method.triad_legs import carried
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 
 def velocities(

@@ -18,12 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from change_points import NAMES, random_linkages
 
-from mechsim import catalog
-from mechsim.analytic import closure
+from mechsim import catalog, closure
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
-from mechsim.maths.angles import TURN
+from mechsim.numerics.angles import TURN
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables
 from mechsim.subjects import gallery

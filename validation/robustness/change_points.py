@@ -19,8 +19,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim import catalog
-from mechsim.analytic import closure
+from mechsim import catalog, closure
 from mechsim.errors import MechsimError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.simulation import closed_model

@@ -22,7 +22,7 @@ import numpy as np
 
 from mechsim.analytic import catalog, dynamics
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
 from mechsim.studies.agreement.agreement import agreement

@@ -11,9 +11,9 @@ import sys
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.closure import many_paths
-from mechsim.analytic.closure.crank_motion import crank_path
-from mechsim.analytic.closure.many_motion import many_motion, shared_loops
+from mechsim.analytic.loops import many_paths
+from mechsim.analytic.loops.crank_motion import crank_path
+from mechsim.analytic.loops.many_motion import many_motion, shared_loops
 from mechsim.model.design_arrays import those_alike
 
 TURN = 2.0 * np.pi

@@ -14,7 +14,7 @@ from statistics import median
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.subjects.subject import load
 
 ROUNDS = 15

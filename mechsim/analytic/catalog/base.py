@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.catalog.first_configuration import first_sign_angle, segment
 from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
-from mechsim.analytic.closure.rank import conditioning
+from mechsim.analytic.loops.rank import conditioning
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet, Values, values
@@ -22,13 +22,13 @@ from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, sampled, signed_root
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import arc_around, closes_nowhere
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")

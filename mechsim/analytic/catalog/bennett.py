@@ -15,10 +15,10 @@ from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.analytic.vector_method.vectors import column, cross, spun
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # ratio of the half-angle tangents beyond which a turn of the crank is a jump of the rocker
 STEEPEST = 1e6

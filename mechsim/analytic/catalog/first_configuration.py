@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # crank angles within this of a change point, in [rad], are that change point
 AT_POINT = 1e-9

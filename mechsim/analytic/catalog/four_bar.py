@@ -13,10 +13,10 @@ from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

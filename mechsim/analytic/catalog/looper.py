@@ -19,11 +19,11 @@ from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
 from mechsim.analytic.vector_method.trig_polynomial import sampled
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN, turned_into
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import TURN, turned_into
+from mechsim.numerics.arrays import Array
 
 Side = int
 # in nine hundred random linkages the highest number met was five

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.many_designs import Turning
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # distance of a root from the unit circle up to which it is real, and up to which that is not certain
 REAL, NEARLY = 1e-6, 1e-2

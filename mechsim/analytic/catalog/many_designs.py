@@ -13,12 +13,12 @@ from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, ORIGIN, Pose
 from mechsim.model.motion import JointMotion, Motion, PointMotion
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 AXES = "xyz"
 # places in the turn at which margins are looked at before their lowest are sought, Newton steps to

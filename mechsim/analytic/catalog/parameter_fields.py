@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # squares and fourth powers of lengths and rates below this stay far from overflow
 HUGE = 1e30

@@ -24,11 +24,11 @@ from mechsim.analytic.vector_method.vectors import (
     turned_twice,
 )
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 
 # cosine of v2 below which the rocker angle counts as lost: its acceleration grows as 1/cos2 and a
 # third of the digits are gone already

@@ -23,10 +23,10 @@ from mechsim.analytic.vector_method.vectors import (
     turned_twice,
     unit_at_angles,
 )
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

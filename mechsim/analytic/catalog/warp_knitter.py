@@ -21,11 +21,11 @@ from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.analytic.vector_method.trig_arcs import Arcs
 from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # gears have hardly more teeth than this
 MOST_TEETH = 1000

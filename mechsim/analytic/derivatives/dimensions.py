@@ -8,9 +8,9 @@ import numpy as np
 from mechsim.analytic.derivatives.numbers import numbers_of
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError, MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # weights of the values a step, two, three and four steps ahead, and minus them behind, divided by the step
 EIGHTH = np.array([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0])

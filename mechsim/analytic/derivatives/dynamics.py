@@ -13,11 +13,11 @@ from mechsim.analytic.dynamics.friction import STILL
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, moved_as
 from mechsim.analytic.dynamics.unit_motion import from_motion
-from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import change_of, stepped
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import change_of, stepped
 
 
 @dataclass(frozen=True, slots=True)

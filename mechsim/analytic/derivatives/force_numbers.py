@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.derivatives.numbers import Taker, Unchecked, three
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Place, Spring
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

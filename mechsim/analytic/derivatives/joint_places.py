@@ -11,16 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import turned_by
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses
+from mechsim.numerics.arrays import Array
 
 AXES = "xyz"
 

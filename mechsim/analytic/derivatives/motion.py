@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.assembly import crank_angles
-from mechsim.analytic.closure.continuation_path import ContinuationPath
-from mechsim.analytic.closure.crank_motion import crank_instants, crank_path, motion_along, motion_record
-from mechsim.analytic.closure.cut_rows import cuts_of
-from mechsim.analytic.closure.motion import crank_rate
-from mechsim.analytic.closure.prescribed_motion import instants_of_laws, path_under_laws, with_locked_values
-from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates
-from mechsim.analytic.closure.tree_rates import (
+from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
+from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.assembly import crank_angles
+from mechsim.analytic.loops.continuation_path import ContinuationPath
+from mechsim.analytic.loops.crank_motion import crank_instants, crank_path, motion_along, motion_record
+from mechsim.analytic.loops.cut_rows import cuts_of
+from mechsim.analytic.loops.motion import crank_rate
+from mechsim.analytic.loops.prescribed_motion import instants_of_laws, path_under_laws, with_locked_values
+from mechsim.analytic.loops.spanning_tree import SpanningTree
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.tree_rates import (
     ClosedChunk,
     Instants,
     LoopMotion,
@@ -24,14 +26,12 @@ from mechsim.analytic.closure.tree_rates import (
     merged,
     with_rates,
 )
-from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
-from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import STEP, change_of, stepped
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.split_joints import split
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import STEP, change_of, stepped
 
 # how far loops that repeat each other may be torn open by a dimension, as parts of the change of the loops
 TORN = 1e-6

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.continuation_path import ContinuationPath
-from mechsim.analytic.closure.tree_rates import ClosedChunk, Instants
 from mechsim.analytic.derivatives.motion import Followed, followed_motion, with_mechanism
 from mechsim.analytic.derivatives.numbers import GivenMechanism, numbers_of, with_numbers
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.continuation_path import ContinuationPath
+from mechsim.analytic.loops.tree_rates import ClosedChunk, Instants
 from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion

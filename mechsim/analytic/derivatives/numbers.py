@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 
 class Unchecked:

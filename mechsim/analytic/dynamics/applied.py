@@ -14,11 +14,11 @@ from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross, dot, wrap
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Spring
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import IDENTITY
+from mechsim.numerics.arrays import Array
 
 Stack = NDArray[np.float64]
 

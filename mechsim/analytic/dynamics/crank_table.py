@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.applied import applied
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients, load_leverage
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # points on an arc, the longest arc, and the shortest before the crank is said to be at a dead centre
 POINTS = 20

@@ -8,10 +8,10 @@ from mechsim.analytic.dynamics.applied import applied, loads
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.roots import root
 from mechsim.model.efforts import Fluctuation
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
 from mechsim.units import si
 
 # the smallest coefficient of fluctuation that can be told from rounding

@@ -10,10 +10,10 @@ from mechsim.analytic.dynamics.crank_table import CrankTable
 from mechsim.analytic.dynamics.friction import dry_sizes
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.roots import root
 from mechsim.model.outcome import Outcome
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
 
 # a run for turns with no time limit of its own may take this many times what it seems to need
 PATIENCE = 1000.0

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross, dot
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Friction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
+from mechsim.numerics.arrays import Array
 
 # a joint that moves less than this a radian of the crank, in [rad] or sizes of the mechanism, is where it
 # turns round: the sign of its rate is rounding there, and dry friction has no direction

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces, acting_on

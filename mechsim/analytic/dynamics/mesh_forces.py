@@ -11,12 +11,12 @@ import numpy as np
 
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross
-from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
 from mechsim.model.efforts import MeshForce
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.meshes import Mesh, mesh_of, meshes_of, threads_of
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,17 +7,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure import RANK_TOLERANCE
-from mechsim.analytic.closure.loop_equations import row_units
 from mechsim.analytic.dynamics.mesh_forces import magnitude, mesh_forces, shares
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
+from mechsim.analytic.loops import RANK_TOLERANCE
+from mechsim.analytic.loops.loop_equations import row_units
 from mechsim.analytic.vector_method.rotations import cross
-from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import least_norm, null_space
 from mechsim.model.efforts import MeshForce, Reaction
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import least_norm, null_space
 
 # part of a self-stress below which a joint takes no part in it
 SETTLED = 1e-9

@@ -13,9 +13,9 @@ from mechsim.analytic.dynamics.applied import Applied, applied, power
 from mechsim.analytic.dynamics.machines import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import dot
-from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import size_of
 from mechsim.model.display import short_repr
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import size_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,18 +10,18 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic import closure
-from mechsim.analytic.closure import Rows
+from mechsim.analytic import loops
+from mechsim.analytic.loops import Rows
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import least_norm, null_space
 from mechsim.model.display import short_repr
 from mechsim.model.forces import Place, located
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import least_norm, null_space
 
 # parts of a link's size and inertia by which an idle link may miss being round about its line
 ROUND = 1e-9
@@ -84,7 +84,7 @@ class UnitMotion:
 
     def rows(self, twists: Mapping[str, Array] | None = None) -> Rows:
         """Return loop equations and driver rows at these poses, and their bias at twists of links (n, 6)."""
-        return closure.equations(self.mechanism, self.poses(), self.drivers or self.angle, twists)
+        return loops.equations(self.mechanism, self.poses(), self.drivers or self.angle, twists)
 
     def poses(self) -> dict[str, Pose]:
         """Return link -> n poses."""
@@ -176,12 +176,12 @@ def from_motion(mechanism: Mechanism, motion: Motion) -> UnitMotion:
 def _idle(unit: UnitMotion) -> Array:
     """Return a basis of the twists left once the crank is held, (n, L, 6, k)."""
     mechanism = unit.mechanism
-    passive = closure.freedom(mechanism, unit.poses()).passive
+    passive = loops.freedom(mechanism, unit.poses()).passive
     n, count = len(unit), len(mechanism.links)
     if not passive:
         return np.zeros((n, count, 6, 0))
     scale = np.tile([mechanism.size] * 3 + [1.0] * 3, count)
-    null = null_space(unit.held_rows.jacobian * scale, passive, closure.RANK_TOLERANCE)
+    null = null_space(unit.held_rows.jacobian * scale, passive, loops.RANK_TOLERANCE)
     return (null * scale[:, None]).reshape(n, count, 6, passive)
 
 
@@ -226,7 +226,7 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     # the second rates that what is driven has, whatever spins
     asked = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
     scale = np.tile([unit.mechanism.size] * 3 + [1.0] * 3, count)
-    least = least_norm(rows.jacobian * scale, rows.bias - asked, closure.RANK_TOLERANCE)
+    least = least_norm(rows.jacobian * scale, rows.bias - asked, loops.RANK_TOLERANCE)
     bias = -(scale * least).reshape(n, count, 6)
     moved = replace(unit, twist=twist, bias=bias)
     one, zero = np.ones(n), np.zeros(n)

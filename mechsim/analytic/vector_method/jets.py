@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 
 class Jet:

@@ -12,11 +12,11 @@ import numpy as np
 
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.vectors import column, cross, dot
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.links import EX, EY, EZ, Vector
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

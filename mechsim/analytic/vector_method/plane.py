@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.vector_method.jets import Jet
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 
 def flat(point: Array) -> Any:

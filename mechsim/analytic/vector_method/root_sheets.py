@@ -14,8 +14,8 @@ import numpy as np
 
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.analytic.vector_method.trig_arcs import Arcs
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 Coefficients = Callable[[Array], Array]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # an element of a rotation this small is nought; its square would underflow some steps later
 NOUGHT = 1e-40

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.vector_method.triad_legs import close, cross, leg_vectors
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 Complex = NDArray[np.complex128]
 

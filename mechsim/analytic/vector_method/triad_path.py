@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.triad_legs import close, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import turned_into
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import turned_into
+from mechsim.numerics.arrays import Array
 
 Complex = NDArray[np.complex128]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.vector_method.trig_polynomial import FLAT, sampled
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

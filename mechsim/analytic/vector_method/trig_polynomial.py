@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method.jets import Values, cos_sin, values
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 
 # a polynomial this small beside its largest harmonic is rounding of the lengths it is made of
 FLAT = 256.0 * np.finfo(np.float64).eps

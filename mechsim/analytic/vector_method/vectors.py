@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.vector_method.jets import Values, chosen, cos_sin, product, revalued, values
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 Sign = Literal[1, -1]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import COLOURS, ROUNDED, along_axis, blank, styled
 

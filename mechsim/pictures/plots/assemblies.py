@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim.errors import InputError, needs
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, blank, locator, styled
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
     BESIDE,

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError, needs
 from mechsim.files import written_beside
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes import PALETTE
 

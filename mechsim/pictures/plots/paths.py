@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import COLOURS, ROUNDED, blank, chosen, label_of, styled
 from mechsim.shapes import point_colours

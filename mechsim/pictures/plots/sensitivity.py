@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.path import tangents
+from mechsim.numerics.arrays import Array, tangents
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, blank, label_of, styled
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import COLOURS, STYLES, blank, styled
 

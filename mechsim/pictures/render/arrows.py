@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes.camera import nice
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import hinged_normals
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows
 from mechsim.pictures.render.far_paths import far_paths

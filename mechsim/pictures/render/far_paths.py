@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import FramePoses
 
 # a path that goes farther from the middle of the links than so many of their spans is cut, at so many

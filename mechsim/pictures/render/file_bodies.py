@@ -7,8 +7,8 @@ from typing import TypedDict
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.links import Pose
+from mechsim.numerics.arrays import Array
 from mechsim.shapes import Facets, Kind, Rgba, Shape
 from mechsim.shapes.shape import vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.links import Pose, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes import span
 

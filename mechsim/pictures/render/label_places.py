@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # points nearer than this share one label, in pixels; a label keeps so far off another
 TOGETHER, APART = 3.0, 2.0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import needs
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.render.label_places import Place, Rectangle, placed, shared
 from mechsim.shapes.camera import Camera, nice

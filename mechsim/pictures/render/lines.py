@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 DECOR = int(mujoco.mjtCatBit.mjCAT_DECOR)

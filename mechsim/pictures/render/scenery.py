@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.shapes import Facets, Rgba, Shape
 from mechsim.shapes.camera import Camera
 from mechsim.shapes.walls import Wall

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.records import Slider
 
 # nodes that a cubic goes through

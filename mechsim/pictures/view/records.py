@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.vertical import Up
+from mechsim.numerics.arrays import Array
 from mechsim.shapes import Shape
 
 # of a slider; "%" goes round a curve of assemblies

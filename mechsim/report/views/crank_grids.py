@@ -7,10 +7,10 @@ import numpy as np
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import arc_around, constant, within_range
 from mechsim.model.motion import Motion
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.view import GhostTrack, Mark, PoseGrid, Readout, between, ghost_of, motion_grid
 from mechsim.studies.motion_source import simulated
 

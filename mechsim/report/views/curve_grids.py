@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.motion import taken
 from mechsim.pictures.view import Mark, PoseGrid, Readout, between, motion_grid

@@ -8,15 +8,15 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.continuation_path import ContinuationPath
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.prescribed_motion import path_under_laws, solve_under_laws
+from mechsim.analytic.loops.continuation_path import ContinuationPath
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.prescribed_motion import path_under_laws, solve_under_laws
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.view import (
     PoseGrid,
     Readout,

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import taken
+from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.view import PoseGrid, View, between, ghost_of, motion_grid
 from mechsim.report.views.crank_grids import lapped, marks_of

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.start_values import start_poses
 from mechsim.analytic.forms import Form
-from mechsim.maths.angles import TURN
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.start_values import start_poses
+from mechsim.numerics.angles import TURN
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.view import PoseGrid, View
 from mechsim.report.views.crank_grids import crank_grids

@@ -10,8 +10,8 @@ from typing import Protocol
 
 import numpy as np
 
-from mechsim.maths.convergence import believed_order
-from mechsim.maths.norms import worst
+from mechsim.numerics.arrays import worst
+from mechsim.numerics.convergence import believed_order
 from mechsim.simulation import refine
 from mechsim.simulation.dynamics.free_steps import FreeSteps
 from mechsim.simulation.model_loops import ModelLoops

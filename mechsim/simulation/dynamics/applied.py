@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 
 Fields = Mapping[str, Array]

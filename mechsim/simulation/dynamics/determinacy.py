@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.applied import loop_forces, together
 from mechsim.simulation.dynamics.efforts import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import join, put, weighed
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_forces, native, sliding, together
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.efforts import tangent
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.poses import follow

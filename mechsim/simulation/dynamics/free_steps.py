@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.outcome import Outcome
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.efforts import tangent
 from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
 from mechsim.simulation.dynamics.loaded_model import LoadedModel

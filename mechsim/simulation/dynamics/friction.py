@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Friction
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name
 
 # steps in which a joint near rest loses its speed

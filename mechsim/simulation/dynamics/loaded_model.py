@@ -15,7 +15,6 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
@@ -23,6 +22,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
 from mechsim.model.split_joints import stand_in
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions

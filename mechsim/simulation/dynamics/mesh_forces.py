@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.efforts import MeshForce
 from mechsim.model.joints import Joint
 from mechsim.model.meshes import Mesh, meshes_of, threads_of
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.applied import Fields, add_force
 from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel
 

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.mesh_forces import thread_efforts
 

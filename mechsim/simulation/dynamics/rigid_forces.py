@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # factor on MuJoCo's inverse weights at which forces are looked for. Harder, rounding over it is left where
 # rows repeat each other; softer, two passes leave 1e-3 near a dead centre

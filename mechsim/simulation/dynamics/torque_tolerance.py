@@ -11,10 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
-from mechsim.maths.convergence import believed_order
-from mechsim.maths.norms import rms, worst
 from mechsim.model.efforts import Efforts
+from mechsim.numerics.arrays import Array, rms, worst
+from mechsim.numerics.convergence import believed_order
 from mechsim.simulation import refine
 from mechsim.simulation.dynamics.determinacy import Known, settled
 from mechsim.simulation.dynamics.efforts import required

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.finding import FilePlace, Finding
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, rank
 from mechsim.simulation.findings.predicted_gap import moment_arms
 from mechsim.simulation.findings.swing import Swing, swing

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, rank
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden
 from mechsim.simulation.findings.swing import Swing, swing

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.findings.swing import swing
 from mechsim.simulation.mjcf.silence import quiet

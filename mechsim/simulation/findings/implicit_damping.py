@@ -8,7 +8,7 @@ besides under implicit and implicitfast. A loop whose links accelerate opens by 
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))

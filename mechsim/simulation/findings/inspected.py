@@ -8,9 +8,9 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.finding import NOWHERE, FilePlace
 from mechsim.model.motion_laws import MotionLaws
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.silence import quiet

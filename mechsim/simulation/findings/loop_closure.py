@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Loop, rank
 from mechsim.simulation.loop_constraints import SITE
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD

@@ -9,7 +9,7 @@ takes implicitly hold back a part of it besides. Motions must be slow beside the
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.implicit_damping import damping
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected
 from mechsim.simulation.findings.swing import Swing

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_model
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.findings.inspected import Inspected

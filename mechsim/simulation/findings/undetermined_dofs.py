@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.finding import Finding
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_model
 from mechsim.simulation.findings.inspected import Inspected, null_space, rank
 from mechsim.simulation.mjcf import quiet

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import DesignArrays
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, placeholder, principal
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.joints import (

@@ -7,14 +7,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.links import Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.loaded_model import loaded_model

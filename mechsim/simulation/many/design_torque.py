@@ -5,7 +5,7 @@ import copy
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
 from mechsim.simulation.many.design_fields import Fields, loosened
 from mechsim.simulation.many.design_models import Rows

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.outcome import POSITION_TOLERANCE
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.driven_run import LOST
 from mechsim.simulation.many.design_fields import Fields, loosened
 from mechsim.simulation.many.design_models import Bools, DesignModels, Rows, closed_states

@@ -6,11 +6,11 @@ None is what the generator makes; why not is measured in validation/choices/driv
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of
 

@@ -5,9 +5,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.inertia import Inertia
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # mass of a link x size of its mechanism where only motion counts, in [kg m]
 PLACEHOLDER = 0.1

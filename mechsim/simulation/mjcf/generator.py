@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
 from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
@@ -18,6 +17,7 @@ from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.rough_poses import starts
 from mechsim.model.scene import Scene
 from mechsim.model.split_joints import with_stand_ins
+from mechsim.numerics.angles import TURN
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
 from mechsim.simulation.mjcf.force_elements import add_forces
 from mechsim.simulation.mjcf.joints import (

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EZ, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import turned
+from mechsim.numerics.arrays import Array
 
 FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL
 SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE

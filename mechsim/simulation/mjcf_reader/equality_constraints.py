@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import End, Joint
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.joint_types import FRAMES, POINTS
 from mechsim.simulation.mjcf_reader.link_frames import Carrier, rotation
 

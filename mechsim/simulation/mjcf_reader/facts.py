@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.driven_joints import actuated_joints
 from mechsim.simulation.mjcf_reader.joint_chains import KinematicTree
 from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf_reader.joint_types import BALL, FREE
 from mechsim.simulation.mjcf_reader.link_frames import rotation

@@ -6,10 +6,10 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.inertia import Inertia
 from mechsim.model.links import Link
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE
 from mechsim.simulation.mjcf_reader.link_frames import Carrier, rotation, vector
 

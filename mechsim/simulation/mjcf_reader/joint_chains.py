@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, UNSEEN, Link, Pose, Vector
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.joint_types import OF_JOINT
 from mechsim.simulation.mjcf_reader.link_frames import Carrier, carriers, link_name, rotation, shifted, vector
 

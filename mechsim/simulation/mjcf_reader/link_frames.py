@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND, IDENTITY, Pose, Vector
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import HUGE
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
 
 # no mechanism is farther across, in [m], and no joint's coordinate means anything beyond it, in [m] or [rad]
 MAX_LENGTH = 1e12

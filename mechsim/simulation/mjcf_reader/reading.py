@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
 from mechsim.model.links import Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import facts
 from mechsim.simulation.mjcf_reader.driven_joints import did_you_mean, driven, listed, require_coordinate

@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.joint_chains import kinematic_tree
 from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE, FREE
 from mechsim.simulation.mjcf_reader.link_frames import link_name

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.driven_joints import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.link_frames import Carrier
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.assembly_path import AssemblyPath, walked_path
 from mechsim.simulation.poses.change_points import BLIND, Meeting, determinant

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import Meeting, fitted
 from mechsim.simulation.recorded_motion import States, Track, evaluate

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 
 # crank angles about a meeting at which the path is closed and between which it is interpolated, in [rad],

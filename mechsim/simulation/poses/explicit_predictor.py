@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mechsim.maths.angles import TURN, other_laps
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN, other_laps
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 
 # a gear this near to whole turns, in [rad], stands as it did

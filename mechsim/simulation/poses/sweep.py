@@ -3,10 +3,10 @@
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import initial_guess, link_poses
 from mechsim.simulation.model_loops import ModelLoops
 

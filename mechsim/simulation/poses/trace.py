@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import WINDOW, Meeting, meeting_between, settled
 

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import number
 from mechsim.model.finding import Finding
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.model.outcome import Outcome
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import number
 from mechsim.studies.agreement.attribution import AskedAgain, told
 from mechsim.studies.agreement.claim import Claim, claimed
 from mechsim.studies.agreement.comparand import EFFORTS, Comparand, comparand_of

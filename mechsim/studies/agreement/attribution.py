@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.comparison import Scales, errors

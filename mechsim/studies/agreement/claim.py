@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.comparand import Comparand, asked_of
 from mechsim.studies.agreement.named_quantities import NamedQuantity, Names
 from mechsim.subjects.python_object import run_user_code

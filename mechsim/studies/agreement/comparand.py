@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
 from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
 from mechsim.analytic.dynamics import Machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.efforts import Efforts
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of
 from mechsim.verdict.instants import RecordInstants

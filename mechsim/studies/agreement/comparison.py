@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import Kind, NamedQuantity

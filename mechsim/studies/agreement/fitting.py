@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.hypotheses.hypothesis import Hypothesis
 from mechsim.studies.agreement.miss import Miss, rms
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.comparison import errors, measured, noise_in, weights

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import plane_normals
+from mechsim.numerics.arrays import Array
 
 Kind = Literal[
     "position",

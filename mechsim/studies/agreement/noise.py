@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # probability that a right table fails, over all its columns and tests
 FALSE_ALARM = 1e-3

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import CrankProfile
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import Settings
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import NamedQuantity

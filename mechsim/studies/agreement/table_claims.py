@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.claim import Claim
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest

@@ -122,7 +122,7 @@ def _assembled(made: Trial, drive: ClosedForm, mechanism: Mechanism) -> Trial:
 
 
 def _thrown(pose: Pose, value: float, size: float, random: np.random.Generator) -> Pose:
-    from mechsim.analytic.closure import turned_by
+    from mechsim.analytic.loops import turned_by
 
     shift, turn = value * size * random.normal(size=3), value * random.normal(size=3)
     return Pose(pose.position + shift, turned_by(pose.rotation[None], turn[None])[0])

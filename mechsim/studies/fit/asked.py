@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import files, units
-from mechsim.maths.arrays import Array
 from mechsim.model.forces import Forces
+from mechsim.numerics.arrays import Array
 from mechsim.studies.fit.calibration import Fit, fit_dimensions
 from mechsim.studies.fit.measured import measured_of
 from mechsim.studies.sensitivity.asked import Subject, moved_along

@@ -8,8 +8,8 @@ import numpy as np
 
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
+from mechsim.numerics.arrays import Array
 from mechsim.studies.fit.measured import MeasuredMotion, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
 from mechsim.studies.sensitivity.quantities import is_effort, unit_of

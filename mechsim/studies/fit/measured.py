@@ -7,8 +7,8 @@ import numpy as np
 
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import HUGE
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
 from mechsim.studies.measured_columns import columns_in_si, deviation_of
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 

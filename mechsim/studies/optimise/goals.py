@@ -1,7 +1,7 @@
 """Goals and limits: functions of a motion's quantities and of dimensions, with exact derivatives.
 
 A function is given columns as `mechsim solve` and `mechsim dynamics` name them, and dimensions by name; their
-derivatives go through its own arithmetic as tiny imaginary parts (see `maths.complex_step`). It may
+derivatives go through its own arithmetic as tiny imaginary parts (see `numerics.complex_step`). It may
 take sums, products, powers, sines, roots; of the largest or the absolute value use `largest`, `smallest`,
 `size_of` here.
 """
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 Quantities = Mapping[str, Any]
 Function = Callable[[Quantities], Any]

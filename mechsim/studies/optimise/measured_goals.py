@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.motion import JointMotion, Motion, PointMotion
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.studies.optimise.goals import Goal, Limit, Quantities
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure, measure

@@ -7,10 +7,10 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.complex_step import change_of, stepped
-from mechsim.maths.given import numbers
 from mechsim.model.display import short_repr
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import change_of, stepped
+from mechsim.numerics.inputs import numbers
 from mechsim.studies.optimise.goals import Function, Goal, Limit, bounded, numbers_from
 from mechsim.studies.optimise.measured_goals import MeasureLimit, goal_of, limit_of
 from mechsim.studies.sensitivity.asked import Subject, moved

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction.reduced_scene import ReducedScene

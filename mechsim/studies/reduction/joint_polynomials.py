@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidate import Candidate, NotApplicable, count_text
 from mechsim.studies.reduction.disconnected_bodies import body_of

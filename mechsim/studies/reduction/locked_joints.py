@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidate import Candidate, NotApplicable
 from mechsim.studies.reduction.evidence import Evidence

@@ -9,7 +9,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidate import NotApplicable
 from mechsim.studies.reduction.reduced_scene import ReducedScene

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.element_names import name_elements
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.motion_laws import State
+from mechsim.numerics.arrays import Array
 from mechsim.studies.scenes import UserScene
 
 # range of the second motion relative to the user's, and the relative variation of its speed

@@ -4,7 +4,7 @@ from functools import partial
 
 import mujoco
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.reduction.candidate import Candidate, NotApplicable, count_text, name_list
 from mechsim.studies.reduction.evidence import Evidence
 from mechsim.studies.reduction.locked_joints import fuse_joint_at, require_unused

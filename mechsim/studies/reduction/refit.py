@@ -12,7 +12,7 @@ from time import process_time
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction.candidate import Candidate
 from mechsim.studies.reduction.evaluator import Evaluator

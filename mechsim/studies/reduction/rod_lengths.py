@@ -5,7 +5,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidate import Candidate, NotApplicable, name_list
 from mechsim.studies.reduction.evidence import Evidence

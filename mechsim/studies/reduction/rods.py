@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.reduction.disconnected_bodies import bodies_of, needed_bodies
 from mechsim.studies.reduction.evidence import Evidence
 from mechsim.studies.reduction.locked_joints import joints_of

@@ -5,7 +5,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.reduction.candidate import Candidate, NotApplicable
 from mechsim.studies.reduction.evidence import Evidence
 from mechsim.studies.reduction.locked_joints import joints_of

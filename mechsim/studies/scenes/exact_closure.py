@@ -11,18 +11,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.cut_rows import cuts_of
-from mechsim.analytic.closure.determinacy import driver_determinacy
-from mechsim.analytic.closure.numerical_rank import relative_cutoff
-from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_joints import TreeJoint
-from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates, link_poses
+from mechsim.analytic.loops.cut_rows import cuts_of
+from mechsim.analytic.loops.determinacy import driver_determinacy
+from mechsim.analytic.loops.numerical_rank import relative_cutoff
+from mechsim.analytic.loops.spanning_tree import SpanningTree
+from mechsim.analytic.loops.tree_joints import TreeJoint
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # Newton steps taken at the most, the longest of one in [rad] or sizes, and a gap that is rounding
 MOST_STEPS, LONGEST, ROUNDING = 30, 0.3, 1e-14

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.scenes.scene_limit import SceneLimit
 from mechsim.studies.scenes.scene_run import SceneRun
 

@@ -12,8 +12,8 @@ from time import perf_counter
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
-from mechsim.maths.convergence import believed_order
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.convergence import believed_order
 from mechsim.simulation.stiffest_element import stiffness_cause
 from mechsim.studies.scenes.scene_run import SceneRun, stepped
 from mechsim.studies.scenes.user_scene import UserScene

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.maths.arrays import Array
 from mechsim.model.work_size import MAX_SCENE_STEPS, require_steps
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scenes.user_scene import UserScene
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import mujoco
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.scenes.scene_run import stepped
 from mechsim.studies.scenes.user_scene import UserScene
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.silence import quiet

@@ -4,7 +4,7 @@ import copy
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.divergence_cause import limit_or_contact, near_singular
 from mechsim.simulation.stiffest_element import stiffness_cause
 from mechsim.studies.scenes.scene_run import SceneRun, stepped

@@ -10,10 +10,10 @@ from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.analytic.path_instants import path_instants
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import numbers
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import numbers
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, instants_of
 from mechsim.studies.sensitivity.table import ALL, Sensitivity, derivative_table
 from mechsim.subjects.parametric_models import parametric_model

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
-from mechsim.maths.path import tangents
+from mechsim.numerics.arrays import Array, tangents
 from mechsim.studies.sensitivity.study import ToleranceStudy
 from mechsim.studies.sensitivity.table import Sensitivity
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
 Watch = Callable[[], None]

@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.many_designs import Bools, allowed, can_be_many, closed_at, solved
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.expansion import Block, Solved
 from mechsim.studies.sensitivity.quantities import is_effort, is_rate
 

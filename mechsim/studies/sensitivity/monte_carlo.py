@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError, MechsimError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.expansion import EVERY, Block, Solved, Watch, first_order, second_order
 from mechsim.studies.sensitivity.formula_samples import formula_samples
 from mechsim.studies.sensitivity.tolerances import Tolerances

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
 from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers, moved_efforts
 from mechsim.analytic.derivatives.joint_places import AXES, placed_family
@@ -16,14 +15,15 @@ from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_besi
 from mechsim.analytic.dynamics import InverseDynamics, Machine, machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import closes_nowhere
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.motion import Motion
 from mechsim.model.rod_inertia import STEEL, with_inertia
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.quantities import columns_of, is_effort
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.expansion import Solved, Watch, solves
 from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sampled
 from mechsim.studies.sensitivity.table import Sensitivity

@@ -9,8 +9,8 @@ import numpy as np
 
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import AssemblyError, InputError, MissingToolError
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.moved_family import MovedFamily, Slopes
 from mechsim.studies.sensitivity.quantities import unit_of
 from mechsim.subjects.toml_source import suggestion

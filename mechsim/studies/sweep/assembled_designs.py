@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import allowed, can_be_begun, started
 from mechsim.errors import MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.design_arrays import StartedDesigns, those_alike
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sweep.subject import Make
 from mechsim.studies.sweep.task import SweepTask
 

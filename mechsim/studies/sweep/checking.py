@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.simulation.run import simulate
 from mechsim.studies.sweep.designs import SEED

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.errors import InputError, OutputError
 from mechsim.files import written_beside
-from mechsim.maths.memory import said
+from mechsim.numerics.resources import said
 from mechsim.studies.sweep.task import Measured
 
 NOTE = "sweep.json"

@@ -13,9 +13,9 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import AXES
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import numbers
-from mechsim.maths.memory import require_room
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import numbers
+from mechsim.numerics.resources import require_room
 from mechsim.subjects.toml_source import suggestion
 from mechsim.units import Unit
 

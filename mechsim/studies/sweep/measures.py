@@ -7,10 +7,10 @@ import numpy as np
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, taken
 from mechsim.model.motion_laws import MotionLaws
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quantity
 from mechsim.subjects.python_object import run_object, run_user_code
 from mechsim.subjects.toml_source import suggestion

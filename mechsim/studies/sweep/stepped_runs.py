@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.start_values import with_closed_guess
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.start_values import with_closed_guess
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import closes_nowhere, within_range
 from mechsim.model.motion import taken
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.many.design_models import design_models
 from mechsim.simulation.many.design_motion import Told, design_motion

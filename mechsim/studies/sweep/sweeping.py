@@ -11,8 +11,8 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.maths.memory import require_room
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.resources import require_room
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.chunk_files import EXTRA_BYTES, ChunkFolder, require_disk

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechsim._version import __version__
 from mechsim.errors import InputError, cut
 from mechsim.files import written_beside
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.sweep.libraries import library
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
 

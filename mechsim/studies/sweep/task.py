@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.closure.many_motion import SharedLoops, shared_loops
+from mechsim.analytic.loops.many_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.crank_profile import PART_OF_RANGE
 from mechsim.model.forces import Forces
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import LikeModel, like_model
 from mechsim.simulation.recorded_motion import CHUNK
 from mechsim.simulation.settings import Settings

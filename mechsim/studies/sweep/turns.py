@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.toml_source import suggestion
 
 AXES = "xyz"

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Settings, closed_model, constant
 from mechsim.simulation.closed_model import ClosedModel, Model
 from mechsim.simulation.driven_run import first_state

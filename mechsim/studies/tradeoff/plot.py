@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechsim.maths.convergence import Order
+from mechsim.numerics.convergence import Order
 from mechsim.pictures.plots.figure import COLOURS, blank, decades, round_numbers, styled
 from mechsim.studies.tradeoff import BOUNDS, DEFAULTS, Point, Tradeoff
 from mechsim.verdict.quantities import QUANTITIES

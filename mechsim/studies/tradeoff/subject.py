@@ -10,12 +10,11 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.maths.arrays import Array
-from mechsim.maths.convergence import believed_order, half_extent, richardson
-from mechsim.maths.norms import worst
 from mechsim.model.crank_profile import within_range
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.convergence import believed_order, half_extent, richardson
 from mechsim.simulation.closed_model import Model
 from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
 from mechsim.studies.tradeoff.pace import Budget

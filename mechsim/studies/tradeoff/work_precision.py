@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mechsim.files import written_beside
-from mechsim.maths.arrays import Array
-from mechsim.maths.convergence import Order, cheapest, observed_order, pareto
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
 from mechsim.studies.tradeoff.ladder import DEFAULTS, Family
 from mechsim.studies.tradeoff.subject import COMPARED, Subject

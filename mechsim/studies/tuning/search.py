@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from mechsim.maths.convergence import half_extent
+from mechsim.numerics.convergence import half_extent
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scenes import (
     By,

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.files import written_beside
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies

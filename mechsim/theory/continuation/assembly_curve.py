@@ -7,13 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.closure.tree_motion import LinkPoses
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.given import numbers
+from mechsim.analytic.loops.tree_motion import LinkPoses
 from mechsim.model.display import short_repr
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import numbers
 from mechsim.theory.continuation.curve_joints import CurveJoints, JointColumn, posed, read_joints
 from mechsim.theory.continuation.free_loops import FreeLoops
 from mechsim.theory.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, TracedCurve

@@ -5,15 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_motion import LinkPoses, link_poses
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
-from mechsim.maths.polynomials import derivative
-from mechsim.maths.roots import root
+from mechsim.analytic.loops.spanning_tree import SpanningTree
+from mechsim.analytic.loops.tree_motion import LinkPoses, link_poses
 from mechsim.model.joint_kinds import KINDS, coordinates
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.interpolation import derivative
+from mechsim.numerics.newton import root
 from mechsim.theory.continuation.segments import NODES, TracedCurve
 
 # a coordinate whose range is smaller, in radians or relative to the characteristic length, is constant

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from mechsim.analytic.closure.joint_motion import point_on
-from mechsim.analytic.closure.tree_motion import link_poses
-from mechsim.maths.arrays import Array
-from mechsim.maths.polynomials import derivative
+from mechsim.analytic.loops.joint_motion import point_on
+from mechsim.analytic.loops.tree_motion import link_poses
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.motion import LinkMotion, Motion
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.interpolation import derivative
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.numerical_rank import significant
-from mechsim.analytic.closure.random_starts import poses_around_branch_point, select
-from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.loops.numerical_rank import significant
+from mechsim.analytic.loops.random_starts import poses_around_branch_point, select
+from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.errors import AssemblyError, MobilityError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.free_loops import FreeLoops
 from mechsim.theory.continuation.segments import trace_curve

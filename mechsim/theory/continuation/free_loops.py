@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.loop_solver import LoopSolver
-from mechsim.analytic.closure.numerical_rank import significant
-from mechsim.analytic.closure.tree_loops import TreeLoops, orthogonal
-from mechsim.analytic.closure.tree_motion import Coordinates, LinkPoses
-from mechsim.maths.arrays import Array
+from mechsim.analytic.loops.loop_solver import LoopSolver
+from mechsim.analytic.loops.numerical_rank import significant
+from mechsim.analytic.loops.tree_loops import TreeLoops, orthogonal
+from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses
+from mechsim.numerics.arrays import Array
 from mechsim.theory.continuation.pose_features import PoseFeatures, all_rates, pose_features, split_motion
 
 # residual of a converged pose, and limit on Newton steps

@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_solver import loop_solver
-from mechsim.analytic.closure.random_starts import poses_around_branch_point, random_poses, select
-from mechsim.analytic.closure.tree_assembly import assembled
-from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates
-from mechsim.analytic.closure.undetermined_joints import require_determined
+from mechsim.analytic.loops.loop_solver import loop_solver
+from mechsim.analytic.loops.random_starts import poses_around_branch_point, random_poses, select
+from mechsim.analytic.loops.tree_assembly import assembled
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.undetermined_joints import require_determined
 from mechsim.errors import InputError, MobilityError
-from mechsim.maths.arrays import Array
 from mechsim.model.display import short_repr
 from mechsim.model.mechanism import Mechanism, described
+from mechsim.numerics.arrays import Array
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.curve_search import ON_CURVE, CurveSearch
 from mechsim.theory.continuation.free_loops import FreeLoops, free_loops

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import LinkPoses, cross, twists
+from mechsim.analytic.loops.spanning_tree import SpanningTree
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import LinkPoses, cross, twists
 from mechsim.errors import MobilityError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
+from mechsim.numerics.arrays import Array
 
 # component of a unit motion below which a coordinate or a point is at rest
 REST = 1e-6

@@ -12,12 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_solver import LoopSolver
-from mechsim.analytic.closure.tree_motion import Coordinates, link_poses
+from mechsim.analytic.loops.loop_solver import LoopSolver
+from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
 from mechsim.errors import AssemblyError
-from mechsim.maths import polynomials
-from mechsim.maths.arrays import Array
-from mechsim.maths.roots import root
+from mechsim.numerics import interpolation
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import CorrectedNodes, FreeLoops
 from mechsim.theory.continuation.unbounded_curves import require_return
 
@@ -69,16 +69,16 @@ class CurveSegment:
 
     def evaluate(self, coefficients: Array, arc: Array) -> Array:
         """Return polynomials at arcs (n,), (n, w)."""
-        return polynomials.value(coefficients, self.scaled(arc))
+        return interpolation.value(coefficients, self.scaled(arc))
 
     def fitted(self, values: Array) -> Array:
         """Return the coefficients of the polynomials through values at the nodes, (k, w)."""
-        return polynomials.fitted(self.scaled(self.nodes), values)
+        return interpolation.fitted(self.scaled(self.nodes), values)
 
     @cached_property
     def feature_derivatives(self) -> Array:
         """Coefficients of the derivatives of the pose features by arc, (k - 1, m)."""
-        return polynomials.derivative(self.feature_coefficients) * 2.0 / (self.high - self.low)
+        return interpolation.derivative(self.feature_coefficients) * 2.0 / (self.high - self.low)
 
     def predicted(self, loops: FreeLoops, arc: Array) -> Array:
         """Return flattened coordinates extrapolated beyond its end by a polynomial of lower degree.
@@ -86,8 +86,8 @@ class CurveSegment:
         A higher degree amplifies the rounding of the nodes, most of all in short segments.
         """
         degree = NODES // 2 if self.high - self.low > SHORT_LENGTH else LOW_DEGREE
-        fit = polynomials.smoothed(self.scaled(self.nodes), loops.flat(self.coordinates), degree)
-        return polynomials.value(fit, self.scaled(arc))
+        fit = interpolation.smoothed(self.scaled(self.nodes), loops.flat(self.coordinates), degree)
+        return interpolation.value(fit, self.scaled(arc))
 
     def scaled(self, arc: Array) -> Array:
         """Return arcs scaled to the segment: -1 at its start, 1 at its end."""
@@ -222,7 +222,7 @@ def _accepted_segment(
     distinct = np.diff(nodes.length) > 1e-14 * max(1.0, low)
     if not (cosines.min() > MIN_COSINE and distinct.all()):
         return None
-    arcs = low + polynomials.integral(nodes.length, speed)
+    arcs = low + interpolation.integral(nodes.length, speed)
     high, nothing = float(arcs[-1]), np.empty(0)
     largest = max(largest, float(nodes.singular_values.max()))
     segment = CurveSegment(
@@ -241,8 +241,8 @@ def _accepted_segment(
 def _interpolation_error(loops: FreeLoops, segment: CurveSegment) -> float:
     """Return the error of interpolating the odd nodes from the even ones."""
     states = loops.flat(segment.coordinates)
-    fit = polynomials.fitted(segment.scaled(segment.nodes[::2]), states[::2])
-    return float(np.abs(polynomials.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
+    fit = interpolation.fitted(segment.scaled(segment.nodes[::2]), states[::2])
+    return float(np.abs(interpolation.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
 
 
 def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNodes) -> list[float]:

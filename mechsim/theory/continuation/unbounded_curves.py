@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from mechsim.analytic.closure.tree_loops import TreeLoops
-from mechsim.analytic.closure.tree_motion import Coordinates
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
+from mechsim.numerics.angles import TURN
 
 # limits for a closed curve: displacement in characteristic lengths, and revolutions of a multi-turn angle
 # (one in a coupling, as a screw's)

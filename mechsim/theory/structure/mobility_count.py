@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass
 
-from mechsim.analytic.closure import Freedom, assemble, freedom
+from mechsim.analytic.loops import Freedom, assemble, freedom
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import Pose

@@ -6,10 +6,10 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic.closure import equations
-from mechsim.maths.arrays import Array
+from mechsim.analytic.loops import equations
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.theory.structure.twist import NOTHING, Twist, joints_of, motion_words
 
 

@@ -5,12 +5,12 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_plane import PARALLEL, plane_normals
+from mechsim.numerics.arrays import Array
 
 
 def plane_normal(mechanism: Mechanism) -> Array | None:

@@ -6,11 +6,11 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.maths.arrays import Array
 from mechsim.model.joint_kinds import KINDS, Axis, Kind
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 
 # parts of a null vector below this are rounding: singular vectors come to about 1e-16 over the gap
 # of RANK_TOLERANCE between zero and nonzero singular values

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

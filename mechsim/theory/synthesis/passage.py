@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 
 # step of the crank for the speed of C, in [rad]: a central difference good to 1e-10
 STEP = 1e-5

@@ -9,7 +9,7 @@ import pytest
 from browser import PROGRAM, Browser
 
 import mechsim as ms
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 

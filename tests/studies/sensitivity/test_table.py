@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import catalog
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.sensitivity import MovedFamily, derivative_table, instants_of
 from mechsim.subjects.parametric_models import parametric_model

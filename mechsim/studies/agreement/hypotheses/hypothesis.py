@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mechsim.maths.arrays import Array
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.miss import Rows, Values
 
 # of causes that explain equally well the one that needs least is said: first those without a size, then those

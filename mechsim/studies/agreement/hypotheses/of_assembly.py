@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
-from mechsim.analytic.closure.spanning_tree import SpanningTree
-from mechsim.analytic.closure.tree_assembly import closed
-from mechsim.analytic.closure.tree_loops import tree_loops
-from mechsim.analytic.closure.tree_motion import Coordinates, link_poses
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.spanning_tree import SpanningTree
+from mechsim.analytic.loops.tree_assembly import closed
+from mechsim.analytic.loops.tree_loops import tree_loops
+from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
 from mechsim.errors import MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.rough_poses import rough_poses, starts
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Values
 

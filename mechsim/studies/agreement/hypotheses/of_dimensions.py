@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.closure.loop_form import LoopForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.derivatives.joint_places import placed_family
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.maths.arrays import Array
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.fitting import linearly_explains
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, PLACED, Hypothesis

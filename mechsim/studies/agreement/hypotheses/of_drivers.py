@@ -6,11 +6,11 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic.closure.loop_form import LoopForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
-from mechsim.maths.angles import TURN
-from mechsim.maths.arrays import Array
 from mechsim.model.motion_laws import MotionLaws, State
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.comparand import Comparand
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Rows, Values

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic import dynamics
-from mechsim.maths.arrays import Array
 from mechsim.model.inertia import Inertia
+from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, Hypothesis
 from mechsim.studies.agreement.miss import Miss, Values
 

@@ -1,0 +1,45 @@
+"""Loop equations of any mechanism: residual, Jacobian, rates, rank and assembly.
+
+The second, independent truth on the analytic side: it knows no closed form. At given poses every moving
+link has six coordinates and each joint is a few rows that must vanish (`equations`, `rates`); a whole motion
+is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses together.
+"""
+
+from mechsim.analytic.loops.assembly import assemble
+from mechsim.analytic.loops.crank_motion import follow, solve
+from mechsim.analytic.loops.joint_motion import point_on
+from mechsim.analytic.loops.joint_rows import Rows
+from mechsim.analytic.loops.loop_equations import Poses, equations, residual_norms
+from mechsim.analytic.loops.motion import rates
+from mechsim.analytic.loops.numerical_rank import RANK_TOLERANCE
+from mechsim.analytic.loops.rank import (
+    Freedom,
+    conditioning,
+    freedom,
+    least_norm,
+    singular_values,
+)
+from mechsim.analytic.vector_method.rotations import turned_by
+from mechsim.model.links import Pose
+from mechsim.model.rough_poses import rough_poses
+
+__all__ = [
+    "RANK_TOLERANCE",
+    "Freedom",
+    "Pose",
+    "Poses",
+    "Rows",
+    "assemble",
+    "conditioning",
+    "equations",
+    "follow",
+    "freedom",
+    "least_norm",
+    "point_on",
+    "rates",
+    "residual_norms",
+    "rough_poses",
+    "singular_values",
+    "solve",
+    "turned_by",
+]

@@ -1,0 +1,432 @@
+"""Numerical continuation of an assembly along its driver motion, by segments of Chebyshev polynomials.
+
+The polynomial of a segment predicts the next one; Newton's method corrects all its nodes together. A segment
+is accepted if the correction and the interpolation error are small and the Jacobian determinant keeps its
+sign. A sign change along a smooth path indicates a change point, where two assemblies meet: it is located,
+and the path continues through it.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.loops.change_points import (
+    branch_segment,
+    change_point_between,
+    even_change_point,
+    segment_through,
+)
+from mechsim.analytic.loops.loop_solver import (
+    MIN_DETERMINANT_RATIO,
+    MIN_SHARE_RATIO,
+    Linearised,
+    LoopSolver,
+    loop_solver,
+)
+from mechsim.analytic.loops.path_segments import (
+    PathStates,
+    PrescribedValues,
+    Segment,
+    interpolation_error,
+    nodes_between,
+)
+from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.errors import AssemblyError
+from mechsim.model.motion import ChangePointPolicy
+from mechsim.model.work_size import require_travel
+from mechsim.numerics.arrays import Array
+
+# nodes of a segment; its first and largest length in radians of the driver motion; largest growth factor
+NODES, FIRST_LENGTH, MAX_LENGTH, MAX_GROWTH = 9, 0.1, 1.2, 3.0
+# a segment shorter than this ends at a singular pose
+MIN_LENGTH = 1e-13
+# interpolation error, relative to 1 rad or the characteristic length, above which a segment is rejected
+MAX_INTERPOLATION_ERROR = 1e-4
+# targets of the step-size control: interpolation error and corrector displacement. They grow with the
+# length to the power of half the number of nodes, and of that number
+TARGET_ERROR, TARGET_CORRECTION = 1e-5, 5e-3
+# fraction of a segment about a change point in which poses are taken from its polynomial, since the Jacobian
+# is singular there; and the smallest distance of a start from a change point
+SINGULAR_FRACTION, MIN_START_DISTANCE = 0.05, 1e-5
+# a path that ends within this distance of its start may end because the start is singular
+AT_START = 1e-3
+# largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
+# below which nodes are closed to rounding
+NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
+# lower bound of errors, to divide by
+TINY = 1e-300
+# tolerance of equal parameters
+SAME_PARAMETER = 1e-9
+# after a segment shorter than this the tangent predicts: rounding spoils its polynomial
+MIN_EXTRAPOLATED = 1e-5
+# length of the segment after a change point, relative to the one through it: its many nodes extrapolate badly
+NEXT_LENGTH = 0.3
+# tolerance of the junction of two segments: rates at a change point are those beyond it
+JUNCTION = 1e-12
+# signed distance of a start from a singular pose above which no change point behind it affects its rates
+WELL_CONDITIONED = 0.05
+# distance that a path is traced beyond the requested parameter; not round, as change points are
+OVERSHOOT = 0.2137
+
+
+@dataclass(frozen=True, slots=True)
+class PathNames:
+    """Names for messages: what moves, and the position and instant at a parameter."""
+
+    mover: str
+    position: Callable[[float], str]
+    instant: Callable[[float], str]
+
+
+CRANK = PathNames("the crank", lambda at: f"{at:.7g} rad", lambda at: f"crank angle {at:.7g} rad")
+
+
+class ContinuationPath(PathStates):
+    """An assembly followed along a path of its drivers, as far as was asked.
+
+    Attributes:
+        first: solver of the loops about the start.
+        start: coordinates at the start, one set.
+        initial: its parameter there.
+        change_points: parameters at which assemblies meet, as they were passed.
+        policy: how it goes on there.
+        words: names for messages.
+    """
+
+    def __init__(
+        self,
+        first: LoopSolver,
+        prescribed: PrescribedValues,
+        initial: float,
+        policy: ChangePointPolicy = "smooth",
+        words: PathNames = CRANK,
+    ):
+        super().__init__(first.loops, prescribed)
+        self.first, self.start, self.initial = first, first.reference, initial
+        self.policy: ChangePointPolicy = policy
+        self.words = words
+        self.segments: dict[int, list[Segment]] = {1: [], -1: []}
+        self.change_points: list[float] = []
+        self._singular_radii: list[float] = []
+        # of the singular poses that the last cell lies on; 0 where it is not known
+        self.sign = 0.0
+        # the segment through the next change point, and that change point, once known
+        self._upcoming: tuple[Segment, float] | None = None
+
+    def extend(self, target: float) -> None:
+        """Trace the assembly to a parameter, and a little beyond if possible.
+
+        A change point is confirmed only after the path has passed it; one behind the start affects poses near
+        the start.
+
+        Raises:
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+        """
+        if target == self.initial and abs(self.first.at_reference.signed_distance[0]) > WELL_CONDITIONED:
+            return
+        direction = 1 if target > self.initial else -1
+        with suppress(AssemblyError):
+            self.reach(target + direction * OVERSHOOT, direction)
+            return
+        self.reach(target, direction)
+
+    def reach(self, target: float, direction: int) -> None:
+        """Trace the assembly to a parameter and no farther.
+
+        Raises:
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+            InputError: for a path that is too long.
+        """
+        segments, self.sign, self._upcoming = self.segments[direction], 0.0, None
+        start, names = self._end(direction), self.words
+        who = f"{self._name}: {names.mover}"
+        require_travel(who, names.position(start), names.position(target), abs(target - start))
+        length = NEXT_LENGTH * segments[-1].length if segments else FIRST_LENGTH
+        if not segments and self.segments[-direction]:
+            length *= MAX_GROWTH  # no tangent foretells it
+        while (remaining := direction * (target - self._end(direction))) > 0.0:
+            current = self._end(direction)
+            step = remaining if remaining <= length else min(length, 0.6 * remaining)
+            segment, length = self.next_segment(current, direction, step)
+            if segment is not None:
+                segments.append(segment)
+            elif length < MIN_LENGTH:
+                raise AssemblyError(self._end_message(current))
+
+    def _end(self, direction: int) -> float:
+        """Return the parameter reached in one direction."""
+        return float(self.segments[direction][-1].nodes[-1]) if self.segments[direction] else self.initial
+
+    def _end_message(self, parameter: float) -> str:
+        """Return the message that says why the path ends."""
+        text = (
+            f"{self._name}: {self.words.mover} cannot pass {self.words.position(parameter)} in this assembly"
+        )
+        if abs(parameter - self.initial) < AT_START and self._singular_start():
+            return (
+                f"{text}, for at its start, {self.words.position(self.initial)}, it is at a dead centre "
+                "or meets another that cannot be told from it; start elsewhere"
+            )
+        return f"{text}; stay on this side of the dead centre or change the dimensions"
+
+    def _singular_start(self) -> bool:
+        """Return whether the rank of the loops is lower at the start than near it."""
+        step = np.zeros((self.loops.tree.count, 1))
+        step[self.loops.unknown, 0] = AT_START * self.first.null_space.sum(0)
+        return loop_solver(self.loops, self.loops.displaced(self.start, step)).nullity < self.first.nullity
+
+    def next_segment(self, current: float, direction: int, step: float) -> tuple[Segment | None, float]:
+        """Return the next segment, None if it is rejected, and the length to try next."""
+        if self._upcoming is not None:
+            remaining = direction * (float(self._upcoming[0].nodes[0]) - current)
+            if remaining < SAME_PARAMETER:
+                return self._segment_past(self._upcoming, current, direction)
+            step = min(step, remaining)
+        solver = self._solver(current, direction)
+        nodes, weights = nodes_between(current, current + direction * step, NODES)
+        solution = self.closed(
+            solver, nodes, self.predicted(current, direction, solver, nodes), NODE_RESIDUAL
+        )
+        if solution is None:
+            return None, 0.5 * step
+        if (np.abs(solution[1].signed_distance) < NEARLY_SINGULAR).any():
+            solution = self.closed(solver, nodes, solution[0]) or solution
+        states, loops, displacement = solution
+        error = float(interpolation_error(states).max())
+        if error > MAX_INTERPOLATION_ERROR:
+            return None, 0.5 * step
+        adequate, by_determinant = solver.adequate(loops)
+        segment = Segment(nodes, states, weights, solver, adequate)
+        if not by_determinant.all():
+            segment, loops = self._with_adequate_rows(segment, loops, by_determinant)
+        share, signs = segment.solver.share(loops), np.sign(loops.signed_distance)
+        if share.min() < MIN_SHARE_RATIO * share.max():
+            return None, 0.5 * step
+        sign_changes = np.flatnonzero(signs[1:] != signs[:-1])
+        if len(sign_changes):
+            return None, step if self._approached_change_point(
+                segment, int(sign_changes[0]), direction
+            ) else 0.5 * step
+        if (index := even_change_point(loops.log_determinant)) is not None and self._approached_change_point(
+            segment, index, direction
+        ):
+            return None, step
+        middle_sign, segments = float(signs[NODES // 2]), self.segments[direction]
+        if self.sign * middle_sign < 0.0 and segment.solver is segments[-1].solver:
+            # the change point lies at the end of the last segment
+            length = segments[-1].length
+            return None, 0.6 * length if self.drop_last_segment(direction) else 0.5 * step
+        self.sign = middle_sign
+        return segment, min(MAX_LENGTH, step * self.growth(step, direction, error, displacement))
+
+    def growth(self, step: float, direction: int, error: float, displacement: float) -> float:
+        """Return the largest ratio of the next segment's length to this one's."""
+        growth = min(MAX_GROWTH, (TARGET_ERROR / max(error, TINY)) ** (2.0 / (NODES + 1)))
+        if not self.segments[direction]:
+            return growth  # predicted by the tangent
+        # the error of a polynomial grows as the product of the distances to its nodes
+        previous_length = self.segments[direction][-1].length
+        return min(
+            growth,
+            (1.0 + 0.5 * previous_length / step)
+            * (TARGET_CORRECTION / max(displacement, TINY)) ** (1.0 / NODES)
+            - 0.5,
+        )
+
+    def _with_adequate_rows(
+        self, segment: Segment, closed: Linearised, by_determinant: NDArray[np.bool_]
+    ) -> tuple[Segment, Linearised]:
+        """Return a cell solved by rows that tell enough where it is near a singular pose, and its loops.
+
+        Rows that repeat others elsewhere may be the ones that count there.
+
+        Args:
+            segment: solved by rows that do not tell the whole everywhere.
+            closed: its loops.
+            by_determinant: at which nodes they do.
+        """
+        old_solver = segment.solver
+        # the nearest node may be the singular pose itself
+        nearest_index = np.argsort(np.abs(closed.signed_distance))[1:2]
+        if by_determinant[nearest_index[0]]:
+            return segment, closed
+        nearest = self.unflat(segment.states[nearest_index], segment.nodes[nearest_index])
+        solver = loop_solver(self.loops, nearest, old_solver.null_space, closed.jacobian[..., nearest_index])
+        if np.array_equal(solver.rows, old_solver.rows):
+            return segment, closed
+        own_determinant = abs(np.linalg.det(closed.matrix[nearest_index[0]]))
+        best_determinant = abs(np.linalg.det(solver.linearise(nearest).matrix[0]))
+        if solver.nullity != old_solver.nullity or own_determinant > MIN_DETERMINANT_RATIO * best_determinant:
+            return segment, closed
+        solution = self.closed(solver, segment.nodes, segment.states)
+        if solution is None:
+            return segment, closed
+        improved = replace(
+            segment, states=solution[0], solver=solver, adequate=solver.adequate(solution[1])[0]
+        )
+        return improved, solution[1]
+
+    def _approached_change_point(self, segment: Segment, index: int, direction: int) -> bool:
+        """Return whether a change point lies beyond a node; the path then stops where its segment begins.
+
+        If it is a sharp bend or the end of the path instead, shorter segments resolve it.
+        """
+        a, b = segment.nodes[index : index + 2]
+        change_point = change_point_between(self, segment, float(a), float(b))
+        if change_point is not None:
+            self._upcoming = segment_through(self, segment, change_point, direction)
+        if change_point is None or self._upcoming is None:
+            return False
+        first = float(self._upcoming[0].nodes[0])
+        while direction * (first - self._end(direction)) < -SAME_PARAMETER and self.drop_last_segment(
+            direction
+        ):
+            pass
+        return True
+
+    def _segment_past(
+        self, upcoming: tuple[Segment, float], current: float, direction: int
+    ) -> tuple[Segment, float]:
+        """Return the segment beyond a change point, and the length to try next.
+
+        Raises:
+            AssemblyError: where the path begins at the change point, or the other branch cannot be driven.
+        """
+        self._upcoming, self.sign = None, 0.0
+        segment, change_point = upcoming
+        distance_before, distance_after = (
+            direction * (change_point - current),
+            direction * (float(segment.nodes[-1]) - change_point),
+        )
+        if distance_before < MIN_START_DISTANCE:
+            raise AssemblyError(
+                f"{self._name}: assemblies meet at {self.words.instant(change_point)}, "
+                f"{abs(distance_before):.3g} rad from the start or from where others meet, and "
+                "cannot be told from each other; start elsewhere or change the dimensions"
+            )
+        next_segment = (
+            branch_segment(self, segment, change_point)
+            if self.policy == "branch"
+            else segment.restricted(current, change_point + direction * distance_after)
+        )
+        if next_segment is None:
+            raise AssemblyError(
+                f"{self._name}: {self.words.mover} cannot pass {self.words.position(change_point)} by "
+                "folding, for it does not turn in the assembly that is met there; go on smoothly"
+            )
+        if self.policy == "branch":
+            self.segments[direction].append(segment.restricted(current, change_point))
+        distance_after = direction * (float(next_segment.nodes[-1]) - change_point)
+        self.change_points.append(change_point)
+        self._singular_radii.append(SINGULAR_FRACTION * distance_after)
+        return next_segment, NEXT_LENGTH * distance_after
+
+    def drop_last_segment(self, direction: int) -> bool:
+        """Drop the last segment; False if there is none, or if it contains a change point."""
+        if not self.segments[direction]:
+            return False
+        first, last = self.segments[direction][-1].nodes[[0, -1]]
+        if any(
+            direction * (point - first) >= 0.0 and direction * (last - point) >= 0.0
+            for point in self.change_points
+        ):
+            return False
+        self.segments[direction].pop()
+        self.sign = 0.0
+        return True
+
+    def _solver(self, current: float, direction: int) -> LoopSolver:
+        if not self.segments[direction]:
+            return self.first
+        segment = self.segments[direction][-1]
+        if segment.adequate is not None and segment.adequate[-1]:
+            return segment.solver
+        q = self.unflat(segment.states[[-1]], np.array([current]))
+        if segment.adequate is None and segment.solver.adequate(segment.solver.linearise(q))[0][0]:
+            return segment.solver
+        return loop_solver(self.loops, q, segment.solver.null_space)
+
+    def predicted(self, current: float, direction: int, solver: LoopSolver, s: Array) -> Array:
+        """Return predicted states at parameters, by the previous segment or the tangent."""
+        segments = self.segments[direction]
+        if segments and abs(float(s[-1]) - current) > MIN_EXTRAPOLATED:
+            return segments[-1].evaluate(s)
+        if not segments and self.segments[-direction]:
+            return self.segments[-direction][0].evaluate(s)
+        driven = list(self.loops.driven)
+        step = np.zeros((self.loops.tree.count, len(s)))
+        step[driven] = (self.prescribed(s) - self.prescribed(np.array([current]))) / self.loops.units[
+            driven, None
+        ]
+        last = self.unflat(segments[-1].states[[-1]], np.array([current])) if segments else self.start
+        linearised = solver.linearise(last) if segments else solver.at_reference
+        rhs = np.zeros((len(s), len(solver.loops.unknown)))
+        rhs[:, : len(solver.rows)] = (linearised.jacobian[solver.rows, :, 0] @ step).T
+        start = Coordinates(np.repeat(last.values, len(s), 1), np.repeat(last.turns, len(s), -1))
+        return self.flat(self.loops.displaced(start, step + solver.step(linearised.matrix, rhs)))
+
+    def chunks(self, s: Array) -> Iterator[tuple[LoopSolver, NDArray[np.intp], Array]]:
+        """Yield by what poses at parameters (n,) are solved: solver, which they are, and rough states.
+
+        Raises:
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+        """
+        for end in (float(s.max()), float(s.min())):
+            self.extend(end)
+        segments = [*self.segments[-1][::-1], *self.segments[1]] or [self._start_segment()]
+        segment_of = _segment_indices(segments, s)
+        states = np.empty((len(s), segments[0].states.shape[1]))
+        for i in np.unique(segment_of):
+            states[segment_of == i] = segments[i].evaluate(s[segment_of == i])
+        solvers = {id(cell.solver): cell.solver for cell in segments}
+        solver_of = np.array([id(cell.solver) for cell in segments])[segment_of]
+        for key, solver in solvers.items():
+            index = np.flatnonzero(solver_of == key)
+            if len(index):
+                yield solver, index, states[index]
+
+    def near_change_point(self, s: Array) -> NDArray[np.bool_]:
+        """Return which parameters lie in the singular neighbourhood of a change point, (n,)."""
+        mask = np.zeros(len(s), dtype=np.bool_)
+        for change_point, radius in zip(self.change_points, self._singular_radii, strict=True):
+            mask |= np.abs(s - change_point) < radius
+        return mask
+
+    def interpolated(self, s: Array) -> Coordinates:
+        """Return coordinates of the polynomials at parameters (n,)."""
+        states = np.empty((len(s), self.flat(self.start).shape[1]))
+        for _, index, chunk in self.chunks(s):
+            states[index] = chunk
+        return self.unflat(states, s)
+
+    def derivatives(self, s: Array) -> tuple[Array, Array]:
+        """Return first and second derivatives of flattened states by the parameter, off the polynomials."""
+        segments = [*self.segments[-1][::-1], *self.segments[1]]
+        first, second = np.empty((2, len(s), segments[0].states.shape[1]))
+        segment_of = _segment_indices(segments, s)
+        for i in np.unique(segment_of):
+            derivative, inside = segments[i].derivative(), segment_of == i
+            first[inside], second[inside] = (
+                derivative.evaluate(s[inside]),
+                derivative.derivative().evaluate(s[inside]),
+            )
+        return first, second
+
+    @property
+    def _name(self) -> str:
+        return self.loops.tree.mechanism.name
+
+    def _start_segment(self) -> Segment:
+        """Return a segment of one node, the start of the path."""
+        return Segment(
+            np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
+        )
+
+
+def _segment_indices(segments: list[Segment], s: Array) -> NDArray[np.intp]:
+    """Return the index of the segment of each parameter, (n,); at a junction the later one."""
+    lows = np.array([cell.low for cell in segments])
+    return np.clip(np.searchsorted(lows, s + JUNCTION, side="right") - 1, 0, len(segments) - 1)

@@ -1,0 +1,190 @@
+"""Dimensions known to a few digits, moved as little as lets the loops close wherever they mean to.
+
+Loops with more equations than independent ones, as of flat and spherical linkages or of a hinge held at two
+points, close in all poses only if their dimensions agree exactly. Rounded to the digits of a file they close
+in none, or lock. What is read here is where they would close but for their digits; points and axes are then
+moved by the least that makes them close there, in several poses at once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mechsim.analytic.loops.generic_pose import generic_poses, nearest_consistent, null_spaces
+from mechsim.analytic.loops.numerical_rank import significant
+from mechsim.analytic.loops.tree_joints import TreeJoint
+from mechsim.analytic.loops.tree_loops import TreeLoops, tree_loops
+from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.vector_method.rotations import turned_by
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Vector
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.rough_poses import rough_poses, starts
+from mechsim.numerics.arrays import Array
+
+# dimensions are taken to be known to this part of the size, and axes to as many radians: files with six
+# digits are off by 1e-6, and no linkage that was meant to be rigid moves for so little. Rows below it at all,
+# of a ball at the point through which all axes of its loop pass, are such digits and nothing else
+DIMENSION_TOLERANCE = 1e-5
+# no point is moved and no axis turned by more, in parts of the size and in [rad]
+MAX_CORRECTION = 1e-4
+# poses in which it is seen whether digits disagree, and in which the loops are to close
+PROBES, POSES = 2, 8
+# a residual that is rounding, and the step of differences by dimensions
+ROUNDING, STEP = 1e-13, 1e-6
+# part of a sum of rows that counts
+MIN_SHARE = 1e-6
+# round by round, what tells less of the dimensions than this part of the most is left to the next
+CUTOFFS = (1e-4, 1e-4, 1e-5, 1e-5, 1e-6)
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """A mechanism whose loops close exactly.
+
+    Attributes:
+        mechanism: with its points and axes where they let the loops close.
+        moved: the farthest that a point of a joint was moved, in [m].
+        rotated: the most that an axis was turned, in [rad].
+    """
+
+    mechanism: Mechanism
+    moved: float = 0.0
+    rotated: float = 0.0
+
+
+def corrected(mechanism: Mechanism) -> Corrected:
+    """Return a mechanism with the digits of its dimensions made to agree; as it is where they do.
+
+    What would have to be moved by more than `FARTHEST` is left as it is.
+    """
+    loops, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+    if not loops.rows or not _inconsistent(
+        loops, poses := generic_poses(loops, guess, PROBES, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
+    ):
+        return Corrected(mechanism)
+    poses += generic_poses(loops, poses[-1], POSES - PROBES, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
+    change = np.zeros((len(mechanism.joints), 2, 6))
+    slopes = _jacobians(mechanism, loops, poses, _affected_joints(loops, poses))
+    for cutoff in CUTOFFS:
+        dependent = [null_spaces(loops, q, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[0] for q in poses]
+        violations = [
+            combination.T @ loops.linearise(q)[0][:, 0]
+            for combination, q in zip(dependent, poses, strict=True)
+        ]
+        blocks = [np.tensordot(combination.T, slopes[:, k], 1) for k, combination in enumerate(dependent)]
+        matrix = np.concatenate(blocks).reshape(-1, change.size)
+        correction = np.linalg.lstsq(matrix, -np.concatenate(violations), rcond=cutoff)[0]
+        change = change + correction.reshape(change.shape)
+        if not np.abs(change).max() < MAX_CORRECTION:
+            break
+        trial = _perturbed(mechanism, change)
+        loops = _loops(trial)
+        poses = [nearest_consistent(loops, q, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE) for q in poses]
+        if not _inconsistent(loops, poses):
+            return Corrected(trial, *_sizes(mechanism, change))
+    return Corrected(mechanism)
+
+
+def _inconsistent(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
+    """Whether digits tell: rows that nearly repeat others, or stand open where these are closed."""
+    for q in poses:
+        residual, jacobian, _ = loops.linearise(q)
+        values = np.linalg.svd(jacobian[..., 0], compute_uv=False)
+        violation = float(np.abs(residual).max(initial=0.0))
+        if (
+            violation > ROUNDING
+            or (significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)).any()
+        ):
+            return True
+    return False
+
+
+def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]:
+    """Return the joints of the loops whose digits disagree, and of all loops that share one with them."""
+    tree = loops.tree
+    around = [
+        {
+            cut.joint.name,
+            *(branch.joint.name for branch in tree.branches if {*_columns(branch)} & {*cut.columns.tolist()}),
+        }
+        for cut in loops.cuts
+    ]
+    loop_of = np.repeat(np.arange(len(loops.cuts)), [cut.rows for cut in loops.cuts])
+    affected: set[str] = set()
+    for q in poses:
+        residual, jacobian, _ = loops.linearise(q)
+        left, values, _ = np.linalg.svd(jacobian[..., 0])
+        values = np.pad(values, (0, loops.rows - len(values)))
+        violation = np.abs(left.T @ residual[:, 0])
+        inconsistent = ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE) & (
+            significant(values) | (violation > ROUNDING)
+        )
+        share = np.abs(left[:, inconsistent]).max(1, initial=0.0)[: len(loop_of)] > MIN_SHARE
+        for cut in np.unique(loop_of[share]):
+            affected |= around[cut]
+    while wider := [joints for joints in around if joints & affected and not joints <= affected]:
+        affected.update(*wider)
+    return affected
+
+
+def _columns(branch: TreeJoint) -> range:
+    return range(branch.first, branch.first + branch.kind.freedoms)
+
+
+def _jacobians(
+    mechanism: Mechanism, loops: TreeLoops, poses: Sequence[Coordinates], concerned: set[str]
+) -> Array:
+    """Return slopes of residuals by shifts and turns of the sides of joints, (rows, poses, joints, 2, 6)."""
+    q = Coordinates(
+        np.concatenate([pose.values for pose in poses], 1), np.concatenate([pose.turns for pose in poses], -1)
+    )
+    residual = loops.linearise(q)[0]
+    jacobian = np.zeros((*residual.shape, len(mechanism.joints), 2, 6))
+    for index in np.ndindex(jacobian.shape[2:]):
+        joint = mechanism.joints[index[0]]
+        if joint.name in concerned and _enters_equations(joint, index[2]):
+            step = np.zeros(jacobian.shape[2:])
+            step[index] = STEP
+            perturbed = _loops(_perturbed(mechanism, step)).linearise(q)[0]
+            jacobian[(slice(None), slice(None), *index)] = (perturbed - residual) / STEP
+    return jacobian
+
+
+def _loops(mechanism: Mechanism) -> TreeLoops:
+    return tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))[0]
+
+
+def _enters_equations(joint: Joint, component: int) -> bool:
+    """Whether a shift (0 to 2) or a turn (3 to 5) of a joint's side changes its equations."""
+    kind = KINDS[joint.kind]
+    return not kind.floats and (component < 3 or not kind.ball)
+
+
+def _perturbed(mechanism: Mechanism, change: Array) -> Mechanism:
+    """Return a mechanism whose joint sides are shifted, in parts of the size, and turned, in [rad]."""
+    size = mechanism.size
+    joints = tuple(
+        replace(joint, a=_moved(joint.a, sides[0], size), b=_moved(joint.b, sides[1], size))
+        for joint, sides in zip(mechanism.joints, change, strict=True)
+    )
+    return replace(mechanism, joints=joints)
+
+
+def _moved(end: End, change: Array, length: float) -> End:
+    if not change.any():
+        return end
+    rotated = turned_by(end.frame[None], change[None, 3:])[0]
+    point = np.array(end.point) + length * change[:3]
+    return End(end.link, _vector(point), _vector(rotated[:, 2]), _vector(rotated[:, 0]))
+
+
+def _vector(values: Array) -> Vector:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def _sizes(mechanism: Mechanism, change: Array) -> tuple[float, float]:
+    shift = np.linalg.norm(change[..., :3], axis=-1).max() * mechanism.size
+    return float(shift), float(np.linalg.norm(change[..., 3:], axis=-1).max())

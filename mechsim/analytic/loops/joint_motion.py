@@ -1,0 +1,122 @@
+"""The coordinates of joints and the places of points, and their rates, read from how links move."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.vector_method.rotations import cross, dot
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import unwrapped
+
+
+def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
+    """Return a motion that tells every coordinate, also of joints at which the loops of a model are cut.
+
+    Args:
+        mechanism: that moves.
+        motion: of it, with its links; joints that it tells stay as they are.
+
+    Accuracy: that of the links; angles are counted on from (-pi, pi] at the first instant.
+    """
+    known, joints = {GROUND, *motion.links}, dict[str, JointMotion]()
+    for joint in mechanism.joints:
+        reported = {name: motion.joints[name] for name in joint.coordinates if name in motion.joints}
+        if len(reported) < len(joint.coordinates) and {joint.a.link, joint.b.link} <= known:
+            for name, coordinate in joint_motions(joint, motion.links).items():
+                value = (
+                    _counted(coordinate.value, coordinate.rate, motion.time)
+                    if coordinate.unit == "rad"
+                    else coordinate.value
+                )
+                joints[name] = replace(coordinate, value=value)
+        joints |= reported
+    return replace(motion, joints=joints | {k: v for k, v in motion.joints.items() if k not in joints})
+
+
+def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
+    """Return the motion of a point fixed in a moving link."""
+    arm = link.rotation @ np.asarray(local)
+    tangential = cross(link.angular_velocity, arm)
+    acceleration = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, tangential)
+    return PointMotion(link.position + arm, link.velocity + tangential, link.acceleration + acceleration)
+
+
+def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, JointMotion]:
+    """Return the motion of each coordinate of a joint from those of its links; angles are unwrapped."""
+    kind = KINDS[joint.kind]
+    a, b = (_link_motion(end.link, links) for end in (joint.a, joint.b))
+    values = joint_coordinate(joint, *(Pose(link.position, link.rotation) for link in (a, b)))
+    translations, angles = _slides(joint, a, b), _turns(joint, a, b)
+    motions: dict[str, JointMotion] = {}
+    for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
+        index = None if kind.single else i
+        if unit == "m":
+            motions[name] = JointMotion(values[..., i], *next(translations), "m", index)
+        else:
+            motions[name] = JointMotion(unwrapped(values[..., i]), *next(angles), "rad", index)
+    return motions
+
+
+def _slides(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
+    """Yield first and second rate of each displacement, seen from link a, whose axes count it."""
+    ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
+    gap = ends[1].position - ends[0].position
+    relative = ends[1].velocity - ends[0].velocity - cross(a.angular_velocity, gap)
+    second = ends[1].acceleration - ends[0].acceleration - cross(a.angular_acceleration, gap)
+    second -= cross(a.angular_velocity, 2.0 * relative + cross(a.angular_velocity, gap))
+    frame = a.rotation @ joint.a.frame
+    for axis in KINDS[joint.kind].slides:
+        along = frame[..., COLUMN[axis]]
+        yield dot(along, relative), dot(along, second)
+
+
+def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
+    """Yield first and second rate of each angle: links turn against each other about the joint's axes."""
+    kind = KINDS[joint.kind]
+    if kind.ball or not kind.turns:
+        return
+    angular_velocity = b.angular_velocity - a.angular_velocity
+    angular_acceleration = b.angular_acceleration - a.angular_acceleration
+    axis = a.rotation @ np.asarray(joint.a.axis)
+    if not kind.crossed:
+        # a rate of the axis is square to it
+        yield dot(axis, angular_velocity), dot(axis, angular_acceleration)
+        return
+    other = b.rotation @ np.asarray(joint.b.axis)
+    first = _along(axis, other, angular_velocity)
+    transport = first[0][..., None] * cross(a.angular_velocity, axis)
+    transport = transport + first[1][..., None] * cross(b.angular_velocity, other)
+    yield from zip(first, _along(axis, other, angular_acceleration - transport), strict=True)
+
+
+def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
+    """Return the parts of vectors, (..., 3), along two unit vectors that cross."""
+    cosine, components = dot(axis, other), (dot(axis, vector), dot(other, vector))
+    sine_squared = 1.0 - cosine**2
+    return (components[0] - cosine * components[1]) / sine_squared, (
+        components[1] - cosine * components[0]
+    ) / sine_squared
+
+
+def _link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
+    if name != GROUND:
+        return links[name]
+    zero = np.zeros_like(next(iter(links.values())).position)
+    frames = np.broadcast_to(np.eye(3), (*zero.shape, 3))
+    return LinkMotion(zero, frames, zero, zero, zero, zero)
+
+
+def _counted(angle: Array, rate: Array, time: Array | None) -> Array:
+    """Return angles with their turns: each lies nearest to where the one before led at its speed."""
+    predicted = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time) if time is not None else np.zeros(len(angle) - 1)
+    step = np.diff(angle)
+    step = step + TURN * np.round((predicted - step) / TURN)
+    return angle[:1].repeat(len(angle)) + np.concatenate([[0.0], np.cumsum(step)])

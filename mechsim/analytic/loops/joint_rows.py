@@ -1,0 +1,183 @@
+"""Rows of the loop equations: how joint ends move, the four kinds of rows they make, and which a joint has.
+
+A row is one of four kinds, for unit vectors U on link A and V on link B and the vector D from A's
+joint point to B's: the three components of D, U.V - c, U.D - c, and a weighted sum of
+coordinates, as drivers, holds and couplings ask for.
+Jacobians are with respect to twists (velocity of the link's origin, angular velocity), both in the
+ground frame.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.vector_method.rotations import cross, dot, skew
+from mechsim.errors import InputError
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import Pose
+from mechsim.numerics.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Some rows of the loop equations, linearised.
+
+    Attributes:
+        residual: (n, m).
+        jacobian: (n, m, 6 links).
+        bias: second derivative of the residual at zero acceleration, (n, m).
+    """
+
+    residual: Array
+    jacobian: Array
+    bias: Array
+
+
+class Side:
+    """A joint end in space: its arm from the link's origin, its frame, and how both move."""
+
+    def __init__(self, pose: Pose, twist: Array, point: ArrayLike, frame: Array, slot: int | None):
+        self.slot = slot
+        self.arm = pose.rotation @ np.asarray(point)  # (n, 3)
+        self.point = pose.position + self.arm
+        self.frame = pose.rotation @ frame  # (n, 3, 3)
+        self.velocity, self.spin = twist[..., :3], twist[..., 3:]
+        self.point_velocity = self.velocity + cross(self.spin, self.arm)
+        self.point_bias = cross(self.spin, cross(self.spin, self.arm))
+
+    def direction(self, column: int) -> tuple[Array, Array, Array]:
+        """Return a frame direction, its rate and the bias of its second rate."""
+        u = self.frame[..., column]
+        rate = cross(self.spin, u)
+        return u, rate, cross(self.spin, rate)
+
+
+class Stack:
+    """Collects rows for a mechanism of `links` moving links at n poses."""
+
+    def __init__(self, links: int, n: int):
+        self.links, self.n = links, n
+        self.residual: list[Array] = []
+        self.jacobian: list[Array] = []
+        self.bias: list[Array] = []
+
+    def _add(self, residual: Array, bias: Array, terms: list[tuple[int | None, Array, Array]]) -> None:
+        dtype = np.result_type(*(block for _, *both in terms for block in both))
+        row = np.zeros((self.n, 6 * self.links), dtype)
+        for slot, linear, angular in terms:
+            if slot is not None:
+                row[:, 6 * slot : 6 * slot + 3] += linear
+                row[:, 6 * slot + 3 : 6 * slot + 6] += angular
+        self.residual.append(np.broadcast_to(residual, (self.n,)))
+        self.jacobian.append(row)
+        self.bias.append(np.broadcast_to(bias, (self.n,)))
+
+    def coincide(self, a: Side, b: Side) -> None:
+        """D = 0, three rows."""
+        gap, bias = b.point - a.point, b.point_bias - a.point_bias
+        turn_a, turn_b = skew(a.arm), -skew(b.arm)
+        for i in range(3):
+            unit = np.eye(3)[i]
+            terms = [(a.slot, -unit, turn_a[:, i]), (b.slot, unit, turn_b[:, i])]
+            self._add(gap[:, i], bias[:, i], terms)
+
+    def angle_between(self, a: Side, i: int, b: Side, j: int, cosine: float) -> None:
+        """U.V = cosine, with U column i of a's frame and V column j of b's."""
+        u, u_rate, _ = a.direction(i)
+        v, v_rate, _ = b.direction(j)
+        across = cross(u, v)
+        bias = dot(a.spin - b.spin, cross(u_rate, v) + cross(u, v_rate))
+        zero = np.zeros(3)
+        self._add(dot(u, v) - cosine, bias, [(a.slot, zero, across), (b.slot, zero, -across)])
+
+    def no_gap_along(self, a: Side, i: int, b: Side) -> None:
+        """U.D = 0, with U column i of a's frame."""
+        u, u_rate, u_bias = a.direction(i)
+        gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
+        bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap)
+        bias = bias + dot(u, b.point_bias - a.point_bias)
+        terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+        self._add(dot(u, gap), bias, terms)
+
+    def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, "CoordinateMotion"]]) -> None:
+        """A weighted sum of joint coordinates is given, weights (n,) or scalar; residual in [rad] or [m]."""
+        scaled = [
+            (slot, weight[..., None] * linear, weight[..., None] * angular)
+            for weight, moved in terms
+            for slot, linear, angular in moved.terms
+        ]
+        total = bias + sum(weight * moved.bias for weight, moved in terms)
+        self._add(residual, total, scaled)
+
+    def rows(self) -> Rows:
+        """Return all rows collected."""
+        return Rows(np.stack(self.residual, 1), np.stack(self.jacobian, 1), np.stack(self.bias, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class CoordinateMotion:
+    """How a coordinate of a joint moves with the links.
+
+    Attributes:
+        rate: at the links' twists, (n,) per second.
+        bias: its second rate at zero acceleration of the links, (n,).
+        terms: link's slot, and the coordinate's derivative by its velocity and angular velocity, (n, 3) each.
+    """
+
+    rate: Array
+    bias: Array
+    terms: list[tuple[int | None, Array, Array]]
+
+
+def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateMotion:
+    """Return how one coordinate of a joint, in the order of `Joint.coordinates`, moves with its links.
+
+    Raises:
+        InputError: for the angles of crossed axes, which no row couples or drives.
+    """
+    kind = KINDS[joint.kind]
+    if index < len(kind.slides):
+        column = COLUMN[kind.slides[index]]
+        u, u_rate, u_bias = a.direction(column)
+        gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
+        bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap) + dot(u, b.point_bias - a.point_bias)
+        terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+        return CoordinateMotion(dot(u, gap_rate) + dot(u_rate, gap), bias, terms)
+    if kind.crossed:
+        raise InputError(
+            f"coordinate {joint.coordinates[index]!r} of a {joint.kind} joint is coupled or driven, which is "
+            "not known here; have two joints of one axis each in its place"
+        )
+    axis = a.frame[..., 2]
+    zero = np.zeros_like(axis)
+    # the sides turn against each other about the axis, which a rate of the axis is square to: no bias
+    return CoordinateMotion(
+        dot(axis, b.spin - a.spin), np.zeros(len(axis)), [(a.slot, zero, -axis), (b.slot, zero, axis)]
+    )
+
+
+def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
+    """Add the rows of one joint: as many lengths as it transmits forces, then a row for each moment."""
+    kind = KINDS[joint.kind]
+    if not kind.slides:
+        stack.coincide(a, b)
+    else:
+        free = [COLUMN[axis] for axis in kind.slides]
+        for i in range(3):
+            if i not in free:
+                stack.no_gap_along(a, i, b)
+    if kind.crossed:
+        stack.angle_between(a, 2, b, 2, np.cos(joint.cross_angle))
+    elif kind.aligned:
+        stack.angle_between(a, 0, b, 2, 0.0)
+        stack.angle_between(a, 1, b, 2, 0.0)
+        if not kind.turns:
+            stack.angle_between(a, 0, b, 1, 0.0)
+
+
+def is_length(joint: Joint) -> list[bool]:
+    """Say of each row of a joint whether its residual is a length."""
+    kind = KINDS[joint.kind]
+    return [True] * kind.forces + [False] * kind.moments

@@ -1,0 +1,344 @@
+"""A mechanism of one's own that moves by its loop equations: what a closed form gives, without one."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.loops.continuation_path import ContinuationPath
+from mechsim.analytic.loops.crank_motion import crank_path, solve_along
+from mechsim.analytic.loops.prescribed_motion import path_under_laws, solve_prescribed, solve_under_laws
+from mechsim.analytic.loops.rank import conditioning
+from mechsim.analytic.loops.tree_rates import Instants
+from mechsim.analytic.path_instants import path_instants
+from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.errors import AssemblyError
+from mechsim.model.crank_profile import arc_around
+from mechsim.model.forces import Forces
+from mechsim.model.joint_ranges import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import ChangePointPolicy, Motion
+from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.written_units import WrittenUnits
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import numbers
+from mechsim.numerics.newton import root
+
+# two crank angles nearer than this are one
+SAME = 1e-9
+# how far links may be from where they were a turn before, in sizes and parts of their axes; another assembly
+# is farther
+SAME_POSE = 1e-6
+
+
+@dataclass(frozen=True)
+class LoopForm:
+    """A mechanism whose motion its loop equations give, as a `ClosedForm` gives that of the catalogue's.
+
+    Attributes:
+        mechanism: its guess says which assembly is meant.
+        parameters: name -> value of what it was made from, as written.
+        formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
+        change_point: how it goes on where two assemblies meet.
+        forces: what acts on it; None where that is not said.
+        motion_laws: of its drivers, where they are not one crank; angles are then those of their clock.
+        ranges: joint -> between which values it can stand, in [m] or [rad].
+        written: the units that its file declares.
+    """
+
+    mechanism: Mechanism
+    parameters: Mapping[str, float] = field(default_factory=dict[str, float])
+    formula: str = ""
+    change_point: ChangePointPolicy = "smooth"
+    forces: Forces | None = None
+    motion_laws: MotionLaws | None = None
+    ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
+    written: WrittenUnits = WrittenUnits()
+
+    @property
+    def name(self) -> str:
+        """The mechanism's."""
+        return self.mechanism.name
+
+    @property
+    def period(self) -> float:
+        """Crank angle in [rad] after which it stands as before: two turns where meetings lead elsewhere.
+
+        Under programs the clock's angle at their end.
+        """
+        if self.motion_laws is not None:
+            return self.motion_laws.pace * self.motion_laws.duration
+        if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
+            return TURN
+        return TURN if self._back_after_a_turn() else 2.0 * TURN
+
+    def _back_after_a_turn(self) -> bool:
+        """Say whether all links stand as they did a turn before; with gears, whether sides changed evenly."""
+        if self.mechanism.laws:
+            return len(self.change_points()) % 2 == 0
+        start = self.mechanism.start
+        revolution = self.solve([start, start + TURN])
+        links = [link for name, link in revolution.links.items() if name not in revolution.spinning]
+        displacements = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
+        return max(*displacements, *(np.ptp(link.rotation, axis=0).max() for link in links)) < SAME_POSE
+
+    def with_change_point(self, policy: ChangePointPolicy) -> "LoopForm":
+        """Return the mechanism that goes on so where assemblies meet."""
+        return self if policy == self.change_point else replace(self, change_point=policy)
+
+    def starting_at(self, _: ArrayLike, direction: float = 1.0) -> Self:
+        """Return itself: the guess selects the assembly, whatever crank angles come first."""
+        return self
+
+    def solve(
+        self,
+        angles: ArrayLike | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike = 0.0,
+        *,
+        t: ArrayLike | None = None,
+    ) -> Motion:
+        """Return the motion at crank angles, as `closure.solve`, or at times.
+
+        Args:
+            angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
+            speed: crank speed, scalar or (n,) in [rad/s] or text, as "600rpm"; None is 1 at crank angles.
+            acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+            t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that stands at the
+                mechanism's `start` at time zero.
+
+        Raises:
+            AssemblyError: where the loops do not close.
+            InputError: for crank angles where motion laws drive.
+        """
+        instants = path_instants(self.mechanism, self.motion_laws, angles, speed, acceleration, t)
+        motion = self.solve_along(instants.parameter, instants.rate, instants.second)
+        return motion if instants.time is None else replace(motion, time=instants.time)
+
+    def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
+        """Return the motion at values of the path parameter, (n,), and its rates.
+
+        The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
+        `motion_laws.pace`.
+
+        Raises:
+            AssemblyError: where the loops do not close.
+        """
+        if self.motion_laws is None:
+            return replace(solve_along(self._path, parameter, rate, second), origin=self)
+        time_angle = np.atleast_1d(numbers(parameter))
+        rates = [np.broadcast_to(numbers(values), time_angle.shape) for values in (rate, second)]
+        return replace(solve_under_laws(self._path, self.motion_laws, time_angle, *rates), origin=self)
+
+    def solve_as(self, driven: Motion) -> Motion:
+        """Return the motion where the drivers of another motion under the same programs really were.
+
+        Raises:
+            AssemblyError: where the loops do not close.
+        """
+        if self.motion_laws is None:
+            return self.solve_along(driven.angle, driven.speed, driven.acceleration)
+        drivers = [driven.joints[name] for name in self.motion_laws.drivers]
+        instants = Instants(
+            driven.angle,
+            driven.speed,
+            driven.acceleration,
+            np.array([driver.value for driver in drivers]),
+            np.array([driver.rate for driver in drivers]),
+            np.array([driver.acceleration for driver in drivers]),
+        )
+        return replace(solve_prescribed(self._path, self.motion_laws, instants), origin=self)
+
+    def within_ranges(self, motion: Motion) -> Motion:
+        """Return a motion of it in which every joint stays in its range, between its instants too.
+
+        Raises:
+            AssemblyError: naming the joint that does not, and where.
+        """
+        if not self.ranges:
+            return motion
+        if motion.speed.any() and np.ptp(motion.angle) > 0.0:
+            # instants at which the loops do not close are no part of what was requested
+            dense = None
+            with suppress(AssemblyError):
+                dense = self._ranged(check_instants(motion.angle.min(), motion.angle.max()))
+            if dense is not None:
+                self._require_within(*dense)
+        self._require_within(motion.angle, {name: joint.value for name, joint in motion.joints.items()})
+        return motion
+
+    def _ranged(self, instants: Array) -> tuple[Array, dict[str, Array]]:
+        """Return path parameters (n,) with those of extremes between, and the values of ranged joints."""
+        values = self._joint_values(instants)
+        between = extremes(instants, values.values())
+        if not len(between):
+            return instants, values
+        more = self._joint_values(between)
+        order = np.argsort(whole := np.concatenate([instants, between]), kind="stable")
+        return whole[order], {name: np.concatenate([values[name], more[name]])[order] for name in values}
+
+    def _joint_values(self, parameter: Array) -> dict[str, Array]:
+        """Return the values of the joints with a range at path parameters (n,)."""
+        joints = LoopForm.solve_along(self, parameter).joints
+        return {name: joints[name].value for name in self.ranges if name in joints}
+
+    def _require_within(self, parameter: Array, values: Mapping[str, Array]) -> None:
+        motion_laws = self.motion_laws
+        require_within(
+            self.name,
+            self.ranges,
+            values,
+            {name: self.mechanism.unit(name) for name in self.ranges},
+            lambda index: (
+                f"crank angle {parameter[index]:.6g} rad"
+                if motion_laws is None
+                else motion_laws.called(float(parameter[index]))
+            ),
+            "turn the crank less" if motion_laws is None else "move the drivers less",
+        )
+
+    def positions(
+        self, angles: ArrayLike | None = None, *, t: ArrayLike | None = None, speed: float | None = None
+    ) -> dict[str, Array]:
+        """Return the tracked points at crank angles, or at times: name -> (n, 3) in [m].
+
+        `t` and `speed` are as in `solve`.
+
+        Raises:
+            AssemblyError: where the loops do not close.
+            InputError: for crank angles where motion laws drive.
+        """
+        return {name: point.position for name, point in self.solve(angles, speed, t=t).points.items()}
+
+    def crank_range(self) -> Arcs:
+        """Return the arc of crank angle over which this assembly can be followed from its start.
+
+        It ends at dead centres, and where a joint reaches the end of its own range. Under programs, of their
+        clock.
+        """
+        return self._range
+
+    def dead_centres(self) -> tuple[float, ...]:
+        """Return the crank angles beyond which it cannot be followed, in [rad]; empty for a full turn.
+
+        What the ranges of joints keep from being reached is left out.
+        """
+        closing, reachable = self._closing_range, self._range
+        if closing.full:
+            return ()
+        reachable_ends = [end for arc in reachable.arcs for end in arc]
+        ends = [end for arc in closing.arcs for end in arc]
+        return tuple(end for end in ends if any(abs(end - other) < SAME for other in reachable_ends))
+
+    def change_points(self) -> tuple[float, ...]:
+        """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
+
+        The motion passes them as `through` says.
+        """
+        if self.motion_laws is not None:
+            return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
+        start, full = self.mechanism.start, self._range.full
+        within = [point for point in self._path.change_points if start <= point < start + TURN or not full]
+        around = None if full else arc_around(self._range, start)
+        if around is not None:
+            within = [point for point in within if around[0] <= point <= around[1]]
+        return tuple(sorted({float((point + np.pi) % TURN - np.pi) for point in within}))
+
+    def conditioning(self, motion: Motion) -> Array:
+        """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
+        if motion.conditioning is not None:
+            return motion.conditioning
+        poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+        return conditioning(self.mechanism, poses)
+
+    def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
+        """Return the one assembly that is known: tracked points, (3,) in [m]; empty where it cannot stand."""
+        with suppress(AssemblyError):
+            points = self.solve_along([angle]).points
+            return [({}, {name: point.position[0] for name, point in points.items()})]
+        return []
+
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        """Return ones, (n,): no sign of this mechanism tells its assemblies apart."""
+        return np.ones(len(next(iter(points.values()))))
+
+    def variants(self) -> Mapping[str, "LoopForm"]:
+        """Return nothing: what could be made otherwise the description does not say."""
+        return {}
+
+    @cached_property
+    def _path(self) -> ContinuationPath:
+        if self.motion_laws is not None:
+            return path_under_laws(self.mechanism, self.motion_laws, self.change_point)
+        return crank_path(self.mechanism, self.change_point)
+
+    @cached_property
+    def _range(self) -> Arcs:
+        closing, start = self._closing_range, self.mechanism.start
+        if not self.ranges or self.motion_laws is not None or not closing.arcs:
+            return closing
+        around = (start - TURN, start + TURN) if closing.full else arc_around(closing, start)
+        if around is None:
+            return closing
+        low, high = around
+        ends = [self._range_end(start, end) for end in (low, high)]
+        if ends == [low, high] or None in ends:
+            return closing
+        low, high = (float(end) for end in ends if end is not None)
+        if closing.full and high - low >= TURN:
+            return closing
+        revolution = TURN * np.floor((low + np.pi) / TURN)
+        return Arcs(False, ((low - revolution, high - revolution),))
+
+    def _range_end(self, start: float, end: float) -> float | None:
+        """Return how far the crank can go from its start towards an angle, in [rad]; None if not at all."""
+
+        def excess(values: Mapping[str, Array]) -> Array:
+            beyond = [np.maximum(low - values[name], values[name] - high) for name, (low, high) in ranged]
+            return np.max(beyond, axis=0)
+
+        inner = start + (end - start) * (1.0 - SAME)
+        if abs(inner - start) < SAME:
+            return end
+        parameters, values = self._ranged(np.linspace(min(start, inner), max(start, inner), INSTANTS + 1))
+        ranged = [(name, ends) for name, ends in self.ranges.items() if name in values]
+        if not ranged:
+            return end
+        if end < start:
+            parameters, values = parameters[::-1], {name: value[::-1] for name, value in values.items()}
+        over = excess(values)
+        slack = ROUNDED * max(1.0, *(high - low for _, (low, high) in ranged))
+        first = int(np.argmax(over > slack)) if (over > slack).any() else None
+        if first is None:
+            return end
+        if first == 0:
+            return None
+
+        def excess_at(angle: float) -> float:
+            return float(excess(self._joint_values(np.array([angle])))[0])
+
+        inside, outside = float(parameters[first - 1]), float(parameters[first])
+        return root(excess_at, *sorted((inside, outside))) if over[first - 1] < 0.0 else inside
+
+    @cached_property
+    def _closing_range(self) -> Arcs:
+        """The arc of crank angle over which the loops close."""
+        path, start = self._path, self.mechanism.start
+        if self.motion_laws is not None:
+            path.extend(self.period)
+            return Arcs(False, ((0.0, self.period),))
+        ends: list[float] = []
+        for direction in (1, -1):
+            with suppress(AssemblyError):
+                path.extend(start + direction * TURN)
+                return Arcs(True, ((-np.pi, np.pi),))
+            ends.append(float(path.segments[direction][-1].nodes[-1]) if path.segments[direction] else start)
+        high, low = ends
+        revolution = TURN * np.floor((low + np.pi) / TURN)
+        return Arcs(False, ((low - revolution, high - revolution),) if high - low > SAME else ())

@@ -1,0 +1,243 @@
+"""Solving linearised loops for many instants at once: independent rows, and a gauge for what is left open."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.loops.numerical_rank import RANK_TOLERANCE, significant
+from mechsim.analytic.loops.tree_layout import Index, block
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses, product
+from mechsim.numerics.arrays import Array
+
+# Newton steps taken at the most, and a residual that is rounding
+MOST_STEPS, ROUNDING = 8, 1e-13
+# slopes below this are rounding
+NEGLIGIBLE = 1e-14
+# steps, in radians or units of the size, that are too long for the linear model
+MAX_TOTAL_STEP = 0.3
+# part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
+# and part of what they told elsewhere below which they are singular themselves, not the pose
+MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The loops about n sets of coordinates.
+
+    Attributes:
+        residual: of all rows, (rows, n).
+        slope: by all coordinates in their units, (rows, count, n).
+        here: where the links are.
+        matrix: of independent rows and gauge by the unknowns, (n, u, u).
+        right: what the same rows stand open by, (n, u).
+        unknown: which coordinates these are, (u,).
+        others: indices of the rows that are not solved.
+    """
+
+    residual: Array
+    jacobian: Array
+    poses: LinkPoses
+    matrix: Array
+    rhs: Array
+    unknown: NDArray[np.intp]
+    others: NDArray[np.intp]
+
+    @cached_property
+    def singular_values(self) -> Array:
+        """Singular values of the matrices, (n, u)."""
+        return np.asarray(np.linalg.svd(self.matrix, compute_uv=False), dtype=np.float64)
+
+    @cached_property
+    def all_singular_values(self) -> Array:
+        """Singular values of all rows by the unknowns, (n, the fewer of them)."""
+        jacobian = self.jacobian.take(self.unknown, 1)
+        if len(self.others) + self.matrix.shape[1] == len(jacobian) and self._idle(jacobian):
+            return self.singular_values
+        return np.asarray(np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False), dtype=np.float64)
+
+    def _idle(self, jacobian: Array) -> bool:
+        """Say whether the rows that are not solved tell nothing, as those off a flat linkage's plane."""
+        return bool(np.abs(jacobian.take(self.others, 0)).max(initial=0.0) < NEGLIGIBLE)
+
+    @cached_property
+    def signed_distance(self) -> Array:
+        """The signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
+        if not self.matrix.size:  # the drivers alone say where everything is
+            return np.ones(len(self.matrix))
+        return self._determinant[0] * self.singular_values[:, -1]
+
+    @property
+    def log_determinant(self) -> Array:
+        """The logarithm of the determinants' size, (n,)."""
+        return self._determinant[1]
+
+    @cached_property
+    def _determinant(self) -> tuple[Array, Array]:
+        """Signs, and logarithms of sizes, (n,) each."""
+        sign, size = np.linalg.slogdet(self.matrix)
+        return sign, size
+
+
+@dataclass(frozen=True)
+class LoopSolver:
+    """Which rows are solved, and what keeps the freedoms they leave open.
+
+    Attributes:
+        loops: the equations.
+        rows: indices of independent rows, (r,).
+        null_space: directions of the open freedoms over the unknowns, (open, unknowns).
+        reference: coordinates from which nothing moves along them, one set.
+    """
+
+    loops: TreeLoops
+    rows: NDArray[np.intp]
+    null_space: Array
+    reference: Coordinates
+
+    @cached_property
+    def picked(self) -> tuple[Index, ...]:
+        """Of all slopes, those of the rows that are solved by the unknowns."""
+        return block(self.rows, self.loops.unknown)
+
+    @cached_property
+    def others(self) -> NDArray[np.intp]:
+        """Indices of the rows that are not solved."""
+        return np.delete(np.arange(self.loops.rows), self.rows)
+
+    @cached_property
+    def at_reference(self) -> Linearised:
+        """The loops about the pinned coordinates."""
+        return self.linearise(self.reference)
+
+    @property
+    def nullity(self) -> int:
+        """Freedoms that neither drivers nor loops determine."""
+        return len(self.null_space)
+
+    @property
+    def uses_all_rows(self) -> bool:
+        """Whether all rows are solved and determine all there is."""
+        return not self.nullity and len(self.rows) == self.loops.rows
+
+    def adequate(self, linearised: Linearised) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return at which poses it tells about as much as all rows do, (n,) each.
+
+        In the direction that is held least; and by the determinant, of which no choice of rows has more.
+        """
+        if self._alone(linearised):
+            everywhere = np.ones(len(linearised.matrix), dtype=np.bool_)
+            return everywhere, everywhere
+        all_poses = linearised.all_singular_values[:, : len(self.rows)]
+        by_smallest = linearised.singular_values[:, -1] > MIN_VALUE_RATIO * all_poses[:, -1]
+        return by_smallest, linearised.singular_values.prod(1) > MIN_DETERMINANT_RATIO * all_poses.prod(1)
+
+    def _alone(self, linearised: Linearised) -> bool:
+        """Say whether no other rows tell anything there, or none do."""
+        return (
+            self.uses_all_rows
+            or not len(self.rows)
+            or linearised.all_singular_values is linearised.singular_values
+        )
+
+    def share(self, linearised: Linearised) -> Array:
+        """Return how much of what all rows tell it does where held least, (n,); 1 where none tell."""
+        if self._alone(linearised):
+            return np.ones(len(linearised.matrix))
+        every = linearised.all_singular_values[:, len(self.rows) - 1]
+        known = every > RANK_TOLERANCE * every.max()
+        return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, 1.0), 1.0)
+
+    def linearise(self, q: Coordinates) -> Linearised:
+        """Return the loops about n sets of coordinates."""
+        residual, jacobian, poses = self.loops.linearise(q)
+        n, u, r = len(q), len(self.loops.unknown), len(self.rows)
+        matrix, right = np.empty((n, u, u), jacobian.dtype), np.empty((n, u), jacobian.dtype)
+        matrix[:, :r] = jacobian[self.picked].transpose(2, 0, 1)
+        right[:, :r] = residual[self.rows].T
+        if self.nullity:
+            self._pin(q, matrix[:, r:], right[:, r:])
+        return Linearised(residual, jacobian, poses, matrix, right, self.loops.unknown, self.others)
+
+    def _pin(self, q: Coordinates, rows: Array, offsets: Array) -> None:
+        """Fill in the gauge: how far coordinates lie from the pinned ones along the open freedoms."""
+        loops = self.loops
+        displacement = ((q.values - self.reference.values) / loops.units[:, None])[loops.unknown]
+        offsets[:] = (self.null_space @ displacement).T
+        rows[:] = self.null_space
+        for ball, rotation, reference in zip(loops.tree.balls, q.turns, self.reference.turns, strict=True):
+            columns = np.searchsorted(loops.unknown, ball.first_angle) + np.arange(3)
+            relative = product(rotation, np.broadcast_to(reference, rotation.shape).transpose(1, 0, 2))
+            vector = 0.5 * (relative - relative.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
+            offsets += (self.null_space[:, columns] @ vector).T
+            trace = np.einsum("iin->n", relative)
+            change = 0.5 * (trace * np.eye(3)[..., None] - relative)
+            rows[..., columns] = np.einsum("pi,ijn->npj", self.null_space[:, columns], change)
+
+    def step(self, matrix: Array, rhs: Array) -> Array:
+        """Return the step of all coordinates, (count, n), that closes rows open by `rhs`, (n, u)."""
+        out = np.zeros((self.loops.tree.count, len(rhs)), rhs.dtype)
+        out[self.loops.unknown] = -np.linalg.solve(matrix, rhs[..., None])[..., 0].T
+        return out
+
+    def close(
+        self, guess: Coordinates, tolerance: float = 0.0, max_step: float = MAX_TOTAL_STEP
+    ) -> tuple[Coordinates, Linearised, Array]:
+        """Return coordinates closed by Newton's method from a guess near them; not all need be closed.
+
+        And the loops there, and how far they lie from the guess, (n,). They then stand open by rounding,
+        or by no more than `tolerance`; the loops may then be those before a last step so short that it closes
+        them, with what it leaves open. What goes farther than `max_step` is given up.
+
+        Raises:
+            LinAlgError: at a singular pose.
+        """
+        q, displacement = guess, np.zeros(len(guess))
+        linearised = self.linearise(q)
+        worst = np.inf
+        for _ in range(MOST_STEPS):
+            previous, worst = worst, float(np.abs(linearised.rhs).max(initial=0.0))
+            if worst <= tolerance or (worst < ROUNDING and worst > 0.1 * previous):
+                break
+            step = self.step(linearised.matrix, linearised.rhs)
+            lengths = np.abs(step)
+            displacement += lengths.max(0)
+            if not displacement.max() < max_step:
+                break
+            q = self.loops.displaced(q, step)
+            # turns bend by half the square of a step: it leaves no more open than that
+            if float(lengths.sum(0).max()) ** 2 < tolerance:
+                residual = linearised.residual + np.einsum("rkn,kn->rn", linearised.jacobian, step)
+                return q, replace(linearised, residual=residual), displacement
+            linearised = self.linearise(q)
+        return q, linearised, displacement
+
+
+def loop_solver(
+    loops: TreeLoops, reference: Coordinates, previous: Array | None = None, jacobian: Array | None = None
+) -> LoopSolver:
+    """Return the solver for poses near one.
+
+    Args:
+        loops: the equations.
+        reference: one set of closed coordinates, where nothing that the solver must tell is singular.
+        previous: the gauge so far, which the new one follows.
+        jacobian: of all rows there, (rows, count, 1), where it is known.
+    """
+    from scipy.linalg import qr
+
+    matrix = (loops.linearise(reference)[1] if jacobian is None else jacobian)[:, loops.unknown, 0]
+    if not matrix.size:
+        return LoopSolver(loops, np.zeros(0, dtype=np.intp), np.eye(len(loops.unknown)), reference)
+    _, values, vh = np.linalg.svd(matrix)
+    rank = int(significant(values).sum())
+    pivoted: Any = qr(matrix.T, mode="economic", pivoting=True)
+    order: NDArray[np.intp] = pivoted[2]
+    null_space = vh[rank:]
+    if previous is not None and previous.shape == null_space.shape:
+        u, _, rotation = np.linalg.svd(previous @ null_space.T)
+        null_space = u @ rotation @ null_space
+    return LoopSolver(loops, np.sort(order[:rank]), null_space, reference)

@@ -1,0 +1,130 @@
+"""The loops of many designs alike: one tree, and for each design its own joints' places."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.loops.cut_rows import Cut
+from mechsim.analytic.loops.numerical_rank import significant
+from mechsim.analytic.loops.random_starts import axes_aligned
+from mechsim.analytic.loops.tree_joints import JointSides
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.model.design_arrays import DesignArrays, StartedDesigns
+from mechsim.model.joint_kinds import coordinates
+from mechsim.model.links import GROUND, IDENTITY
+from mechsim.model.rough_poses import turned
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+
+Rows = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+# as one mechanism is put together: Newton steps, the longest turn of one in [rad], a gap that is closed
+MOST_STEPS, MAX_STEP, CLOSED = 60, 0.5, 1e-12
+
+
+@dataclass(frozen=True)
+class ManyLoops:
+    """Loop equations of d designs that differ only in where their joints and points are.
+
+    Attributes:
+        loops: of one of them; lengths of all are counted in its size.
+        arrays: their numbers.
+    """
+
+    loops: TreeLoops
+    arrays: DesignArrays
+
+    def select(self, rows: Rows, repeat: int) -> TreeLoops:
+        """Return the loops of some designs at so many instants each, one design after another."""
+        wide = {
+            name: tuple(np.repeat(ends[..., rows], repeat, -1) for ends in sides)
+            for name, sides in self.arrays.ends.items()
+        }
+        tree = replace(self.loops.tree)
+        constants: dict[int, JointSides] = {}
+        for branch in tree.branches:
+            point_a, frame_a, point_b, frame_b = wide[branch.joint.name]
+            a, b = (frame_a, point_a), (frame_b, point_b)
+            constants[branch.child] = JointSides(*a, *b) if branch.forward else JointSides(*b, *a)
+        # in place of what `cached_property` would find
+        cached: dict[str, object] = vars(tree)
+        cached["constants"] = constants
+        cuts = tuple(_cut(cut, wide[cut.joint.name]) for cut in self.loops.cuts)
+        return replace(self.loops, tree=tree, cuts=cuts)
+
+
+def _cut(cut: Cut, ends: tuple[Array, ...]) -> Cut:
+    point_a, frame_a, point_b, frame_b = ends
+    copy = replace(cut)
+    cached: dict[str, object] = vars(copy)
+    cached["ends"] = [(cut.sides[0], point_a, frame_a), (cut.sides[1], point_b, frame_b)]
+    return copy
+
+
+def initial_coordinates(many: ManyLoops, started: StartedDesigns) -> tuple[Coordinates, Bools]:
+    """Return where guesses have designs, (d) sets of coordinates, and which wind as the one does, (d,).
+
+    As `tree_loops` reads one.
+    """
+    loops, arrays = many.loops, started.arrays
+    tree, sides = loops.tree, arrays.sides()
+    everywhere = {GROUND: IDENTITY, **started.guess}
+    values = np.zeros((tree.count, arrays.count))
+    rotations = np.empty((len(tree.balls), 3, 3, arrays.count))
+    ball = 0
+    for branch in tree.branches:
+        joint = branch.joint
+        point_a, frame_a, point_b, frame_b = sides[joint.name]
+        a, b = everywhere[joint.a.link], everywhere[joint.b.link]
+        rotation_a, rotation_b = a.rotation @ frame_a, b.rotation @ frame_b
+        displacement = b.position + turned(b.rotation, point_b) - a.position - turned(a.rotation, point_a)
+        if branch.kind.ball:
+            rotations[ball] = np.moveaxis(np.swapaxes(rotation_a, -1, -2) @ rotation_b, 0, -1)
+            ball += 1
+        joint_values = coordinates(branch.kind, displacement, rotation_a, rotation_b, joint.cross_angle)
+        values[branch.first : branch.first + joint_values.shape[1]] = joint_values.T
+    prescribed = {*tree.mechanism.drivers, *tree.mechanism.locked}
+    for name, value in started.told.items():
+        index = tree.index_of.get(name)
+        if index is None:
+            continue
+        revolutions = 0.0 if tree.slides[index] else TURN * np.round((value - values[index]) / TURN)
+        values[index] = value if name in prescribed else values[index] + revolutions
+    same_revolutions = np.ones(arrays.count, dtype=np.bool_)
+    for row, offset in zip(loops.couplings, loops.turn_offsets, strict=True):
+        if row.turns:
+            same_revolutions &= TURN * np.round(row.evaluate(values)[0] * row.unit / TURN) == offset
+    return Coordinates(values, rotations), same_revolutions
+
+
+def assemble_designs(many: ManyLoops, q: Coordinates, rank: int) -> tuple[Coordinates, Bools]:
+    """Return the coordinates in which loops close nearest to some, and which designs closed, (d,).
+
+    As `tree_assembly.closed` does for one; a design that closes otherwise than with the rank of the first, or
+    with axes or marks opposed, counts as one that does not.
+    """
+    count = len(q)
+    loops = many.select(np.arange(count), 1)
+    previous, gap = np.full(count, np.inf), np.full(count, np.inf)
+    active = np.ones(count, dtype=np.bool_)
+    unknown, ranks = loops.unknown, np.zeros(count, dtype=np.intp)
+    for _ in range(MOST_STEPS):
+        residual, jacobian, _ = loops.linearise(q)
+        gap = np.where(active, np.abs(residual).max(0, initial=0.0), gap)
+        active &= ~((gap == 0.0) | ((gap < CLOSED) & (gap > 0.25 * previous)))
+        matrix = jacobian[:, unknown].transpose(2, 0, 1)
+        left, values, right = np.linalg.svd(matrix, full_matrices=False)
+        nonzero = significant(values)
+        ranks = nonzero.sum(1)
+        if not active.any():
+            break
+        previous = np.where(active, gap, previous)
+        inverse = np.where(nonzero, 1.0 / np.where(nonzero, values, 1.0), 0.0)
+        projected = np.einsum("nrk,rn->nk", left, residual) * inverse
+        step = np.zeros((loops.tree.count, count))
+        step[unknown] = -np.einsum("nku,nk->un", right, projected)
+        step *= MAX_STEP / np.maximum(MAX_STEP, np.abs(step).max(0, initial=0.0))
+        q = loops.displaced(q, np.where(active, step, 0.0))
+    return q, (gap < CLOSED) & (ranks == rank) & axes_aligned(loops, q)

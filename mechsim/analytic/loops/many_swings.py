@@ -1,0 +1,309 @@
+"""Reachable crank ranges of many designs at once, and their motions within them.
+
+The assembly of every design is traced from its start in both directions by pseudo-arclength continuation with
+the crank free: predictor along the tangent of the solution curve, corrector of least norm. The crank turns
+back where its component of the tangent changes sign; this dead centre is then located by secant steps.
+
+Source: E. L. Allgower, K. Georg, Introduction to numerical continuation methods, SIAM (2003), chapters 2, 9.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.analytic.loops.loop_solver import LoopSolver
+from mechsim.analytic.loops.many_loops import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
+from mechsim.analytic.loops.many_motion import LinkRows, SharedLoops, record_of_rows, store_chunk
+from mechsim.analytic.loops.many_paths import newton
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.tree_rates import ClosedChunk, Instants
+from mechsim.model.design_arrays import StartedDesigns
+from mechsim.model.motion import Motion
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+
+# arc length of a step in [rad] and parts of the size, and steps in one direction
+STEP, MOST_STEPS = 0.1, 400
+# how often a step that fails is halved
+HALVINGS = 4
+# corrector iterations, residual of a closed loop, and largest corrector displacement, as a part of the step
+ITERATIONS, CLOSED, MAX_CORRECTION = 5, 1e-12, 0.3
+# smallest singular value, as a part of the largest, of loops whose solution is a curve: at a branch point and
+# with undetermined degrees of freedom it vanishes
+REGULAR = 1e-6
+# secant steps to a dead centre, and its tangent's crank component
+SECANTS, TANGENT_TOLERANCE = 12, 1e-9
+# largest displacement from a predicted pose to the closed one, in [rad] and parts of the size
+MAX_CORRECTION_AT_ANGLE = 0.05
+# instants closed at once
+CHUNK = 4096
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Solution curves of d designs from their starts in one direction, up to their dead centres.
+
+    Attributes:
+        values: coordinates at the nodes, (k, count, d).
+        turns: of balls, (k, balls, 3, 3, d).
+        tangent: unit tangents, (k, free, d).
+        length: arc length from each node to the next, (k, d); the last one is not used.
+        last: number of each design's last node, its dead centre, (d,).
+    """
+
+    values: Array
+    turns: Array
+    tangent: Array
+    length: Array
+    last: Rows
+
+
+@dataclass(frozen=True)
+class Swings:
+    """Designs whose cranks swing: which they are, and their reachable ranges.
+
+    Attributes:
+        rows: which of the designs, (d,).
+        low: crank angle of the lower dead centre, (d,) in [rad].
+        high: of the upper one.
+        curves: direction (-1, 1) -> their solution curves.
+    """
+
+    rows: Rows
+    low: Array
+    high: Array
+    curves: dict[int, Curve]
+
+
+class SwingTracer:
+    """Traces designs that are alike; see `shared_loops`."""
+
+    def __init__(self, like: SharedLoops, started: StartedDesigns):
+        self.like, self.started = like, started
+        loops = like.solver.loops
+        self.many = ManyLoops(loops, started.arrays)
+        self.crank = loops.driven[0]
+        self.free = np.append(loops.unknown, self.crank)
+
+    def swings(self) -> Swings | None:
+        """Return the designs whose cranks swing; None where none does or designs cannot be traced."""
+        solver = self.like.solver
+        if len(solver.null_space) or len(solver.rows) != len(solver.loops.unknown):
+            return None
+        guess, same_revolutions = initial_coordinates(self.many, self.started)
+        q, closed = assemble_designs(self.many, guess, len(solver.rows))
+        rows = np.flatnonzero(same_revolutions & closed)
+        curves: dict[int, Curve] = {}
+        for direction in (1, -1):
+            if not len(rows):
+                return None
+            start = Coordinates(q.values[:, rows], q.turns[..., rows])
+            curves[direction], valid = self._traced(rows, start, direction)
+            rows, curves = rows[valid], {key: _select(curve, valid) for key, curve in curves.items()}
+        if not len(rows):
+            return None
+        low, high = (self._end(curves[direction]) for direction in (-1, 1))
+        return Swings(rows, low, high, curves)
+
+    def _end(self, curve: Curve) -> Array:
+        return curve.values[curve.last, self.crank, np.arange(len(curve.last))]
+
+    def _matrix(self, rows: Rows, q: Coordinates, repeat: int = 1) -> tuple[Array, Array]:
+        """Return residuals (n, rows) and Jacobians by the free coordinates (n, rows, free)."""
+        residual, jacobian, _ = self.many.select(rows, repeat).linearise(q)
+        return residual.T, jacobian[:, self.free].transpose(2, 0, 1)
+
+    def _corrected(
+        self, rows: Rows, q: Coordinates, repeat: int = 1
+    ) -> tuple[Coordinates, Array, Array, Bools]:
+        """Return points on the curves, their tangents (free, n), displacements (n,), and which are valid."""
+        loops, displacement, rank = self.many.select(rows, repeat), np.zeros(len(q)), len(self.free) - 1
+        residual, matrix = self._matrix(rows, q, repeat)
+        u, values, vh = np.linalg.svd(matrix, full_matrices=True)
+        for _ in range(ITERATIONS):
+            if (np.abs(residual).max(1) < CLOSED).all():
+                break
+            projected = np.einsum("nrk,nr->nk", u[..., :rank], residual) / np.maximum(
+                values[:, :rank], 1e-300
+            )
+            step = -np.einsum("nku,nk->un", vh[:, :rank], projected)
+            displacement += np.abs(step).max(0)
+            q = self._moved(loops, q, step)
+            residual, matrix = self._matrix(rows, q, repeat)
+            u, values, vh = np.linalg.svd(matrix, full_matrices=True)
+        valid = (np.abs(residual).max(1) < CLOSED) & (values[:, rank - 1] > REGULAR * values[:, 0])
+        return q, vh[:, -1].T, displacement, valid
+
+    def _moved(self, loops: TreeLoops, q: Coordinates, step: Array) -> Coordinates:
+        whole = np.zeros((len(q.values), step.shape[1]))
+        # no more than a finite step: what goes astray is rejected by its displacement
+        whole[self.free] = np.clip(np.nan_to_num(step), -1.0, 1.0)
+        return loops.displaced(q, whole)
+
+    def _traced(self, rows: Rows, q: Coordinates, direction: int) -> tuple[Curve, Bools]:
+        """Return the curves in one direction of the crank, and which of the designs swing back."""
+        d = len(rows)
+        q, tangent, _, valid = self._corrected(rows, q)
+        tangent = tangent * np.sign(direction * tangent[-1])
+        initial = q.values[self.crank].copy()
+        nodes, length = [(q.values, q.turns, tangent)], np.full(d, STEP)
+        lengths: list[Array] = []
+        last, active = np.zeros(d, dtype=np.intp), valid.copy()
+        for count in range(1, MOST_STEPS):
+            if not active.any():
+                break
+            previous, trial_length = nodes[-1], length
+            next_at, next_tangent, reached = self._stepped(
+                rows, Coordinates(previous[0], previous[1]), previous[2], trial_length
+            )
+            for _ in range(HALVINGS):
+                if not (active & ~reached).any():
+                    break
+                trial_length = np.where(reached, trial_length, 0.5 * trial_length)
+                next_at, next_tangent, reached = self._stepped(
+                    rows, Coordinates(previous[0], previous[1]), previous[2], trial_length
+                )
+            valid &= ~active | reached
+            active &= reached
+            passed_dead_centre = active & (direction * next_tangent[-1] < 0.0)
+            if passed_dead_centre.any():
+                start = Coordinates(previous[0], previous[1])
+                next_at, next_tangent, trial_length = self._dead_centres(
+                    rows,
+                    start,
+                    previous[2],
+                    trial_length,
+                    passed_dead_centre,
+                    (next_at, next_tangent),
+                    direction,
+                )
+            values = np.where(active, next_at.values, previous[0])
+            turns = np.where(active, next_at.turns, previous[1])
+            nodes.append((values, turns, np.where(active, next_tangent, previous[2])))
+            lengths.append(trial_length)
+            last = np.where(active, count, last)
+            full_revolution = active & (np.abs(values[self.crank] - initial) > TURN)
+            valid &= ~full_revolution
+            active &= ~(passed_dead_centre | full_revolution)
+            length = np.minimum(STEP, 1.5 * trial_length)
+        valid &= ~active
+        lengths.append(np.zeros(d))
+        parts = [np.stack([node[i] for node in nodes]) for i in range(3)]
+        return Curve(parts[0], parts[1], parts[2], np.stack(lengths), last), valid
+
+    def _stepped(
+        self, rows: Rows, q: Coordinates, tangent: Array, length: Array
+    ) -> tuple[Coordinates, Array, Bools]:
+        """Return points a step along the curves, tangents there, and which were reached safely."""
+        predicted = self._moved(self.many.select(rows, 1), q, tangent * length)
+        q_next, tangent_next, displacement, valid = self._corrected(rows, predicted)
+        tangent_next = tangent_next * np.sign((tangent_next * tangent).sum(0))
+        same_direction = (tangent_next * tangent).sum(0) > 0.9
+        return q_next, tangent_next, valid & (displacement < MAX_CORRECTION * length) & same_direction
+
+    def _dead_centres(
+        self,
+        rows: Rows,
+        q: Coordinates,
+        tangent: Array,
+        length: Array,
+        passed: Bools,
+        beyond: tuple[Coordinates, Array],
+        crank_direction: int,
+    ) -> tuple[Coordinates, Array, Array]:
+        """Return the next points of the curves, where some pass a dead centre that dead centre."""
+        index = np.flatnonzero(passed)
+        start = Coordinates(q.values[:, index], q.turns[..., index])
+        tangents, at_zero, at_end = tangent[:, index], tangent[-1, index], beyond[1][-1, index]
+        low, high, slow, fast = np.zeros(len(index)), length[index].copy(), at_zero.copy(), at_end.copy()
+        solution, direction, trial_length = start, tangents, low
+        for _ in range(SECANTS):
+            trial_length = low + (high - low) * slow / (slow - fast)
+            solution, direction, _ = self._stepped(rows[index], start, tangents, trial_length)
+            rate = direction[-1]
+            if (np.abs(rate) < TANGENT_TOLERANCE).all():
+                break
+            inside = crank_direction * rate > 0.0
+            # Illinois: the end that stays counts half
+            fast = np.where(inside, 0.5 * fast, rate)
+            high = np.where(inside, high, trial_length)
+            slow = np.where(inside, rate, 0.5 * slow)
+            low = np.where(inside, trial_length, low)
+        values, turns, directions = beyond[0].values.copy(), beyond[0].turns.copy(), beyond[1].copy()
+        values[:, index], turns[..., index], directions[:, index] = solution.values, solution.turns, direction
+        lengths = length.copy()
+        lengths[index] = trial_length
+        return Coordinates(values, turns), directions, lengths
+
+    def motion(
+        self,
+        swings: Swings,
+        angles: Array,
+        speed: Array,
+        acceleration: Array,
+        joints: Sequence[str],
+        *,
+        rates: bool,
+    ) -> tuple[Motion, Bools]:
+        """Return the motions of designs along crank motions (d, p), and of which they are known, (d,)."""
+        d, p = angles.shape
+        loops, tree = self.like.solver.loops, self.like.solver.loops.tree
+        links = len(tree.branches)
+        shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6)]
+        links_motion = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
+        known = np.ones(d, dtype=np.bool_)
+        per_chunk = max(1, CHUNK // p)
+        for first in range(0, d, per_chunk):
+            indices = np.arange(first, min(first + per_chunk, d))
+            q = self._predicted(swings, indices, angles[indices])
+            rows, crank_angles = swings.rows[indices], angles[indices].ravel()
+            q, _, _, valid = self._corrected(rows, q, p)
+            q.values[self.crank] = crank_angles
+            solver = LoopSolver(
+                self.many.select(rows, p), self.like.solver.rows, self.like.solver.null_space, q
+            )
+            q, residual, displacement, _ = newton(solver, q)
+            converged = valid & (residual < CLOSED) & (displacement < MAX_CORRECTION_AT_ANGLE)
+            known[indices] = converged.reshape(-1, p).all(1)
+            zero = np.zeros_like(crank_angles)
+            instants = Instants(crank_angles, np.ones_like(crank_angles), zero, *self.like.law(crank_angles))
+            chunk = ClosedChunk(solver, np.arange(len(crank_angles)), instants, q, solver.linearise(q))
+            store_chunk(links_motion, indices, np.arange(p), chunk, rates=rates)
+        designs = ManyLoops(loops, self.started.arrays.some(swings.rows))
+        return record_of_rows(designs, links_motion, angles, speed, acceleration, joints), known
+
+    def _predicted(self, swings: Swings, indices: Rows, angles: Array) -> Coordinates:
+        """Return coordinates near those at crank angles (d, p) of some of the designs, d p sets."""
+        start = swings.curves[1].values[0, self.crank, indices]
+        d, p = angles.shape
+        first = swings.curves[1]
+        values = np.empty((first.values.shape[1], d, p))
+        rotations = np.empty((*first.turns.shape[1:4], d, p))
+        for direction, curve in swings.curves.items():
+            design, column = np.nonzero((angles >= start[:, None]) == (direction > 0))
+            row, angle = indices[design], angles[design, column]
+            nodes = curve.values[:, self.crank]
+            previous = (direction * nodes[:, row] <= direction * angle).sum(0) - 1
+            node = np.clip(previous, 0, curve.last[row] - 1)
+            low, high = nodes[node, row], nodes[node + 1, row]
+            fraction = (angle - low) / (high - low)
+            # the crank angle goes with the square of the distance from a dead centre
+            ends = 1.0 - np.sqrt(np.maximum(1.0 - fraction, 0.0))
+            ahead = np.where(node == curve.last[row] - 1, ends, fraction) * curve.length[node, row]
+            q = Coordinates(curve.values[node, :, row].T, np.moveaxis(curve.turns[node, ..., row], 0, -1))
+            loops = self.many.select(swings.rows[row], 1)
+            q = self._moved(loops, q, curve.tangent[node, :, row].T * ahead)
+            values[:, design, column], rotations[..., design, column] = q.values, q.turns
+        return Coordinates(values.reshape(len(values), -1), rotations.reshape(*rotations.shape[:3], d * p))
+
+
+def _select(curve: Curve, which: Bools) -> Curve:
+    return Curve(
+        curve.values[..., which],
+        curve.turns[..., which],
+        curve.tangent[..., which],
+        curve.length[:, which],
+        curve.last[which],
+    )

@@ -1,0 +1,116 @@
+"""Newton's method for loops that are put together, and what is said where they do not close."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.analytic.loops.numerical_rank import relative_cutoff
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
+
+# Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
+MOST_STEPS, MAX_STEP, CLOSED = 60, 0.5, 1e-12
+# by which part of a gap its loop moves that does not move that way at all; how far away another pose is,
+# in [rad] and parts of the size; and the part of a gap that is told
+IMMOBILE, OTHER_POSE, MIN_COMPONENT = 1e-6, 0.3, 1e-3
+# a gap that is rounding
+ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+
+
+def close_nearest(loops: TreeLoops, q: Coordinates) -> tuple[Coordinates, float]:
+    """Return coordinates in which the loops close nearest to some, and by how much they still stand open.
+
+    What is prescribed stands still. The gap is in parts of the size; no more than `CLOSED` is none.
+    """
+    previous = violation = np.inf
+    for _ in range(MOST_STEPS):
+        residual, jacobian, _ = loops.linearise(q)
+        violation = float(np.abs(residual).max(initial=0.0))
+        if violation <= ROUNDING or (violation < CLOSED and violation > 0.25 * previous):
+            break
+        previous = violation
+        step = np.zeros((loops.tree.count, 1))
+        if len(loops.unknown):
+            matrix = jacobian[:, loops.unknown, 0]
+            step[loops.unknown, 0] = -np.linalg.lstsq(
+                matrix, residual[:, 0], rcond=float(relative_cutoff(matrix))
+            )[0]
+        step *= MAX_STEP / max(MAX_STEP, float(np.abs(step).max(initial=0.0)))
+        q = loops.displaced(q, step)
+    return q, violation
+
+
+def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates, remaining: float) -> str:
+    """Return in one sentence by how much loops stand open, and where their drivers would let them close.
+
+    Args:
+        loops: of the mechanism.
+        initial: coordinates from which they were to be closed.
+        final: those in which they were left.
+        remaining: by which they then stood open, in parts of the size.
+    """
+    mechanism = loops.tree.mechanism
+    text = (
+        f"{mechanism.name}: the loops do not close at {_stands(loops, final)}: a gap of {remaining:.3g} "
+        f"of the longest link is left after {MOST_STEPS} Newton steps"
+    )
+    undriven = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
+    solution, violation = close_nearest(undriven, initial)
+    if violation < CLOSED:
+        near_by = f"from the guess they close at {_stands(loops, solution)}"
+        return f"{text}; {near_by}: start there, or change the dimensions"
+    if across := _across(undriven, solution):
+        return f"{text}, for {across}; move one of its points by that"
+    return (
+        f"{text}, and from the guess {_widest(undriven, solution)} stays open wherever the drivers "
+        "stand; change the dimensions, where the drivers start, or the guess"
+    )
+
+
+def _stands(loops: TreeLoops, q: Coordinates) -> str:
+    tree = loops.tree
+    indices = {name: tree.index_of[name] for name in tree.mechanism.drivers}
+    return ", ".join(
+        f"{name} = {q.values[index, 0]:.6g} {'m' if tree.slides[index] else 'rad'}"
+        for name, index in indices.items()
+    )
+
+
+def _across(loops: TreeLoops, q: Coordinates) -> str:
+    """Return which joint stands open most where nothing in its loop moves, and which way; empty for none."""
+    residual, jacobian, _ = loops.linearise(q)
+    # not in this pose alone, as all ways but one of a linkage that is stretched
+    displaced = loops.displaced(
+        q, OTHER_POSE * (1.0 + 0.3 * np.arange(loops.tree.count))[:, None] / loops.tree.count
+    )
+    jacobians = np.concatenate([jacobian, loops.linearise(displaced)[1]], -1)
+    poses, first, largest, text = link_poses(loops.tree, q), 0, CLOSED, ""
+    for cut in loops.cuts:
+        rows = slice(first, first + len(cut.lengths))
+        first += cut.rows
+        gap = residual[rows, 0]
+        violation = float(np.linalg.norm(gap))
+        if (
+            violation > largest
+            and np.abs(np.tensordot(gap, jacobians[rows], 1)).max(initial=0.0) < IMMOBILE * violation
+        ):
+            displacement = cut.frames(poses)[1][:, cut.lengths, 0] @ gap * cut.size
+            along = ", ".join(
+                f"{component:.3g}"
+                for component in np.where(
+                    np.abs(displacement) < MIN_COMPONENT * np.abs(displacement).max(), 0.0, displacement
+                )
+            )
+            largest, text = (
+                violation,
+                f"{cut.joint.name} stays open by ({along}) m, where nothing in its loop moves",
+            )
+    return text
+
+
+def _widest(loops: TreeLoops, q: Coordinates) -> str:
+    """Return the joint or coupling whose rows stand open most."""
+    residual = np.abs(loops.linearise(q)[0][:, 0])
+    names = [cut.joint.name for cut in loops.cuts for _ in range(cut.rows)]
+    names += [row.coupling.name for row in loops.couplings]
+    return names[int(residual.argmax())]

@@ -1,0 +1,136 @@
+"""Poses from random starts: closed by damped Gauss-Newton steps, all together, the crank as free as any."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.loops.numerical_rank import relative_cutoff, significant
+from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
+from mechsim.model.joint_kinds import KINDS
+from mechsim.numerics.arrays import Array
+
+# damped steps, the longest of them in radians or parts of the size, and polishing steps after them
+STEPS, MAX_STEP, POLISH = 80, 0.7, 4
+# residuals that promise to close, and that are closed
+NEARLY_CLOSED, CLOSED = 1e-6, 1e-12
+# singular values below this part of the largest tell nothing of a step
+STEP_CUTOFF = 1e-7
+# and below this part, where assemblies meet, do not count
+BRANCH_CUTOFF = 1e-6
+# how far slides are thrown, in sizes to either side
+SLIDE_RANGE = 2.0
+# bytes of slopes of random starts that are closed together
+CHUNK_BYTES = 4e6
+# how far from a meeting its branches are looked for, in radians or parts of the size, and how many ways
+BRANCH_DISTANCE, DIRECTIONS = 0.05, 16
+
+
+def random_poses(
+    loops: TreeLoops, reference: Coordinates, count: int, seed: int
+) -> Iterator[tuple[int, Coordinates]]:
+    """Yield closed poses from random starts, without those that close not at all or with axes opposed.
+
+    So many starts at a time as fit into little memory, each time with how many were begun so far.
+
+    Args:
+        loops: of the mechanism.
+        reference: one set of coordinates about which slides are thrown.
+        count: how many starts.
+        seed: of the random numbers.
+    """
+    tree, draw = loops.tree, np.random.default_rng(seed)
+    angles = draw.uniform(-np.pi, np.pi, (tree.count, count))
+    displacements = reference.values + SLIDE_RANGE * loops.units[:, None] * draw.uniform(
+        -1.0, 1.0, (tree.count, count)
+    )
+    values = np.where(tree.slides[:, None], displacements, angles)
+    values[list(loops.driven)] = reference.values[list(loops.driven)]
+    quaternions = draw.normal(size=(len(tree.balls), 4, count))
+    initial = Coordinates(values, _rotations(quaternions))
+    chunk_size = max(1, int(CHUNK_BYTES / (8 * (loops.rows + tree.count + 1) * (tree.count + 1))))
+    for first in range(0, count, chunk_size):
+        indices = np.arange(first, min(first + chunk_size, count))
+        yield int(indices[-1]) + 1, closed(loops, select(initial, indices))
+
+
+def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
+    """Return closed poses all around a place where assemblies meet: some on each branch that leaves it."""
+    _, jacobian, _ = loops.linearise(q)
+    _, values, right = np.linalg.svd(jacobian[:, loops.unknown, 0])
+    null_space = right[int(significant(values, BRANCH_CUTOFF).sum()) :]
+    if not len(null_space):
+        return select(q, np.zeros(len(q), dtype=np.bool_))
+    draw = np.random.default_rng(0)
+    directions = draw.normal(size=(DIRECTIONS, len(null_space))) @ null_space
+    step = np.zeros((loops.tree.count, DIRECTIONS))
+    step[loops.unknown] = (BRANCH_DISTANCE * directions / np.linalg.norm(directions, axis=1)[:, None]).T
+    copies = Coordinates(np.repeat(q.values, DIRECTIONS, 1), np.repeat(q.turns, DIRECTIONS, -1))
+    return closed(loops, loops.displaced(copies, step))
+
+
+def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
+    """Return coordinates closed from rough ones; those that do not close are left out."""
+    for count in range(STEPS + POLISH):
+        residual, jacobian, _ = loops.linearise(q)
+        if count == STEPS:
+            q = select(q, np.abs(residual).max(0, initial=0.0) < NEARLY_CLOSED)
+            residual, jacobian, _ = loops.linearise(q)
+        if not len(q) or not loops.rows:
+            return q
+        newton_step = _damped if count < STEPS else _least
+        step_free = newton_step(jacobian[:, loops.unknown].transpose(2, 0, 1), residual.T)
+        step = np.zeros_like(q.values)
+        step[loops.unknown] = (step_free * np.minimum(1.0, MAX_STEP / _length(step_free))[:, None]).T
+        q = loops.displaced(q, step)
+    residual = loops.linearise(q)[0]
+    q = select(q, np.abs(residual).max(0) < CLOSED)
+    return select(q, axes_aligned(loops, q))
+
+
+def select(q: Coordinates, which: NDArray[np.bool_] | NDArray[np.intp]) -> Coordinates:
+    """Return some of many coordinates."""
+    return Coordinates(q.values[:, which], q.turns[..., which])
+
+
+def _damped(jacobian: Array, residual: Array) -> Array:
+    """Return damped Gauss-Newton steps, (n, count): the damping goes with the residual."""
+    transposed = jacobian.transpose(0, 2, 1)
+    square = transposed @ jacobian
+    damping = 0.1 * (residual**2).mean(1) + 1e-13
+    square += damping[:, None, None] * np.eye(square.shape[1])
+    return -np.linalg.solve(square, transposed @ residual[..., None])[..., 0]
+
+
+def _least(jacobian: Array, residual: Array) -> Array:
+    """Return least-norm steps, (n, count)."""
+    return -(np.linalg.pinv(jacobian, rcond=relative_cutoff(jacobian, STEP_CUTOFF)) @ residual[..., None])[
+        ..., 0
+    ]
+
+
+def _length(move: Array) -> Array:
+    return np.maximum(np.abs(move).max(1, initial=0.0), 1e-300)
+
+
+def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:
+    """Return which poses have no cut joint put together with its axes, or marks, opposed, (n,)."""
+    poses, aligned = link_poses(loops.tree, q), np.ones(len(q), dtype=np.bool_)
+    for cut in loops.cuts:
+        _, frame_a, _, frame_b = cut.frames(poses)
+        for i in KINDS[cut.joint.kind].alike:
+            aligned &= (frame_a[:, i] * frame_b[:, i]).sum(0) > 0.0
+    return aligned
+
+
+def _rotations(quaternions: Array) -> Array:
+    """Return rotation matrices, (balls, 3, 3, n), of quaternions (balls, 4, n) of any length."""
+    unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True)) if quaternions.size else quaternions
+    w, x, y, z = unit.transpose(1, 0, 2)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1, 3)

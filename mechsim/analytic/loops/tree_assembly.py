@@ -1,0 +1,157 @@
+"""Assembly in coordinates of the tree: the loops closed where what is prescribed stands at the start."""
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from mechsim.analytic.loops.completed_guess import completed_poses
+from mechsim.analytic.loops.nearest_closure import CLOSED, assembly_failure, close_nearest
+from mechsim.analytic.loops.random_starts import random_poses, select
+from mechsim.analytic.loops.tree_loops import TreeLoops, tree_loops
+from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses, link_poses
+from mechsim.errors import AssemblyError
+from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.rough_poses import rough_poses, starts
+from mechsim.numerics.arrays import Array
+
+# how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried
+MAX_DISTANCE = 0.5
+# random starts where a guess that leaves links out leads nowhere
+STARTS = 48
+# coordinates that are named
+NAMED = 6
+
+
+def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
+    """Return the loops of a mechanism and the coordinates in which they close nearest to its guess.
+
+    Raises:
+        AssemblyError: where they do not close; names the gap that is left, and where they would.
+    """
+    guess, counted = rough_poses(mechanism), starts(mechanism)
+    candidates: list[tuple[float, TreeLoops, Coordinates]] = []
+    first_error: AssemblyError | None = None
+    for poses in _initial_guesses(mechanism, guess):
+        try:
+            loops, initial = tree_loops(mechanism, poses, counted)
+            q = closed(loops, initial)
+            tree_poses = link_poses(loops.tree, q)
+            _require_axes_aligned(loops, tree_poses)
+            candidates.append((_distance_from_guess(mechanism, loops, tree_poses), loops, q))
+        except AssemblyError as error:
+            first_error = first_error or error
+        if candidates and candidates[-1][0] < MAX_DISTANCE:
+            break
+    if not candidates:
+        assert first_error is not None
+        return _from_random_starts(mechanism, guess, first_error)
+    return min(candidates, key=lambda candidate: candidate[0])[1:]
+
+
+def _initial_guesses(mechanism: Mechanism, guess: Mapping[str, Pose]) -> Iterator[Mapping[str, Pose]]:
+    """Yield poses of all links from which loops may close: joints as they come, drawn, slides first."""
+    yield guess
+    completed = completed_poses(mechanism, guess)
+    if completed is not None:
+        yield completed
+    if len(mechanism.guess) < len(mechanism.links):
+        yield rough_poses(mechanism, stiff_first=True)
+
+
+def _from_random_starts(
+    mechanism: Mechanism, guess: Mapping[str, Pose], first_error: AssemblyError
+) -> tuple[TreeLoops, Coordinates]:
+    """Return loops closed from random starts: nearest to a guess that leaves links out, then to nought.
+
+    Raises:
+        AssemblyError: where the guess names every link, saying where else they close; that which is given
+            where they close nowhere, or not near the guess.
+    """
+    loops, initial = tree_loops(mechanism, guess, starts(mechanism))
+    batches = [batch for _, batch in random_poses(loops, initial, STARTS, seed=1)]
+    if len(mechanism.guess) == len(mechanism.links):
+        raise _closes_elsewhere(loops, initial, batches) or first_error
+    best: tuple[float, float] = (MAX_DISTANCE, np.inf)
+    chosen: Coordinates | None = None
+    for q in (select(batch, np.array([i])) for batch in batches for i in range(len(batch))):
+        rank = (
+            _distance_from_guess(mechanism, loops, link_poses(loops.tree, q)),
+            float(np.abs(q.values / loops.units[:, None]).max(initial=0.0)),
+        )
+        if rank[0] < MAX_DISTANCE and rank < best:
+            best, chosen = rank, q
+    if chosen is None:
+        raise first_error
+    return loops, closed(loops, chosen)
+
+
+def _closes_elsewhere(
+    loops: TreeLoops, initial: Coordinates, batches: Iterable[Coordinates]
+) -> AssemblyError | None:
+    """Return the refusal of a guess from which loops do not close that close elsewhere; None for others."""
+    mechanism, places = loops.tree.mechanism, loops.tree.index_of
+    displacements = [(batch.values - initial.values) / loops.units[:, None] for batch in batches]
+    all_displacements = np.concatenate([np.zeros((loops.tree.count, 0)), *displacements], 1)
+    if not all_displacements.shape[1]:
+        return None
+    nearest = (
+        initial.values
+        + (loops.units * all_displacements[:, np.abs(all_displacements).max(0).argmin()])[:, None]
+    )
+    prescribed = (*mechanism.drivers, *mechanism.locked)
+    listed = [name for name in places if name not in prescribed][:NAMED]
+
+    def values_text(names: Iterable[str]) -> str:
+        return ", ".join(f"{name} = {nearest[places[name], 0]:.4g}" for name in names)
+
+    return AssemblyError(
+        f"{mechanism.name}: {'at ' + values_text(prescribed[:NAMED]) + ' ' if prescribed else ''}the loops "
+        f"do not close from where the other joints start, but with {values_text(listed)} they do; start near "
+        "there, by a keyframe, the places of the bodies, or the guess"
+    )
+
+
+def _distance_from_guess(mechanism: Mechanism, loops: TreeLoops, poses: LinkPoses) -> float:
+    """Return how far links of the guess are from it, in units of the size and in [rad], the worst."""
+    worst = 0.0
+    for name, pose in mechanism.guess.items():
+        i = loops.tree.links[name]
+        distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.size
+        trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
+        worst = max(worst, distance, float(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))
+    return worst
+
+
+def locked_values(mechanism: Mechanism) -> Array:
+    """Return the values of held coordinates, (holds,) in [m] or [rad]."""
+    return np.array([*mechanism.locked.values()], dtype=np.float64)
+
+
+def with_locked(driven: Array, locked: Array) -> Array:
+    """Return all that is prescribed, (drivers + holds, n), from the drivers (drivers, n) and (holds,)."""
+    if not len(locked):
+        return driven
+    return np.vstack([driven, np.broadcast_to(locked[:, None], (len(locked), driven.shape[1]))])
+
+
+def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
+    """Return the coordinates in which the loops close nearest to some, what is prescribed standing still.
+
+    Raises:
+        AssemblyError: where they do not close; names the gap that is left, and where they would.
+    """
+    solution, gap = close_nearest(loops, q)
+    if gap < CLOSED:
+        return solution
+    raise AssemblyError(assembly_failure(loops, q, solution, gap))
+
+
+def _require_axes_aligned(loops: TreeLoops, poses: LinkPoses) -> None:
+    """Refuse cuts put together with axes or marks opposed: the rows say parallel, not in which sense."""
+    for cut in loops.cuts:
+        _, frame_a, _, frame_b = cut.frames(poses)
+        for i in KINDS[cut.joint.kind].alike:
+            if float((frame_a[:, i] * frame_b[:, i]).sum()) < 0.0:
+                raise AssemblyError(f"{loops.tree.mechanism.name}: {opposed(cut.joint.name, i)}")

@@ -1,0 +1,317 @@
+"""Places, rates and accelerations of many poses together, along a path that was followed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.loops.continuation_path import ContinuationPath
+from mechsim.analytic.loops.loop_solver import Linearised, LoopSolver
+from mechsim.analytic.loops.spanning_tree import SpanningTree
+from mechsim.analytic.loops.tree_motion import Coordinates, cross, product, twists, velocity_products
+from mechsim.errors import AssemblyError
+from mechsim.model.motion import LinkMotion
+from mechsim.numerics.arrays import Array
+
+# poses solved in one go: their arrays stay in a core's own cache
+CHUNK = 1024
+# Newton steps from a polynomial's pose; the longest that cannot lead into another assembly; and one after
+# which rounding is left, which drivers may also be off their path without strides
+FINAL_STEPS, MAX_STEP, LAST_STEP = 4, 1e-3, 1e-9
+# how far drivers that are not where the path has them go at once, in [rad] or parts of the size
+MAX_DRIVER_STEP = 0.02
+# coordinates err by rounding over the conditioning, and rates by that over it once more
+SINGULAR = float(np.sqrt(np.finfo(np.float64).eps))
+
+
+@dataclass(frozen=True, slots=True)
+class LoopMotion:
+    """Closed poses of a mechanism and their rates at n instants.
+
+    Attributes:
+        values: coordinates of the tree in [m] and [rad], (n, count); not read for balls.
+        rates: of the coordinates, (n, count).
+        second: their second rates, (n, count).
+        position: of the links' origins, (n, links, 3) in [m].
+        rotation: (n, links, 3, 3).
+        velocity: of origins, then angular, (n, links, 6).
+        acceleration: likewise.
+        conditioning: distance of each pose from a singular one, (n,): the smallest singular value of the
+            loop Jacobian, the drivers held, in units of the mechanism's size.
+    """
+
+    values: Array
+    rates: Array
+    second: Array
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+    conditioning: Array
+
+    def link(self, index: int) -> LinkMotion:
+        """Return the motion of one link."""
+        velocity, acceleration = self.velocity[:, index], self.acceleration[:, index]
+        return LinkMotion(
+            self.position[:, index],
+            self.rotation[:, index],
+            velocity[:, :3],
+            velocity[:, 3:],
+            acceleration[:, :3],
+            acceleration[:, 3:],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Instants:
+    """At which parameters of a path, and how what is prescribed moves there.
+
+    Attributes:
+        parameter: parameter of the path, (n,).
+        speed: its rate, (n,) per second.
+        acceleration: its second rate, (n,).
+        value: of the prescribed coordinates, (driven, n) in [m] or [rad].
+        rate: per second, (driven, n).
+        second: second rates, (driven, n).
+    """
+
+    parameter: Array
+    speed: Array
+    acceleration: Array
+    value: Array
+    rate: Array
+    second: Array
+
+    def select(self, index: NDArray[np.intp]) -> "Instants":
+        """Return some of them."""
+        return Instants(*(getattr(self, field.name)[..., index] for field in fields(self)))
+
+
+class SingularPath(Protocol):
+    """What knows where loops tell nothing, and what its polynomials tell there."""
+
+    def near_change_point(self, s: Array) -> NDArray[np.bool_]:
+        """Return which parameters are so, (n,)."""
+        ...
+
+    def derivatives(self, s: Array) -> tuple[Array, Array]:
+        """Return first and second derivatives of flattened states, (n, w) each."""
+        ...
+
+    def interpolated(self, s: Array) -> Coordinates:
+        """Return coordinates at parameters (n,)."""
+        ...
+
+
+def loop_motion(path: ContinuationPath, instants: Instants) -> LoopMotion:
+    """Return the motion at instants along a path.
+
+    Raises:
+        AssemblyError: at the parameter beyond which the loops cannot close in this assembly, or at one so
+            near to a singular pose that no digit of the rates is left.
+    """
+    chunks = [(chunk.index, with_rates(path, chunk)) for chunk in closed_chunks(path, instants)]
+    for index, motion in chunks:
+        parameter = instants.parameter[index]
+        singular = (motion.conditioning < SINGULAR) & ~path.near_change_point(parameter)
+        if singular.any():
+            raise _too_singular(path, float(parameter[np.argmax(singular)]))
+    return merged(chunks)
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedChunk:
+    """Some instants of a motion, closed together.
+
+    Attributes:
+        solver: what closed them.
+        index: which instants they are, (k,).
+        instants: themselves.
+        q: coordinates of the tree there.
+        linearised: about them.
+    """
+
+    solver: LoopSolver
+    index: NDArray[np.intp]
+    instants: Instants
+    q: Coordinates
+    linearised: Linearised
+
+
+def closed_chunks(path: ContinuationPath, instants: Instants) -> Iterator[ClosedChunk]:
+    """Yield the instants in parts, each closed to rounding.
+
+    Raises:
+        AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+    """
+    for solver, index, rows in path.chunks(instants.parameter):
+        for i in range(0, len(index), CHUNK):
+            indices = index[i : i + CHUNK]
+            chunk = instants.select(indices)
+            yield ClosedChunk(solver, indices, chunk, *_closed(path, solver, chunk, rows[i : i + CHUNK]))
+
+
+def merged(chunks: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
+    """Return parts of a motion put together by which instants they are."""
+    order = np.argsort(np.concatenate([index for index, _ in chunks]))
+    columns = {
+        field.name: [getattr(motion, field.name) for _, motion in chunks] for field in fields(LoopMotion)
+    }
+    return LoopMotion(**{name: np.concatenate(arrays)[order] for name, arrays in columns.items()})
+
+
+def _closed(
+    path: ContinuationPath, solver: LoopSolver, instants: Instants, rows: Array
+) -> tuple[Coordinates, Linearised]:
+    """Return poses closed from those of the polynomials, and the loops there."""
+    q = path.unflat(rows, instants.parameter)
+    driven = list(path.loops.driven)
+    start = q.values[driven]
+    offset = instants.value - start
+    distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=0.0))
+    if distance > LAST_STEP:
+        sign = np.sign(solver.linearise(q).signed_distance)
+        steps = int(np.ceil(distance / MAX_DRIVER_STEP))
+        for k in range(1, steps + 1):
+            q.values[driven] = start + offset * (k / steps)
+            q, linearised = _newton(path, solver, instants.parameter, q, 10.0 * MAX_DRIVER_STEP)
+            crossed = np.sign(linearised.signed_distance) != sign
+            if crossed.any():
+                raise _too_singular(path, float(instants.parameter[np.argmax(crossed)]))
+    q.values[driven] = instants.value
+    return _newton(path, solver, instants.parameter, q, MAX_STEP)
+
+
+def _newton(
+    path: ContinuationPath, solver: LoopSolver, s: Array, q: Coordinates, max_step: float
+) -> tuple[Coordinates, Linearised]:
+    """Return poses closed from near ones, by no step that is longer than `max_step`, and the loops there."""
+    linearised = solver.linearise(q)
+    singular = path.near_change_point(s)
+    for _ in range(FINAL_STEPS):
+        rhs = np.where(singular[:, None], 0.0, linearised.rhs)
+        step = solver.step(regularised(linearised.matrix, singular), rhs)
+        longest = float(np.abs(step).max(initial=0.0))
+        if not longest < max_step:
+            raise _too_singular(path, float(s[np.argmax(np.abs(step).max(0))]))
+        q = path.loops.displaced(q, step)
+        linearised = solver.linearise(q)
+        if longest < LAST_STEP:
+            break
+    return q, linearised
+
+
+def _too_singular(path: ContinuationPath, s: float) -> AssemblyError:
+    return AssemblyError(
+        f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(s)} is too near a singular one "
+        "to be told from another assembly; keep away from it"
+    )
+
+
+def regularised(matrix: Array, singular: NDArray[np.bool_]) -> Array:
+    """Return matrices that can be solved also where the loops tell nothing."""
+    return np.where(singular[:, None, None], np.eye(matrix.shape[1]), matrix) if singular.any() else matrix
+
+
+def with_rates(path: SingularPath | None, chunk: ClosedChunk, *, conditioned: bool = True) -> LoopMotion:
+    """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for.
+
+    A path of None is one on which the loops tell everything everywhere.
+    """
+    solver, q, linearised, instants = chunk.solver, chunk.q, chunk.linearised, chunk.instants
+    loops = solver.loops
+    singular = (
+        np.zeros(len(q), dtype=np.bool_) if path is None else path.near_change_point(instants.parameter)
+    )
+    tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
+    matrix = regularised(linearised.matrix, singular)
+    polynomial = (
+        None
+        if path is None or not singular.any()
+        else rates_of_polynomial(path, tree, instants.parameter[singular])
+    )
+
+    def solved(prescribed: Array, bias: Array) -> Array:
+        """Return the coordinates' rates of one order, in their units."""
+        step = np.zeros((tree.count, len(q)), q.values.dtype)
+        step[driven] = prescribed / units[driven]
+        rhs = np.zeros_like(linearised.rhs)
+        residual = np.einsum("rkn,kn->rn", linearised.jacobian[:, driven], step[driven]) + bias
+        rhs[:, : len(solver.rows)] = residual[solver.rows].T
+        return step + solver.step(matrix, rhs)
+
+    rates = solved(instants.rate, np.zeros(1))
+    if polynomial is not None:
+        rates[:, singular] = polynomial[0] * instants.speed[singular]
+    twist = twists(tree, linearised.poses, rates * units)
+    velocity_product = velocity_products(tree, linearised.poses, twist, rates * units)
+    second = solved(
+        instants.second, loops.velocity_products(q, linearised.poses, rates * units, twist, velocity_product)
+    )
+    if polynomial is not None:
+        speed, acceleration = instants.speed[singular], instants.acceleration[singular]
+        second[:, singular] = polynomial[0] * acceleration + polynomial[1] * speed**2
+    spatial = velocity_product + twists(tree, linearised.poses, second * units)
+    velocity, accelerations = _at_origins(linearised.poses.position, twist, spatial)
+    return LoopMotion(
+        q.values.T,
+        (rates * units).T,
+        (second * units).T,
+        linearised.poses.position.transpose(2, 0, 1),
+        linearised.poses.rotation.transpose(3, 0, 1, 2),
+        velocity.transpose(2, 0, 1),
+        accelerations.transpose(2, 0, 1),
+        _conditioning(linearised, loops.unknown, len(solver.rows)) if conditioned else np.ones(len(q)),
+    )
+
+
+def _at_origins(position: Array, twist: Array, spatial: Array) -> tuple[Array, Array]:
+    """Return velocities and accelerations of the links' origins from twists and spatial accelerations.
+
+    Args:
+        position: of the origins, (links, 3, n) in [m].
+        twist: linear velocity at the frame's origin, then angular velocity, (links, 6, n).
+        spatial: spatial acceleration in the same order, (links, 6, n).
+
+    Returns:
+        Linear, then angular parts at the links' own origins, (links, 6, n) each.
+    """
+    velocity, accelerations = np.empty_like(twist), np.empty_like(twist)
+    for i, origin in enumerate(position):
+        angular_velocity, angular_acceleration = twist[i, 3:], spatial[i, 3:]
+        velocity[i, :3] = twist[i, :3] + cross(angular_velocity, origin)
+        accelerations[i, :3] = (
+            spatial[i, :3] + cross(angular_acceleration, origin) + cross(angular_velocity, velocity[i, :3])
+        )
+        velocity[i, 3:], accelerations[i, 3:] = angular_velocity, angular_acceleration
+    return velocity, accelerations
+
+
+def _conditioning(linearised: Linearised, unknown: NDArray[np.intp], rank: int) -> Array:
+    """Return the smallest singular value that counts of each pose's loops, (n,); 1 where there are none."""
+    if not rank:
+        return np.ones(linearised.jacobian.shape[2])
+    values = np.linalg.svd(linearised.jacobian[:, unknown].transpose(2, 0, 1), compute_uv=False)
+    return np.asarray(values[:, rank - 1], dtype=np.float64)
+
+
+def rates_of_polynomial(path: SingularPath, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
+    """Return first and second derivatives of the coordinates by the parameter, off the polynomials."""
+    first, second = path.derivatives(angle)
+    first_rates, second_rates = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()
+    coordinates = path.interpolated(angle)
+    for i, ball in enumerate(tree.balls):
+        columns = slice(tree.count + 9 * i, tree.count + 9 * (i + 1))
+        rotation = coordinates.turns[i]
+        rotation_rate, rotation_second = (
+            np.ascontiguousarray(rows[:, columns].T).reshape(3, 3, -1) for rows in (first, second)
+        )
+        skew_first = product(rotation_rate, rotation.transpose(1, 0, 2))
+        skew_second = product(rotation_second, rotation.transpose(1, 0, 2))
+        for rows, matrix in ((first_rates, skew_first), (second_rates, skew_second)):
+            rows[ball.first_angle : ball.first_angle + 3] = (
+                0.5 * (matrix - matrix.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
+            )
+    return first_rates, second_rates

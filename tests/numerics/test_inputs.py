@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.numerics.inputs import HUGE, number, numbers, require, units_remedy
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.array(2), True + True])
+def test_a_real_number_is_itself(value):
+    assert number(value) == 2.0
+
+
+@pytest.mark.parametrize("value", ["2", None, [2.0], 2j, object(), {}, np.array([1.0, 2.0])])
+def test_what_is_no_number_is_nan_and_so_refused_by_any_comparison(value):
+    assert np.isnan(number(value))
+
+
+def test_lists_of_numbers_keep_their_shape_and_ragged_ones_are_none():
+    assert numbers([[1, 2, 3]]).shape == (1, 3)
+    assert numbers([]).shape == (0,)
+    for value in ([[1], [1, 2]], ["a", 1], [None], "0:1"):
+        assert np.isnan(numbers(value)).all()
+
+
+def test_only_text_is_told_how_it_becomes_a_number():
+    assert "units.parse" in units_remedy("1um", "units.parse_length('1 um')")
+    assert units_remedy(np.nan, "units.parse_length('1 um')") == ""
+
+
+def test_an_array_of_objects_is_no_array_of_numbers_unless_it_is_empty():
+    assert numbers(np.array([], dtype=object)).shape == (0,)
+    for objects in (
+        np.array([2.0], dtype=object),
+        np.array([2.0, 3.0], dtype=object),
+        np.array([], dtype=str),
+    ):
+        found = numbers(objects)
+        assert found.shape == ()
+        assert np.isnan(found)
+
+
+def test_a_thing_of_its_kind_is_handed_on_and_any_other_is_named():
+    assert require("the count", 3, int) == 3
+    with pytest.raises(InputError, match=r"^the count is of type str; give one of type int$"):
+        require("the count", "3", int)
+
+
+def test_numbers_are_huge_from_where_docs_say():
+    assert HUGE == 1e30

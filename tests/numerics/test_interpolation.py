@@ -1,0 +1,31 @@
+"""Tables over time joined smoothly."""
+
+import numpy as np
+import pytest
+
+from mechsim.errors import InputError
+from mechsim.numerics.interpolation import quintic_spline
+
+TIME = np.array([0.0, 0.3, 0.5, 1.1, 1.4, 2.0, 2.2])
+
+
+def test_a_polynomial_of_degree_five_is_had_back_with_its_rates():
+    power = np.polynomial.Polynomial([1.0, -2.0, 0.5, 0.3, -0.7, 0.2])
+    at = np.linspace(0.0, 2.2, 50)
+    found = quintic_spline("it", TIME, power(TIME))(at)
+    for order, values in enumerate(found):
+        np.testing.assert_allclose(values, power.deriv(order)(at) if order else power(at), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("time", "value", "said"),
+    [
+        (TIME[:5], TIME[:5], "at least 6 rows"),
+        (TIME, TIME[:6], "equal length"),
+        (TIME[::-1], TIME, "do not rise"),
+        (TIME, np.where(TIME > 1.0, np.nan, TIME), "not finite"),
+    ],
+)
+def test_a_table_that_makes_no_curve_is_refused(time, value, said):
+    with pytest.raises(InputError, match=said):
+        quintic_spline("the table of hip", time, value)
