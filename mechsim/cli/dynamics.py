@@ -40,8 +40,8 @@ from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.resources import require_room
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
-from mechsim.simulation.dynamics import free_running
-from mechsim.simulation.dynamics.free_running import SteppedFreeRun
+from mechsim.simulation.dynamics import free_motion
+from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
 from mechsim.simulation.stepping import Progress
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
@@ -250,7 +250,7 @@ def _free(
 
 def _stepped(machine: Machine, speed: float, asked: DynamicsOptions) -> tuple[SteppedFreeRun, Verdict]:
     with progress("dynamics", None) as tick:
-        found = free_running.free_run(
+        found = free_motion.free_run(
             machine.mechanism,
             machine.forces,
             speed=speed,

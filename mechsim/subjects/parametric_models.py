@@ -6,9 +6,7 @@ from typing import Any
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.derivatives.catalog_family import catalog_family
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
-from mechsim.analytic.derivatives.joint_places import placed_family
+from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, catalog_family, placed_family
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.forces import Forces

@@ -10,9 +10,8 @@ from mpmath import mp
 
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.catalog_family import catalog_family
-from mechsim.analytic.derivatives.joint_places import placed_family
-from mechsim.analytic.derivatives.numbers import numbers_of
+from mechsim.analytic.derivatives.dimensions import catalog_family, placed_family
+from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.subjects import subject

@@ -8,7 +8,7 @@ from exact import DIGITS, four_bar_b, rssr_p3
 from mpmath import mp
 
 from mechsim import catalog, course, dynamics
-from mechsim.analytic.dynamics import applied, prescribed_motion
+from mechsim.analytic.dynamics import applied_forces, prescribed_motion
 from mechsim.analytic.dynamics.reduced_equation import kinetic_energy
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
@@ -408,7 +408,7 @@ def test_everything_that_acts_is_looked_up_once_for_one_answer(monkeypatch):
     for name in counted:
         monkeypatch.setattr(prescribed_motion, name, counting(name, getattr(prescribed_motion, name)))
     asked = []
-    monkeypatch.setattr(applied, "add_friction", lambda *args: asked.append(args[-1].joint) or [])
+    monkeypatch.setattr(applied_forces, "add_friction", lambda *args: asked.append(args[-1].joint) or [])
     drive = catalog.make("rssr")
     machine = dynamics.machine(drive, busy(drive))
     dynamics.prescribed(machine, ANGLES, 80.0)

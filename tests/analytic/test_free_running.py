@@ -9,7 +9,7 @@ from grids import grid
 from mpmath import mp
 
 from mechsim import catalog, closure, course, dynamics, motors
-from mechsim.analytic.dynamics.crank_table import CrankTable, columns
+from mechsim.analytic.dynamics.reduced_equation import CrankTable, columns
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint

@@ -4,7 +4,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import turns
 
-from mechsim.analytic.vector_method.trig_arcs import TURN, Arcs, reachable_arcs
+from mechsim.analytic.vector_method.trig_polynomial import TURN, Arcs, reachable_arcs
 
 
 def with_roots(roots, scale=1.0):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, cli, dynamics, files, motors, units
-from mechsim.analytic.dynamics.free_run_events import Runner
+from mechsim.analytic.dynamics.free_motion import Runner
 from mechsim.cli import dynamics as cli_dynamics
 from mechsim.cli import output, solve, time_left
 from mechsim.model.forces import Forces
 from mechsim.numerics import resources
-from mechsim.simulation.dynamics import free_running
+from mechsim.simulation.dynamics import free_motion
 
 # what would hold more than a machine has: words of the command, and what the one line says
 TOO_LARGE = {
@@ -132,7 +132,7 @@ def test_a_motor_too_stiff_for_explicit_steps_is_rejected_before_any_is_taken(
     def taken(*_: object, **__: object) -> None:
         pytest.fail("steps were taken")
 
-    monkeypatch.setattr(free_running, "step_freely", taken)
+    monkeypatch.setattr(free_motion, "step_freely", taken)
     said = one_line(f"dynamics four_bar --motor {motor}", monkeypatch, capsys)
     assert "and 500,000 are the limit of one run; give a flywheel" in said
     assert "--method none" in said

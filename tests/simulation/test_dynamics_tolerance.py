@@ -13,7 +13,7 @@ from mechsim.model.motors import TorqueSpeedLine
 from mechsim.simulation import Settings, refine, swing
 from mechsim.simulation.dynamics import torque_tolerance
 from mechsim.simulation.dynamics.determinacy import settled
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free

@@ -15,7 +15,7 @@ from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, mjcf, swing
 from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 

@@ -16,7 +16,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation import Settings
-from mechsim.simulation.dynamics.free_running import AGREEING, REDUNDANT, free_run
+from mechsim.simulation.dynamics.free_motion import AGREEING, REDUNDANT, free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import weighing

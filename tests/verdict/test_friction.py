@@ -10,7 +10,7 @@ from mechsim import catalog, course, dynamics
 from mechsim.errors import InputError
 from mechsim.model.forces import Couple, Forces, Friction
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 

@@ -14,13 +14,13 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 import driven as machines
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation import Settings
-from mechsim.simulation.dynamics import efforts
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics import inverse_dynamics
+from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
@@ -77,7 +77,7 @@ def main() -> None:
     for name, (mechanism, states, duration) in CASES.items():
         form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, duration))
         machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))
-        stepped = mock.patch.object(efforts, "_straightened", lambda _, states: states)
+        stepped = mock.patch.object(inverse_dynamics, "_straightened", lambda _, states: states)
         closed = {steps: errors(machine, steps) for steps in STEPS}
         with stepped:
             open_ = {steps: errors(machine, steps) for steps in STEPS}

@@ -30,7 +30,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics import Machine
 from mechsim.model.forces import Forces
 from mechsim.simulation import Settings
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 

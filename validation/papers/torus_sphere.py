@@ -8,7 +8,7 @@ from curve_equations import System, trace_curve
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.rrsrr import Rrsrr
-from mechsim.analytic.vector_method.trig_arcs import reachable_arcs
+from mechsim.analytic.vector_method.trig_polynomial import reachable_arcs
 from mechsim.errors import AssemblyError
 from mechsim.model.display import short_repr
 from mechsim.numerics.angles import TURN

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method.jets import Jet
 from mechsim.analytic.vector_method.plane import flat, xyz
-from mechsim.analytic.vector_method.triad_legs import carried
+from mechsim.analytic.vector_method.triad import carried
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End

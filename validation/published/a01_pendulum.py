@@ -19,7 +19,7 @@ from table import Row, show
 import mechsim as ms
 from mechsim.model.forces import Forces
 from mechsim.model.inertia import Inertia
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 
 GRAVITY = 9.81
 PERIOD = 2.367841947576237

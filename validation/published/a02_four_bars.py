@@ -28,7 +28,7 @@ from table import Row, show
 import mechsim as ms
 from mechsim.model.forces import Forces
 from mechsim.model.rod_inertia import slender_rod
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 
 GRAVITY = 9.81
 SETTINGS = ms.Settings(integrator="discrete", constant_steps=1e-3, compliance=1e-4)

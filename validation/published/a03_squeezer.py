@@ -26,7 +26,7 @@ from mechsim import dynamics
 from mechsim.model.forces import Forces, Spring
 from mechsim.model.inertia import Inertia
 from mechsim.model.motors import ConstantTorque
-from mechsim.simulation.dynamics.free_running import SteppedFreeRun, free_run
+from mechsim.simulation.dynamics.free_motion import SteppedFreeRun, free_run
 
 MASSES = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)
 INERTIAS = (2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5)

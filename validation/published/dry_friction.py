@@ -12,7 +12,7 @@ import numpy as np
 
 from mechsim import catalog, dynamics
 from mechsim.model.forces import Forces, Friction
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 
 STEPS = (1e-4, 2.5e-5)
 TILTED = (0.3, -9.81, 0.5)

@@ -24,7 +24,7 @@ import mechsim as ms
 from mechsim import dynamics
 from mechsim.model.forces import Forces
 from mechsim.model.inertia import Inertia
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 
 X = (1.0, 0.0, 0.0)
 SPIN = np.array([144.0, -72.0, 60.0]) / 85.0

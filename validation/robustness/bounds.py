@@ -24,7 +24,7 @@ from mechsim.model.crank_profile import within_range
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.motors import ConstantTorque
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.validate import case_of

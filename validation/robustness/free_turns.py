@@ -13,7 +13,7 @@ import numpy as np
 
 from mechsim import catalog, dynamics
 from mechsim.model.forces import Forces
-from mechsim.simulation.dynamics.free_running import free_run
+from mechsim.simulation.dynamics.free_motion import free_run
 
 SPEED, TURNS, WEIGHT = 60.0, (10, 100), (0.0, -9.81, 0.0)
 

@@ -23,11 +23,11 @@ from mechanisms import three_cranks
 from mechsim import load
 from mechsim.analytic import catalog, dynamics
 from mechsim.analytic.dynamics import prescribed
-from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.errors import MechsimError
 from mechsim.model.crank_profile import within_range
 from mechsim.model.forces import Forces
-from mechsim.simulation.dynamics import rigid_forces
+from mechsim.simulation.dynamics import applied_forces
 from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
 from mechsim.studies.motion_source import weighing
 from mechsim.subjects import gallery
@@ -77,11 +77,11 @@ def tell(name: str, machine: Machine, moved: dict[str, Any]) -> float:
 
 def cost(name: str) -> None:
     """Print what reading forces several times costs of a stepped turn, the best of rounds."""
-    machine, usual = weighing(load(name)), rigid_forces.PASSES
+    machine, usual = weighing(load(name)), applied_forces.PASSES
     best = dict.fromkeys((1, usual), np.inf)
     for _ in range(ROUNDS):
         for passes in best:
-            rigid_forces.PASSES = passes
+            applied_forces.PASSES = passes
             begun = process_time()
             driven(machine.mechanism, machine.forces, speed=SPEED, method="step")
             best[passes] = min(best[passes], process_time() - begun)

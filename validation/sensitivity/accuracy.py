@@ -18,9 +18,8 @@ from exact import DIGITS, four_bar_b_place, rssr_p3_place, slider_crank_b_place
 
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives import changes, motion_derivatives
-from mechsim.analytic.derivatives.catalog_family import catalog_family
-from mechsim.analytic.derivatives.dimensions import EIGHTH
-from mechsim.analytic.derivatives.motion_beside import motion_beside
+from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_family
+from mechsim.analytic.derivatives.motion import motion_beside
 from mechsim.errors import MechsimError
 from mechsim.subjects import gallery
 from mechsim.subjects.parametric_models import parametric_model

@@ -18,8 +18,13 @@ from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
-from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
-from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, sampled, signed_root
+from mechsim.analytic.vector_method.trig_polynomial import (
+    Arcs,
+    SignedRoot,
+    reachable_arcs,
+    sampled,
+    signed_root,
+)
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.crank_profile import arc_around, closes_nowhere

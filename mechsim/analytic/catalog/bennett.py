@@ -12,7 +12,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_fields import angle, length
 from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import column, cross, spun
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint

@@ -14,9 +14,8 @@ from mechsim.analytic.catalog.parameter_fields import angle, choice, length, num
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.analytic.vector_method.jets import Jet, Values, cos_sin, root, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
-from mechsim.analytic.vector_method.root_sheets import Sheet, sheets
-from mechsim.analytic.vector_method.trig_arcs import Arcs, reachable_arcs
-from mechsim.analytic.vector_method.trig_polynomial import sampled
+from mechsim.analytic.vector_method.root_branches import Sheet, sheets
+from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint

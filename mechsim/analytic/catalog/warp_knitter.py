@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_fields import angle, length, number, place
-from mechsim.analytic.vector_method import triad_assemblies
+from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.plane import cross, flat, xyz
-from mechsim.analytic.vector_method.triad_legs import carried, determinant, leg_vectors, moments
+from mechsim.analytic.vector_method.triad import carried, determinant, leg_vectors, moments
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
-from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
 from mechsim.model.couplings import Gear
@@ -264,7 +264,7 @@ class WarpKnitter(ClosedForm):
     def _assemblies_at(self, pivots: list[complex]) -> list[tuple[complex, complex]]:
         """Return place and turn of the base link in every assembly, by rising angle."""
         moved, fixed = ([(z.real, z.imag) for z in points] for points in (pivots, self.platform))
-        poses = triad_assemblies.assemblies(moved, fixed, self.sides)
+        poses = triad.assemblies(moved, fixed, self.sides)
         return [(complex(x, y), complex(np.exp(1j * t))) for x, y, t in poses[np.isfinite(poses[:, 2])]]
 
     @cached_property

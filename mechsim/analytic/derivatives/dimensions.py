@@ -1,15 +1,23 @@
 """What dimensions change of a mechanism: the derivatives of its numbers."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.derivatives.numbers import numbers_of
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, IDENTITY, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.rough_poses import rough_poses
 from mechsim.numerics.arrays import Array
 
 # weights of the values a step, two, three and four steps ahead, and minus them behind, divided by the step
@@ -163,3 +171,125 @@ def _scales(dimension: Dimension, size: float) -> list[float]:
         return [1.0]
     whole = size if dimension.unit == "m" else 1.0
     return [own, whole] if own > SMALL * whole else [whole, own] if own else [whole]
+
+
+AXES = "xyz"
+
+
+def placed_family(form: Form) -> DesignFamily:
+    """Return the family of a mechanism whose dimensions are the places of its joints."""
+    mechanism = form.mechanism
+    own = form if isinstance(form, LoopForm) else LoopForm(mechanism)
+
+    def describe(values: Mapping[str, float]) -> Mechanism:
+        return _placed(mechanism, values)
+
+    def make(values: Mapping[str, float]) -> Form:
+        return replace(own, mechanism=describe(values)) if values else form
+
+    found = {
+        name: Dimension(name, value, unit) for joint in mechanism.joints for name, value, unit in _of(joint)
+    }
+    usual = tuple(name for name in found if name.count(".") == 2 and ".at." in name)
+    return DesignFamily(form.name, found, describe, make, usual=usual)
+
+
+def _of(joint: Joint) -> list[tuple[str, float, str]]:
+    """Return name, value and unit of each dimension of a joint."""
+    ends = {"": joint.b, ".a": joint.a, ".b": joint.b}
+    found = [
+        (f"{joint.name}{side}.at.{axis}", end.point[i], "m")
+        for side, end in ends.items()
+        for i, axis in enumerate(AXES)
+    ]
+    return found + [(f"{joint.name}{side}.tilt.{axis}", 0.0, "rad") for side in ends for axis in AXES]
+
+
+def _placed(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
+    """Return a mechanism with joints in other places."""
+    found = {joint.name: joint for joint in mechanism.joints}
+    for name, value in values.items():
+        rest, what, axis = name.rsplit(".", 2)
+        own = rest in found and not (rest[:-2] in found and rest[-2:] in (".a", ".b"))
+        joint, side = (rest, "") if own else (rest[:-2], rest[-1:])
+        change = np.zeros(3)
+        i = AXES.index(axis)
+        before = mechanism.joint(joint)
+        start = (before.a if side == "a" else before.b).point[i] if what == "at" else 0.0
+        change[i] = value - start
+        found[joint] = _moved(mechanism, found[joint], side, what, change)
+    return replace(mechanism, joints=tuple(found.values()))
+
+
+def _moved(mechanism: Mechanism, joint: Joint, side: str, what: str, change: Array) -> Joint:
+    if side:
+        return replace(joint, **{side: _end(getattr(joint, side), what, change)})
+    return replace(
+        joint,
+        a=_end(joint.a, what, _between(mechanism, joint) @ change),
+        b=_end(joint.b, what, change),
+    )
+
+
+def _between(mechanism: Mechanism, joint: Joint) -> Array:
+    """Return the turn from link b's frame to link a's where both sides of a joint meet."""
+    if KINDS[joint.kind].aligned:
+        return joint.a.frame @ joint.b.frame.T
+    poses = {GROUND: IDENTITY, **rough_poses(mechanism)}
+    return poses[joint.a.link].rotation.T @ poses[joint.b.link].rotation
+
+
+def _end(end: End, what: str, change: Array) -> End:
+    if what == "at":
+        return replace(end, point=_vector(np.asarray(end.point) + change))
+    frame = turned_by(end.frame[None], change[None])[0]
+    return End(end.link, end.point, _vector(frame[:, 2]), _vector(frame[:, 0]))
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def catalog_family(form: ClosedForm) -> DesignFamily:
+    """Return the family of a catalogue mechanism: all its dimensions, parts of places as NAME.x, NAME.y."""
+    found: dict[str, Dimension] = {}
+    for parameter in fields(form):
+        unit, value = parameter.metadata["unit"], getattr(form, parameter.name)
+        if "options" in parameter.metadata or isinstance(parameter.default, int):
+            continue
+        for name, one in _parts(parameter.name, value).items():
+            found[name] = Dimension(name, float(one), unit)
+
+    def describe(values: Mapping[str, float]) -> Mechanism:
+        return _unchecked(form, _whole(form, values)).description
+
+    return DesignFamily(form.name, found, describe, lambda values: replace(form, **_whole(form, values)))
+
+
+def _parts(name: str, value: Any) -> dict[str, float]:
+    if isinstance(value, tuple):
+        return {f"{name}.{axis}": one for axis, one in zip(AXES, value, strict=False)}
+    return {name: value}
+
+
+def _whole(form: ClosedForm, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return parameters from dimensions: places put together from their parts."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        parameter, dot, axis = name.partition(".")
+        if not dot:
+            found[parameter] = value
+            continue
+        place = list(found.get(parameter, getattr(form, parameter)))
+        place[AXES.index(axis)] = value
+        found[parameter] = tuple(place)
+    return found
+
+
+def _unchecked(form: ClosedForm, values: Mapping[str, Any]) -> ClosedForm:
+    """Return a mechanism whose dimensions nothing has checked, of which only the description is of use."""
+    one = object.__new__(type(form))
+    for parameter in fields(form):
+        object.__setattr__(one, parameter.name, values.get(parameter.name, getattr(form, parameter.name)))
+    return one

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.derivatives.force_numbers import force_numbers, with_force_numbers
 from mechsim.analytic.derivatives.motion import Followed
-from mechsim.analytic.derivatives.numbers import numbers_of
-from mechsim.analytic.dynamics.friction import STILL
-from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.derivatives.parameter_vector import force_numbers, numbers_of, with_force_numbers
+from mechsim.analytic.dynamics.applied_forces import STILL
+from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, moved_as
 from mechsim.analytic.dynamics.unit_motion import from_motion
 from mechsim.model.forces import Forces

@@ -1,8 +1,8 @@
 """Dynamics of any mechanism with one crank, from its closed form or its loop equations. No simulator."""
 
+from mechsim.analytic.dynamics.dynamic_model import Machine, machine
 from mechsim.analytic.dynamics.flywheel import fluctuation, flywheel_for
-from mechsim.analytic.dynamics.free_running import free_run
-from mechsim.analytic.dynamics.machines import Machine, machine
+from mechsim.analytic.dynamics.free_motion import free_run
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, reduced

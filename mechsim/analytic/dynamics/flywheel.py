@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.dynamics.applied import applied, loads
-from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.dynamics.applied_forces import applied, loads
+from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients
 from mechsim.errors import InputError
 from mechsim.model.efforts import Fluctuation

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.applied import applied, loads
-from mechsim.analytic.dynamics.friction import STILL, Dry, add_couple
-from mechsim.analytic.dynamics.machines import Machine
+from mechsim.analytic.dynamics.applied_forces import STILL, Dry, add_couple, applied, loads
+from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, kinetic_energy
 from mechsim.analytic.dynamics.unit_motion import UnitMotion

@@ -15,7 +15,7 @@ from mechsim.analytic.loops.prescribed_motion import path_under_laws, solve_pres
 from mechsim.analytic.loops.rank import conditioning
 from mechsim.analytic.loops.tree_rates import Instants
 from mechsim.analytic.path_instants import path_instants
-from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.model.crank_profile import arc_around
 from mechsim.model.forces import Forces

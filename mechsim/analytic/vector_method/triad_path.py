@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method.jets import Values
-from mechsim.analytic.vector_method.triad_legs import close, determinant, inverse, leg_vectors, moments
+from mechsim.analytic.vector_method.triad import close, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import turned_into
 from mechsim.numerics.arrays import Array

@@ -12,7 +12,7 @@ from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.simulation.closed_model import HasMechanism
-from mechsim.simulation.dynamics.efforts import efforts_of, required, started, stiffen_friction
+from mechsim.simulation.dynamics.inverse_dynamics import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
 from mechsim.simulation.initial_state import at_initial_state, parameter_profile

@@ -8,8 +8,8 @@ from mechsim.model.efforts import Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.dynamics.applied_forces import thread_efforts
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
-from mechsim.simulation.dynamics.mesh_forces import thread_efforts
 
 
 def transmitted(

@@ -16,7 +16,7 @@ from mechsim.numerics.arrays import Array, rms, worst
 from mechsim.numerics.convergence import believed_order
 from mechsim.simulation import refine
 from mechsim.simulation.dynamics.determinacy import Known, settled
-from mechsim.simulation.dynamics.efforts import required
+from mechsim.simulation.dynamics.inverse_dynamics import required
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.refine import Attempt
 from mechsim.simulation.run_result import Driven

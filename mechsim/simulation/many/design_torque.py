@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
+from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
 from mechsim.simulation.many.design_fields import Fields, loosened
 from mechsim.simulation.many.design_models import Rows
 from mechsim.simulation.many.stepped_designs import SteppedDesigns

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic import dynamics
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
+from mechsim.analytic.derivatives.motion import MotionBeside, motion_beside
 from mechsim.analytic.dynamics import Machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form

@@ -8,10 +8,15 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
+from mechsim.analytic.derivatives.dimensions import AXES, placed_family
 from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers, moved_efforts
-from mechsim.analytic.derivatives.joint_places import AXES, placed_family
-from mechsim.analytic.derivatives.motion import Followed, derivatives_along, followed_motion
-from mechsim.analytic.derivatives.motion_beside import MotionBeside, motion_beside
+from mechsim.analytic.derivatives.motion import (
+    Followed,
+    MotionBeside,
+    derivatives_along,
+    followed_motion,
+    motion_beside,
+)
 from mechsim.analytic.dynamics import InverseDynamics, Machine, machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form

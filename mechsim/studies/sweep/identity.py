@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from mechsim._version import __version__
-from mechsim.analytic.derivatives.numbers import numbers_of
+from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.studies.sweep.subject import OfCatalog, OfPython, OfToml
 from mechsim.studies.sweep.task import SweepTask
 

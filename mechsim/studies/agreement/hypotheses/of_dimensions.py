@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
-from mechsim.analytic.derivatives.joint_places import placed_family
+from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, placed_family
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, MechsimError

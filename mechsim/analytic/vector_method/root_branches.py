@@ -13,7 +13,7 @@ from itertools import permutations
 import numpy as np
 
 from mechsim.analytic.vector_method import trig_quartic
-from mechsim.analytic.vector_method.trig_arcs import Arcs
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 

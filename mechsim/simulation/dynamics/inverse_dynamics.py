@@ -10,12 +10,21 @@ import numpy as np
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import join, put, weighed
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.applied import Fields, dry_friction, loop_forces, native, sliding, together
+from mechsim.simulation.dynamics.applied_forces import (
+    Fields,
+    coupling_forces,
+    dry_friction,
+    loop_forces,
+    mesh_forces,
+    native,
+    rigid_forces,
+    sliding,
+    soften,
+    together,
+)
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
-from mechsim.simulation.dynamics.mesh_forces import coupling_forces, mesh_forces
 from mechsim.simulation.dynamics.reactions import transmitted
-from mechsim.simulation.dynamics.rigid_forces import rigid_forces, soften
 from mechsim.simulation.numerical_rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_point_motion import Near, held_off

@@ -15,15 +15,14 @@ from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import HasMechanism
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
-from mechsim.simulation.dynamics.efforts import (
+from mechsim.simulation.dynamics.free_steps import expect_speed, step_freely
+from mechsim.simulation.dynamics.inverse_dynamics import (
     efforts_of,
     powers,
     situation,
     started,
     stiffen_friction,
 )
-from mechsim.simulation.dynamics.expected_speed import expect_speed
-from mechsim.simulation.dynamics.free_steps import step_freely
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops

@@ -4,11 +4,14 @@ MuJoCo projects these forces onto coordinates. What a joint of the tree carries 
 act on, so for reactions each is put back where it acts.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import mujoco
 import numpy as np
 
+from mechsim.model.efforts import MeshForce
+from mechsim.model.joints import Joint
+from mechsim.model.meshes import Mesh, meshes_of, threads_of
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 
@@ -110,3 +113,102 @@ def together(*parts: AppliedForces) -> AppliedForces:
         sum((part.generalised for part in parts[1:]), parts[0].generalised),
         sum((part.wrenches for part in parts[1:]), parts[0].wrenches),
     )
+
+
+def coupling_forces(
+    loaded: LoadedModel, fields: Fields, jacobian: Array, multipliers: Array
+) -> AppliedForces:
+    """Return the forces of couplings and holds: of teeth at their pitch points, of others on coordinates.
+
+    A tooth force on a wheel, and its reverse on the body that carries it, do the work of the coordinate's
+    effort; those on the carrier cancel.
+    """
+    forces = loaded.nothing(len(multipliers))
+    meshes, first = meshes_of(loaded.mechanism), loaded.loops.coupled_rows.start
+    toothed = [first + i for i, name in enumerate(loaded.mechanism.named_laws) if name in meshes]
+    plain = np.setdiff1d(np.arange(multipliers.shape[1])[loaded.loops.coupled_rows], toothed)
+    forces.generalised[:] += np.einsum("nm,nmv->nv", multipliers[:, plain], jacobian[:, plain])
+    for row, mesh in zip(toothed, meshes.values(), strict=True):
+        force, point = _at_pitch_point(loaded, fields, mesh, multipliers[:, row])
+        for own, sign in ((mesh.driven, 1.0), (mesh.driver, -1.0)):
+            near, far = loaded.ends(own.joint)
+            wheel, carrier = (far, near) if own.sign > 0.0 else (near, far)
+            add_force(forces.wrenches, fields, loaded.body(wheel), point, sign * force)
+            add_force(forces.wrenches, fields, loaded.body(carrier), point, -sign * force)
+    return forces
+
+
+def mesh_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> dict[str, MeshForce]:
+    """Return the tooth force of each coupling that has a pitch point."""
+    names, first = [*loaded.mechanism.named_laws], loaded.loops.coupled_rows.start
+    found: dict[str, MeshForce] = {}
+    for name, mesh in meshes_of(loaded.mechanism).items():
+        effort = multipliers[:, first + names.index(name)]
+        force, point = _at_pitch_point(loaded, fields, mesh, effort)
+        found[name] = MeshForce(link=mesh.driven.link, by=mesh.driver.link, force=force, point=point)
+    return found
+
+
+def thread_efforts(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield force along and moment about the axis of a screw on its link b, (n,) each; nothing of others."""
+    threads, first = threads_of(loaded.mechanism), loaded.loops.coupled_rows.start
+    for i, (name, law) in enumerate(loaded.mechanism.named_laws.items()):
+        if threads.get(name) == joint:
+            yield multipliers[:, first + i], -law.slope * multipliers[:, first + i]
+
+
+def _at_pitch_point(loaded: LoadedModel, fields: Fields, mesh: Mesh, effort: Array) -> tuple[Array, Array]:
+    """Return the force on the driven one and the pitch point, in the ground frame, (n, 3) each."""
+    body = loaded.body(mesh.carrier)
+    axes = fields["xmat"][:, body].reshape(-1, 3, 3)
+    own = np.outer(effort, mesh.tangential) + np.outer(np.abs(effort), mesh.separating)
+    return (axes @ own[..., None])[..., 0], fields["xpos"][:, body] + axes @ mesh.point
+
+
+# factor on MuJoCo's inverse weights at which forces are looked for. Harder, rounding over it is left where
+# rows repeat each other; softer, two passes leave 1e-3 near a dead centre
+# (validation/robustness/torque_scale.py)
+SOFTNESS = 1e-5
+# steps of Newton's method in each pass, and passes
+ITERATIONS, PASSES = 10, 3
+# of the correction before it: a third that is no smaller part is rounding
+SHRINKING = 0.1
+
+
+def soften(model: mujoco.MjModel, compliance: float) -> float:
+    """Make a model's constraints fit to look for their forces.
+
+    Args:
+        model: compiled; its inverse weights are multiplied.
+        compliance: factor on them so far.
+
+    Returns:
+        The factor by which they were multiplied, 1 or more.
+    """
+    factor = max(1.0, SOFTNESS / compliance)
+    model.body_invweight0[:] *= factor
+    model.dof_invweight0[:] *= factor
+    model.opt.iterations = ITERATIONS
+    return factor
+
+
+def rigid_forces(
+    look: Callable[[Array], Mapping[str, Array]], states: int, freedoms: int
+) -> dict[str, Array]:
+    """Return what MuJoCo makes of states whose constraints are rigid, with "qfrc_constraint" their force.
+
+    Args:
+        look: MuJoCo's fields of the states under generalised forces (n, nv) beside what acts otherwise.
+        states: their number n.
+        freedoms: nv.
+    """
+    force = np.zeros((states, freedoms))
+    fields, before = look(force), np.full(states, np.inf)
+    for number in range(PASSES):
+        if number:
+            fields = look(force)
+        lacking = fields["qfrc_constraint"]
+        size = np.abs(lacking).max(1, initial=0.0)
+        good = (size < SHRINKING * before) | (number < 2)
+        force, before = force + np.where(good[:, None], lacking, 0.0), size
+    return {**fields, "qfrc_constraint": force}

@@ -17,7 +17,7 @@ import mpmath as mp
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.vector_method import triad_assemblies
+from mechsim.analytic.vector_method import triad
 
 Array = NDArray[np.float64]
 SAMPLES = 720
@@ -172,7 +172,7 @@ def disagreements(poses: Array, others: list[Array], bound: float = MATCH) -> ND
 def main(count: int) -> int:
     pivots, platform, legs = random_triads(count)
     clock = time.perf_counter()
-    poses = triad_assemblies.assemblies(pivots, platform, legs)
+    poses = triad.assemblies(pivots, platform, legs)
     mine = time.perf_counter() - clock
     others = CouplerCurves(pivots, platform, legs).roots()
     second = time.perf_counter() - clock - mine
