@@ -22,7 +22,7 @@ REFERENCE = np.array(
 
 
 def load_study():
-    path = Path(__file__).parents[2] / "validation" / "papers" / "triad_assemblies.py"
+    path = Path(__file__).parents[2] / "validation" / "papers" / "triad.py"
     spec = importlib.util.spec_from_file_location("triad", path)
     module = importlib.util.module_from_spec(spec)
     sys.modules["triad"] = module

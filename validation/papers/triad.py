@@ -6,7 +6,7 @@ length from the third pivot. The curves are sampled densely, sign changes bisect
 between samples refined, so that pairs of near roots are seen. Where the two disagree, the roots of
 the sextic in 60 digits (mpmath) decide.
 
-Run: python validation/papers/triad_assemblies.py [count] (exit code 1 if an assembly is missed or
+Run: python validation/papers/triad.py [count] (exit code 1 if an assembly is missed or
 invented by the sextic).
 """
 
