@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings
     from mechsim.studies.agreement.agreement import Agreement, validate
-    from mechsim.studies.fit.asked import fit
+    from mechsim.studies.fit.calibration import fit
     from mechsim.studies.optimise.search import optimise
-    from mechsim.studies.sensitivity.asked import moved, sensitivity
-    from mechsim.studies.sensitivity.study import tolerance_study
+    from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
+    from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
     from mechsim.subjects.simulate_by_name import simulate
     from mechsim.subjects.subject import load
@@ -83,15 +83,15 @@ _HOMES = _MODULES | {
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
     "crosscheck": "verdict.judge",
-    "fit": "studies.fit.asked",
+    "fit": "studies.fit.calibration",
     "load": "subjects.subject",
-    "moved": "studies.sensitivity.asked",
+    "moved": "studies.sensitivity.sensitivity",
     "optimise": "studies.optimise.search",
-    "sensitivity": "studies.sensitivity.asked",
+    "sensitivity": "studies.sensitivity.sensitivity",
     "show": "report.notebook",
     "simulate": "subjects.simulate_by_name",
     "sweep": "studies.sweep.sweeping",
-    "tolerance_study": "studies.sensitivity.study",
+    "tolerance_study": "studies.sensitivity.tolerance_analysis",
     "trace": "theory.continuation",
     "validate": "studies.agreement.agreement",
 }

@@ -271,7 +271,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "...",
     ): "a Newton step more or fewer once rounding is reached",
     (
-        "verdict/other_assembly.py",
+        "verdict/judge.py",
         "pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))",
         "pairs = np.unique(np.linspace(0, max(1, len(angle) - 2), MOST_PAIRS).astype(int))",
     ): "of a single record the next is the same",

@@ -4,7 +4,7 @@ from typing import Any, get_args
 
 from mechsim.model.masses import Source
 from mechsim.model.outcome import Outcome
-from mechsim.verdict.instants import InstantUnit
+from mechsim.verdict.tolerances import InstantUnit
 
 Schema = dict[str, Any]
 

@@ -25,7 +25,7 @@ from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
-from mechsim.studies.sweep.drawing import drawn_sweep
+from mechsim.studies.sweep.table import drawn_sweep
 
 # the kinds that show a motion over time as well
 TIMED = ("error", "poses", "motion", "curve", "space", "torque", "reactions", "power")

@@ -29,7 +29,7 @@ from mechsim.studies.sensitivity import (
     written_tolerances,
 )
 from mechsim.studies.sensitivity.quantities import is_effort
-from mechsim.studies.sensitivity.study import SAMPLES, SEED
+from mechsim.studies.sensitivity.tolerance_analysis import SAMPLES, SEED
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, DISTRIBUTIONS
 from mechsim.units import option
 

@@ -16,10 +16,16 @@ from mechsim.files import place_of
 from mechsim.model.masses import masses_of
 from mechsim.model.rod_inertia import with_inertia
 from mechsim.simulation.settings import Settings
-from mechsim.studies.sweep.checking import CheckedDesigns, check_table
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.subject import SweptSubject
-from mechsim.studies.sweep.sweeping import built, run_sweep, swept_designs, swept_task
+from mechsim.studies.sweep.sweeping import (
+    CheckedDesigns,
+    built,
+    check_table,
+    run_sweep,
+    swept_designs,
+    swept_task,
+)
 from mechsim.studies.sweep.table import columns, require_libraries, suffix_of
 from mechsim.studies.sweep.task import BUILT, SweepTask
 

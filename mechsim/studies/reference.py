@@ -17,9 +17,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motion_source import simulated
 from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
-from mechsim.verdict.instants import instants_of
 from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import Requested, Tolerance
+from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
 
 KNOWN = tuple(row for row in MOTION if row.name in ("position", "velocity", "acceleration"))
 # of drive efforts, as a part of the largest root mean square; measured 9e-13 at the worst of 33 mechanisms

@@ -3,6 +3,7 @@
 import inspect
 import shlex
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ from mechsim.analytic.forms import Form
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.studies.agreement.agreement import SPEED, Agreement, validate
-from mechsim.testing.failure import failure
-from mechsim.testing.report_page import write_page
+from mechsim.subjects.subject import load
+from mechsim.testing.report_page import failure, write_page
 from mechsim.testing.running import RUNNING, RunningTest
 
 Model = str | Path | Form | Mechanism
@@ -106,3 +107,36 @@ def _named(formula: Formula | None) -> str:
         return ""
     path = Path(file)
     return f"{path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}:{name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """Models and formulas in a folder.
+
+    Attributes:
+        folder: of the test.
+    """
+
+    folder: Path
+
+    def load(self, model: str | Path, **asked: Any) -> Form:
+        """Return a model of the folder, or a known one, as `ms.load` does."""
+        return load(str(self._found(model)), **asked)
+
+    def assert_agrees(
+        self, model: Model, formula: Formula | None = None, tolerance: float | str | None = None, **asked: Any
+    ) -> Agreement:
+        """Return how a model of the folder and a formula agree, as `ms.testing.assert_agrees` does."""
+        __tracebackhide__ = True
+        return assert_agrees(self._found(model), self._found(formula), tolerance, **asked)
+
+    def _found(self, given: Any) -> Any:
+        """Return the path of a file of the folder; anything else as it is."""
+        if not isinstance(given, str | Path):
+            return given
+        file, python, _ = str(given).rpartition(".py:")
+        return (
+            str(self.folder / given)
+            if (self.folder / (f"{file}.py" if python else given)).is_file()
+            else given
+        )

@@ -5,7 +5,7 @@ pytest loads it in every run, so nothing of mechsim is imported here before a te
 
 import re
 import tempfile
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from fnmatch import fnmatch
 from importlib import import_module
 from pathlib import Path
@@ -16,7 +16,7 @@ import pytest
 from mechsim.testing.running import RUNNING, RunningTest
 
 if TYPE_CHECKING:
-    from mechsim.testing.beside import Beside
+    from mechsim.testing.assertion import Beside
 
 # a description is no longer than this, and says so; pyproject.toml and its like are never looked into
 LONGEST = 1_000_000
@@ -57,8 +57,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
         return None
     if not _has_formula(file_path):
         return None
-    items: Any = import_module("mechsim.testing.toml_items")
-    return items.TomlFile.from_parent(parent, path=file_path)
+    return TomlFile.from_parent(parent, path=file_path)
 
 
 def _asked_for(path: Path, config: pytest.Config) -> bool:
@@ -108,5 +107,38 @@ def _reports(config: pytest.Config) -> Path:
 @pytest.fixture
 def mechsim(request: pytest.FixtureRequest) -> "Beside":
     """Models beside the test's own file: `mechsim.load(FILE)`, `mechsim.assert_agrees(FILE, formula)`."""
-    beside: Any = import_module("mechsim.testing.beside")
+    beside: Any = import_module("mechsim.testing.assertion")
     return beside.Beside(request.path.parent)
+
+
+class FormulaItem(pytest.Item):
+    """The test that a file's mechanism agrees with the formula it names."""
+
+    def runtest(self) -> None:
+        """Run it."""
+        root = Path.cwd()
+        path = self.path.relative_to(root) if self.path.is_relative_to(root) else self.path
+        # what is only collected needs none of it
+        assertion: Any = import_module("mechsim.testing.assertion")
+        assertion.assert_agrees(str(path))
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
+        """Return a difference or a refusal as it is said, without the code that said it."""
+        errors: Any = import_module("mechsim.errors")
+        if isinstance(excinfo.value, AssertionError | errors.MechsimError):
+            return str(excinfo.value)
+        return str(super().repr_failure(excinfo))
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return where the test stands."""
+        return self.path, 0, self.nodeid
+
+
+class TomlFile(pytest.File):
+    """A file that describes a mechanism and names a formula."""
+
+    def collect(self) -> Iterable[pytest.Item]:
+        """Return its one test."""
+        item = FormulaItem.from_parent(self, name="formula")
+        item.add_marker("mechsim")
+        return [item]

@@ -9,9 +9,17 @@ import numpy as np
 
 from mechsim.model.outcome import Outcome, most_severe
 from mechsim.numerics.arrays import Array
-from mechsim.verdict.instants import InstantUnit, RecordInstants, instant_text, instants_of
 from mechsim.verdict.quantities import QUANTITIES, Quantity
-from mechsim.verdict.tolerances import FRACTION_OF, Requested, Tolerance, ToleranceRule
+from mechsim.verdict.tolerances import (
+    FRACTION_OF,
+    InstantUnit,
+    RecordInstants,
+    Requested,
+    Tolerance,
+    ToleranceRule,
+    instant_text,
+    instants_of,
+)
 
 Tolerances = Mapping[str, Tolerance]
 

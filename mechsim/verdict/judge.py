@@ -1,5 +1,6 @@
 """The judges: two motions, two records of efforts or two free runs to a verdict."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal, Protocol
 
@@ -7,15 +8,12 @@ import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.efforts import Efforts, FreeRun
-from mechsim.model.motion import Motion, Solver
+from mechsim.model.motion import Motion, PointMotion, Solver
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.model.outcome import POSITION_TOLERANCE
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import require
+from mechsim.numerics.inputs import numbers, require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
-from mechsim.verdict.instants import instants_of
-from mechsim.verdict.other_assembly import elsewhere
-from mechsim.verdict.point_function import PointFunction, differentiated
 from mechsim.verdict.quantities import (
     DRIVE,
     EFFORTS,
@@ -28,7 +26,83 @@ from mechsim.verdict.quantities import (
     reach_of,
     stroke_of,
 )
-from mechsim.verdict.tolerances import Requested, Tolerance
+from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
+
+PointFunction = Callable[[Array], Mapping[str, Array]]
+
+# central differences of order eight for first and second derivatives, at 0, +-1 ... +-4
+FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
+SPACING = 0.01  # rad: rounding 1e-14 and truncation 1e-16 x (harmonic)^9 balance for smooth motions
+
+
+def differentiated(function: PointFunction, angle: Array, speed: Array, acceleration: Array) -> Motion:
+    """Return the motion of a function's points at crank angles, speeds and accelerations, (n,) each.
+
+    Raises:
+        InputError: unless it gives points of the right shape.
+    """
+    around = [function(angle + k * SPACING) for k in range(-4, 5)]
+    points: dict[str, PointMotion] = {}
+    if not isinstance(around[4], Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError(
+            f"the function gives a {type(around[4]).__name__}; give a dictionary from points to places (n, 3)"
+        )
+    for name in around[4]:
+        parts = [numbers(one[name]) for one in around]
+        if {part.shape for part in parts} != {(len(angle), 3)}:
+            raise InputError(
+                f"the function gives point {name!r} of shape {parts[4].shape} for {len(angle)} crank "
+                f"angles; give ({len(angle)}, 3)"
+            )
+        values = np.stack(parts)
+        first = np.tensordot(FIRST, values, 1) / SPACING
+        second = np.tensordot(SECOND, values, 1) / SPACING**2
+        points[name] = PointMotion(
+            values[4], first * speed[:, None], second * speed[:, None] ** 2 + first * acceleration[:, None]
+        )
+    return Motion("user", angle, speed, acceleration, points)
+
+
+# a simulation this much nearer to another assembly than to the right one is in the other
+NEARER = 0.5
+# if, in units of the stroke, these are farther apart than that
+APART = 0.02
+# pairs of records at which that is looked at
+MOST_PAIRS = 100
+
+
+def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
+    """Return the instant at which a simulation is first seen in another assembly; None if it is in none.
+
+    The sign that tells assemblies apart is no proof: close to a singular pose rounding turns it, and
+    where there are more than two assemblies some share it. So the places decide: at two records in a
+    row, with the assemblies well apart, they must be twice as near to another one as to the
+    right one. Tried on 1,200 runs past singular poses: validation/robustness/assembly_detector.py.
+    """
+    angle = instants_of(simulated).value
+    listed = getattr(solver, "assembly_points", None)
+    if listed is None:
+        sign = solver.assembly_sign({name: point.position for name, point in simulated.points.items()})
+        wrong = sign < 0.0
+        first = np.flatnonzero(wrong[1:] & wrong[:-1])
+        return float(angle[first[0]]) if len(first) else None
+    far = np.max(list(simulated.place_errors(exact).values()), axis=0)
+    pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))
+    rows = np.unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
+    apart = np.zeros(len(rows))
+    for k, i in enumerate(rows):
+        for _, points in listed(float(exact.angle[i])):
+            gap = _farthest(points, {name: exact.points[name].position[i] for name in points})
+            off = _farthest(points, {name: simulated.points[name].position[i] for name in points})
+            apart[k] = max(apart[k], gap if off < NEARER * far[i] else 0.0)
+    wrong = apart > APART * stroke_of(exact)
+    first = np.flatnonzero(wrong[1:] & wrong[:-1])
+    return float(angle[rows[first[0]]]) if len(first) else None
+
+
+def _farthest(points: Mapping[str, Array], others: Mapping[str, Array]) -> float:
+    return max(float(np.linalg.norm(points[name] - other)) for name, other in others.items())
 
 
 class Judged(Protocol):

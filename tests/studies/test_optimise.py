@@ -10,7 +10,7 @@ import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.numerics.complex_step import change_of, stepped
 from mechsim.studies.optimise import Goal, Limit, MeasureLimit, largest, smallest
-from mechsim.studies.optimise.measured_goals import goal_of, limit_of
+from mechsim.studies.optimise.goals import goal_of, limit_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "design"
 TURN = np.linspace(0.0, 2.0 * np.pi, 13)

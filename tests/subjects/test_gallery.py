@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.studies.agreement.claim import claimed
-from mechsim.studies.agreement.comparand import comparand_of
-from mechsim.studies.agreement.comparison import bound_of, check, scales_of
+from mechsim.studies.agreement.candidate import claimed
+from mechsim.studies.agreement.discrepancy import bound_of, check, scales_of
+from mechsim.studies.agreement.evaluation_points import comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.validate import case_of
 from mechsim.subjects import gallery

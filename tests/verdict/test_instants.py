@@ -10,8 +10,7 @@ from mechsim.report.notebook import verdict_html
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.verdict.checks import check_of, check_table
-from mechsim.verdict.instants import RecordInstants
-from mechsim.verdict.tolerances import Tolerance
+from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
 # the fastest rate is 0.6 pi rad/s, so that 2 s are 3.8 rad of the normalised time
 LAW = {"crank": "0.3*sin(2*pi*t)"}

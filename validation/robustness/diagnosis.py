@@ -26,8 +26,8 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.claim import Claim
-from mechsim.studies.agreement.comparand import Comparand, comparand_of
+from mechsim.studies.agreement.candidate import Claim
+from mechsim.studies.agreement.evaluation_points import Comparand, comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.subjects import gallery
 from mechsim.subjects.parametric_models import parametric_model

@@ -14,8 +14,8 @@ import numpy as np
 
 import mechsim as ms
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.claim import Claim
-from mechsim.studies.agreement.comparand import Comparand
+from mechsim.studies.agreement.candidate import Claim
+from mechsim.studies.agreement.evaluation_points import Comparand
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import FALSE_ALARM
 from mechsim.subjects.parametric_models import parametric_model

@@ -20,14 +20,12 @@ from mechsim.model.outcome import Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.studies.agreement.attribution import AskedAgain, told
-from mechsim.studies.agreement.claim import Claim, claimed
-from mechsim.studies.agreement.comparand import EFFORTS, Comparand, comparand_of
-from mechsim.studies.agreement.comparison import bound_of, check, errors, measured, noise_in, scales_of
+from mechsim.studies.agreement.candidate import Claim, claimed, claims_of_table, read_table, tabled_comparand
 from mechsim.studies.agreement.diagnosis import diagnosis
-from mechsim.studies.agreement.miss import Miss
+from mechsim.studies.agreement.discrepancy import Miss, bound_of, check, errors, measured, noise_in, scales_of
+from mechsim.studies.agreement.evaluation_points import EFFORTS, Comparand, comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
-from mechsim.studies.agreement.table_claims import claims_of_table, read_table, tabled_comparand
 from mechsim.subjects.parametric_models import parametric_model as dimension_family
 from mechsim.subjects.python_object import run_object
 from mechsim.units import si

@@ -1,14 +1,46 @@
 """Why a claim differs: every hypothesis fitted, and the one that explains most with the least said."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
+from mechsim.studies.agreement import dimension_hypotheses, driver_hypotheses, value_hypotheses
+from mechsim.studies.agreement.discrepancy import Hypothesis, Miss
 from mechsim.studies.agreement.fitting import ODDS, Fitted, fitted
-from mechsim.studies.agreement.hypotheses.hypothesis_table import STAGES, Family
-from mechsim.studies.agreement.miss import Miss
+
+Family = Callable[[Miss], Iterator[Hypothesis]]
+
+# those of a later stage are asked only where none of the stages before explains all: first what has no size,
+# then what has one, then places without a name, last what has several sizes
+STAGES: tuple[tuple[Family, ...], ...] = (
+    (
+        value_hypotheses.units,
+        value_hypotheses.degrees,
+        value_hypotheses.swapped,
+        value_hypotheses.mirrored,
+        value_hypotheses.senses,
+        driver_hypotheses.driver_senses,
+        driver_hypotheses.driver_degrees,
+        driver_hypotheses.drivers_swapped,
+        dimension_hypotheses.assemblies,
+        dimension_hypotheses.gear_slips,
+        driver_hypotheses.other_gravity,
+    ),
+    (
+        value_hypotheses.zeros,
+        value_hypotheses.frame,
+        driver_hypotheses.driver_offsets,
+        driver_hypotheses.delays,
+        dimension_hypotheses.parameters,
+        driver_hypotheses.gravity_size,
+        driver_hypotheses.masses,
+    ),
+    (dimension_hypotheses.places,),
+    (value_hypotheses.whole_frame,),
+)
+
 
 # what is left, in parts of the bounds and of the miss, that is the rounding of solving again
 ROUNDING, OF_MISS = 3e-3, 1e-7

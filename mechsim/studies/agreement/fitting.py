@@ -7,8 +7,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.hypotheses.hypothesis import Hypothesis
-from mechsim.studies.agreement.miss import Miss, rms
+from mechsim.studies.agreement.discrepancy import Hypothesis, Miss, rms
 
 # twice the logarithm of the odds by which another cause must explain less to be left out
 ODDS = 12.0

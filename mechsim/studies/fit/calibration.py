@@ -2,18 +2,23 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mechsim import files, units
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.display import short_repr
+from mechsim.model.forces import Forces
 from mechsim.numerics.arrays import Array
-from mechsim.studies.fit.measured import MeasuredMotion, single
+from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
 from mechsim.studies.sensitivity.quantities import is_effort, unit_of
-from mechsim.studies.sensitivity.table import dimensions_asked
+from mechsim.studies.sensitivity.sensitivity import Subject, dimensions_asked, moved_along
+from mechsim.subjects.parametric_models import parametric_model
 
 # singular values of the scaled derivatives below this part of the largest tell nothing
 BLIND = 1e-7
@@ -300,3 +305,45 @@ def _groups(blind: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
         groups.append(tuple(names[i] for i in sorted(group)))
         left = [i for i in left if i not in group]
     return groups
+
+
+def fit(
+    model: Subject,
+    table: str | Path | Mapping[str, ArrayLike],
+    vary: str | Sequence[str],
+    *,
+    offset: bool = False,
+    speed: float | str = 1.0,
+    forces: Forces | None = None,
+) -> Fit:
+    """Return the dimensions with which a subject moves most nearly as it was measured.
+
+    Args:
+        model: as `moved` takes it; the fit begins from its dimensions.
+        table: measured motion: columns angle in [rad] (t in [s] under programs) and quantities named like
+            ours or in `reference/` (torque:crank), in SI; a column P3.x± is the standard deviation of P3.x.
+            A .csv or .npz file, or a mapping.
+        vary: dimensions to find.
+        offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
+            stood ahead of the angles in the table.
+        speed: of the crank in [rad/s] or text, as "600rpm", which only rates and efforts depend on.
+        forces: what acts on it, where efforts were measured; None takes what its file says.
+
+    Raises:
+        InputError: for a table that does not serve, an unknown dimension, or fewer numbers than dimensions.
+        AssemblyError: where it cannot stand at what was measured as it begins.
+    """
+    subject = model
+    if not isinstance(subject, MovedFamily):
+        # the table has the instants
+        pace = units.si(speed, "rad/s", "the speed")
+        subject = moved_along(parametric_model(subject), np.zeros(1), pace, forces)
+    if isinstance(table, Mapping):
+        columns: Mapping[str, Array] = {
+            name: np.asarray(one, dtype=np.float64) for name, one in table.items()
+        }
+        where = "the table"
+    else:
+        columns, where = files.read(table), str(table)
+    names = [vary] if isinstance(vary, str) else vary
+    return fit_dimensions(subject, measured_of(columns, subject.form, where), names, offset=offset)

@@ -1,19 +1,18 @@
-"""Goals and limits: functions of a motion's quantities and of dimensions, with exact derivatives.
-
-A function is given columns as `mechsim solve` and `mechsim dynamics` name them, and dimensions by name; their
-derivatives go through its own arithmetic as tiny imaginary parts (see `numerics.complex_step`). It may
-take sums, products, powers, sines, roots; of the largest or the absolute value use `largest`, `smallest`,
-`size_of` here.
-"""
+"""Goals and limits in the words of `mechsim sweep`: its measures, through which derivatives go too."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.motion import JointMotion, Motion, PointMotion
+from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
+from mechsim.studies.sensitivity.moved_family import MovedFamily
+from mechsim.studies.sweep.measures import FACTS, TurnMeasure, measure
+from mechsim.studies.sweep.turns import AXES, TRANSMISSION, WRENCH, Turns
 
 Quantities = Mapping[str, Any]
 Function = Callable[[Quantities], Any]
@@ -81,3 +80,143 @@ def bounded(limits: Sequence[Limit]) -> list[tuple[Limit, float, float]]:
     """Return limits as signs and bounds: sign * (function - bound) >= 0."""
     found = [(one, 1.0, one.low) for one in limits if one.low is not None]
     return found + [(one, -1.0, one.high) for one in limits if one.high is not None]
+
+
+# words whose measure is a root mean square -> what it is of, instant by instant
+SQUARES: dict[str, Callable[[Array], Array]] = {"rms": lambda of: of, "ripple": lambda of: of - of.mean()}
+# how near two angles are one, in [rad]
+SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class MeasureLimit:
+    """What must be kept of a measure: low <= measure <= high.
+
+    Attributes:
+        measure: in the words of `mechsim sweep`, as "range:rocker".
+        low: bound from below in SI; None for none.
+        high: bound from above.
+    """
+
+    measure: str
+    low: float | None = None
+    high: float | None = None
+
+
+def goal_of(text: str, moved: MovedFamily) -> Goal:
+    """Return what makes a measure small, as `mechsim sweep` has it over the same poses.
+
+    Of rms and ripple the numbers are those whose root mean square it is, which least squares takes better
+    than their mean.
+
+    Raises:
+        InputError: for what is no measure, or one without a derivative.
+    """
+    asked = _measured(text, moved)
+    if asked.measure.kind in SQUARES:
+        alike = SQUARES[asked.measure.kind]
+        return Goal(asked.columns, lambda given: alike(asked.over(given)))
+    return Goal(asked.columns, asked.value)
+
+
+def limit_of(limit: MeasureLimit, moved: MovedFamily) -> Limit:
+    """Return a limit of a measure; as `goal_of`."""
+    asked = _measured(limit.measure, moved)
+    return Limit(asked.columns, asked.value, limit.low, limit.high, limit.measure)
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A measure, and how it is read off quantities.
+
+    Attributes:
+        measure: itself.
+        poses: which of the instants are its poses: of a whole turn not the last, which is the first again.
+        place: of the poses, the one at its angle; None over the turn.
+    """
+
+    measure: TurnMeasure
+    poses: slice
+    place: int | None
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the quantities that it needs; of a whole wrench the name for all its parts."""
+        of = self.measure.quantity
+        return (of.name,) if of is not None and of.component in WRENCH else _columns(self.measure)
+
+    def over(self, given: Quantities) -> Array:
+        """Return the quantity that it is of, pose by pose."""
+        assert self.measure.quantity is not None
+        return self._turns(given).values(self.measure.quantity)[0]
+
+    def value(self, given: Quantities) -> Any:
+        """Return the measure."""
+        return self.measure.value(self._turns(given), self.place)[0]
+
+    def _turns(self, given: Quantities) -> Turns:
+        """Return quantities as the motion of one design."""
+        of, columns = self.measure.quantity, _columns(self.measure)
+        still = np.zeros_like(np.real(given[next(one for one in columns if one in given)])[self.poses])
+        # what rigid links do not determine counts for nothing
+        found = {name: np.asarray(given[name])[self.poses] if name in given else still for name in columns}
+        motion, count = Motion("user", still, still, still, {}), len(still)
+        if of is not None and of.kind == "effort":
+            return Turns(1, count, motion, {name: values[None] for name, values in found.items()})
+        if of is not None and of.kind == "joint":
+            (values,) = found.values()
+            unit = "m" if of.unit.startswith("m") else "rad"
+            return Turns(
+                1, count, replace(motion, joints={of.subject: JointMotion(values, values, values, unit)})
+            )
+        name, order, _ = _point(self.measure)
+        vectors = np.column_stack([found.get(f"{name}.{order}{axis}", still) for axis in AXES])
+        return Turns(1, count, replace(motion, points={name: PointMotion(vectors, vectors, vectors)}))
+
+
+def _measured(text: str, moved: MovedFamily) -> _Measured:
+    form, angles = moved.form, moved.angles
+    found = measure(text, form.mechanism, form.motion_laws)
+    if (
+        found.kind in FACTS
+        or found.kind == "function"
+        or (found.quantity and found.quantity.kind == TRANSMISSION)
+    ):
+        raise InputError(
+            f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
+            "as examples/design/torque_ripple.py does"
+        )
+    whole = form.motion_laws is None and abs(angles[-1] - angles[0] - TURN) < SAME
+    place = None
+    if found.angle is not None:
+        near = np.abs(angles - found.angle)
+        place = int(np.argmin(near))
+        if near[place] > SAME:
+            motion_laws = form.motion_laws
+            there = f"{found.angle:.6g} rad" if motion_laws is None else motion_laws.called(found.angle)
+            raise InputError(
+                f"{text} is taken at {there}, where the motion is not solved; give `moved` "
+                f"{'an angle' if motion_laws is None else 'a time'} there"
+            )
+        whole = False
+    return _Measured(found, slice(0, -1) if whole else slice(None), place)
+
+
+def _columns(asked: TurnMeasure) -> tuple[str, ...]:
+    """Return the columns of motions and efforts that a measure needs."""
+    of = asked.quantity
+    if of is not None and of.kind == "effort":
+        parts = WRENCH.get(of.component, ())
+        return tuple(f"{of.subject}.{part}" for part in parts) or (of.subject,)
+    if of is not None and of.kind == "joint":
+        return (f"{of.subject}.{of.component}",)
+    name, order, axes = _point(asked)
+    return tuple(f"{name}.{order}{axis}" for axis in axes)
+
+
+def _point(asked: TurnMeasure) -> tuple[str, str, str]:
+    """Return the point that a measure is of, "", "v" or "a", and the axes."""
+    if asked.quantity is None:
+        return asked.subject, "", AXES
+    part = asked.quantity.component
+    return asked.quantity.subject, part.rstrip(AXES), part.lstrip("va") or AXES

@@ -11,11 +11,18 @@ from mechsim.model.display import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import change_of, stepped
 from mechsim.numerics.inputs import numbers
-from mechsim.studies.optimise.goals import Function, Goal, Limit, bounded, numbers_from
-from mechsim.studies.optimise.measured_goals import MeasureLimit, goal_of, limit_of
-from mechsim.studies.sensitivity.asked import Subject, moved
+from mechsim.studies.optimise.goals import (
+    Function,
+    Goal,
+    Limit,
+    MeasureLimit,
+    bounded,
+    goal_of,
+    limit_of,
+    numbers_from,
+)
 from mechsim.studies.sensitivity.moved_family import MovedFamily, Slopes, beside
-from mechsim.studies.sensitivity.table import dimensions_asked
+from mechsim.studies.sensitivity.sensitivity import Subject, dimensions_asked, moved
 
 # mechanisms tried at the most; by how much a limit may be missed, in parts of it
 MOST, KEPT = 300, 1e-6

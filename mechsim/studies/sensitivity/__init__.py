@@ -1,9 +1,13 @@
 """How quantities of a motion depend on dimensions: exact derivatives, tolerances, clearances."""
 
-from mechsim.studies.sensitivity.bands import PathDeviation, path_bands
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, instants_of
-from mechsim.studies.sensitivity.study import ToleranceStudy, tolerance_study
-from mechsim.studies.sensitivity.table import Sensitivity, derivative_table
+from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
+from mechsim.studies.sensitivity.tolerance_analysis import (
+    PathDeviation,
+    ToleranceStudy,
+    path_bands,
+    tolerance_study,
+)
 from mechsim.studies.sensitivity.tolerances import Tolerances, tolerances_of, written_tolerances
 
 __all__ = [

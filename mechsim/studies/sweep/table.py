@@ -2,7 +2,9 @@
 
 import csv
 import math
+import warnings
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,14 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim._version import __version__
-from mechsim.errors import InputError, cut
+from mechsim.errors import InputError, cut, needs
 from mechsim.files import written_beside
 from mechsim.numerics.arrays import Array
-from mechsim.studies.sweep.libraries import library
+from mechsim.pictures.plots.sweep import SweepTable, sweep_plot
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+
+def library(name: str) -> Any:
+    """Return a library.
+
+    Raises:
+        MissingToolError: if it is not installed.
+    """
+    with needs("sweep"), warnings.catch_warnings():
+        # harmless according to numpy's documentation
+        warnings.filterwarnings("ignore", "numpy.ndarray size changed")
+        return import_module(name)
+
 
 SUFFIXES = (".nc", ".zarr", ".parquet", ".csv")
 # columns that are text
@@ -258,3 +273,29 @@ def _grid_of(parameter_names: Mapping[str, Any]) -> list[str]:
 
 
 FACT_NAMES = ("crank_range", "dead_centres", "assemblies")
+
+
+def drawn_sweep(path: str, measures: tuple[str, ...] | None, kind: str | None) -> Any:
+    """Return a figure of a sweep file.
+
+    Args:
+        path: of the sweep.
+        quantity: measures to draw; None for all.
+        kind: of plot; None for what suits.
+
+    Raises:
+        InputError: for a file without a sweep, or a measure it does not contain.
+    """
+    result = read_sweep(path)
+    table = columns(result)
+    parameter_names = [str(name) for name in result.coords]
+    measure_names = [name for name in table if name not in (*parameter_names, *TEXTS)]
+    measured_columns = {name: table[name] for name in measure_names}
+    description = {
+        str(name): str(variable.attrs.get("units", "1")) for name, variable in result.variables.items()
+    }
+    title = str(result.attrs.get("model", path))
+    parameters = {name: table[name] for name in parameter_names}
+    return sweep_plot(
+        SweepTable(title, parameters, measured_columns, description, result["outcome"].shape), measures, kind
+    )

@@ -9,8 +9,8 @@ import mechsim as ms
 from mechsim.analytic import dynamics
 from mechsim.model.forces import Forces
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.claim import Claim
-from mechsim.studies.agreement.comparand import comparand_of
+from mechsim.studies.agreement.candidate import Claim
+from mechsim.studies.agreement.evaluation_points import comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.subjects.parametric_models import parametric_model
 

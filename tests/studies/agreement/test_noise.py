@@ -13,8 +13,8 @@ from mechsim.cli import main
 from mechsim.cli.json_outputs import output_schema
 from mechsim.errors import InputError
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.claim import Claim
-from mechsim.studies.agreement.comparand import Comparand
+from mechsim.studies.agreement.candidate import Claim
+from mechsim.studies.agreement.evaluation_points import Comparand
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import FALSE_ALARM
 

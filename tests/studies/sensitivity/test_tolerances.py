@@ -16,7 +16,7 @@ from mechsim.studies.sensitivity import (
     written_tolerances,
 )
 from mechsim.studies.sensitivity.expansion import Solved
-from mechsim.studies.sensitivity.formula_samples import formula_samples
+from mechsim.studies.sensitivity.monte_carlo import formula_samples
 from mechsim.subjects.parametric_models import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])

@@ -6,8 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.simulation import Settings
-from mechsim.studies.sweep.checking import check_table
-from mechsim.studies.sweep.sweeping import run_sweep, swept_task
+from mechsim.studies.sweep.sweeping import check_table, run_sweep, swept_task
 from mechsim.studies.sweep.task import SweepTask
 
 FEW = Settings(steps_per_turn=60)

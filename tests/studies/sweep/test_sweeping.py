@@ -92,7 +92,7 @@ def test_more_designs_than_there_is_room_for_are_refused(tmp_path, monkeypatch):
         ms.sweep("four_bar", VARY, MEASURES)
     monkeypatch.undo()
     usage = type("Usage", (), {"free": 1000})
-    monkeypatch.setattr("mechsim.studies.sweep.chunk_files.shutil.disk_usage", lambda _: usage)
+    monkeypatch.setattr("mechsim.studies.sweep.chunks.shutil.disk_usage", lambda _: usage)
     with pytest.raises(InputError, match=r"of disk, .* fit"):
         ms.sweep("four_bar", VARY, MEASURES, output=tmp_path / "out.nc")
     assert list(tmp_path.iterdir()) == []

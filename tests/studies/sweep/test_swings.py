@@ -5,8 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.studies.sweep import methods
-from mechsim.studies.sweep.checking import check_table
-from mechsim.studies.sweep.sweeping import built, run_sweep, swept_task
+from mechsim.studies.sweep.sweeping import built, check_table, run_sweep, swept_task
 
 FOUR_BAR = """name = "bar"
 units = { length = "mm" }

@@ -22,7 +22,7 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of
-from mechsim.verdict.instants import RecordInstants
+from mechsim.verdict.tolerances import RecordInstants
 
 INSTANTS = 73
 TURN = 2.0 * np.pi

@@ -1,19 +1,68 @@
 """Measured motion: a table whose columns are named like ours, some with how well they are known."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mechsim import units
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
-from mechsim.studies.measured_columns import columns_in_si, deviation_of
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
-# how far crank angles may lie apart, in [rad]: the path is followed from one to the other
-FAR = 2e3 * np.pi
+# prefixes or suffixes of columns that hold standard deviations
+DEVIATION_SIGNS = ("±", "+-")
+_UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
+
+
+def columns_in_si(table: Mapping[str, ArrayLike], where: str) -> dict[str, Array]:
+    """Return the columns of a table in SI, named without their units.
+
+    Raises:
+        InputError: for a unit that is not known, or two columns of one name.
+    """
+    columns: dict[str, Array] = {}
+    for header, values in table.items():
+        name, factor = column_in_si(header, where)
+        if name in columns:
+            raise InputError(f"{where} has the column {name!r} twice; leave one out")
+        columns[name] = factor * np.asarray(values, dtype=np.float64)
+    return columns
+
+
+def column_in_si(header: str, where: str) -> tuple[str, float]:
+    """Return the name in a header as `P.x [mm]`, and the factor that makes its values SI.
+
+    Raises:
+        InputError: for a unit that is not known.
+    """
+    match = _UNIT.fullmatch(header)
+    if match is None:
+        return header, 1.0
+    for unit in ("m", "rad", "m/s", "rad/s", "m/s^2", "rad/s^2", "N", "N m", "s"):
+        try:
+            return match[1], units.parse(f"1 {match[2]}", unit)
+        except InputError:
+            continue
+    raise InputError(
+        f"{where} has the column {header!r}, whose unit is none that is known; write it as [mm] or [deg]"
+    )
+
+
+def deviation_of(name: str) -> str | None:
+    """Return the quantity whose standard deviation a column holds; None for other columns."""
+    for sign in DEVIATION_SIGNS:
+        if name.startswith(sign) or name.endswith(sign):
+            return name.removeprefix(sign).removesuffix(sign).strip()
+    return None
+
+
+# largest range of crank angles in [rad]: the path is followed over all of it
+MAX_RANGE = 2e3 * np.pi
 
 
 @dataclass(frozen=True)
@@ -81,10 +130,10 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
     angles = at if motion_laws is None else motion_laws.pace * at
-    if len(angles) and float(np.ptp(angles)) > FAR:
+    if len(angles) and float(np.ptp(angles)) > MAX_RANGE:
         turns = float(np.ptp(angles)) / (2.0 * np.pi)
         raise InputError(
-            f"{where}: column {over} goes over {turns:.4g} turns; give {FAR / (2.0 * np.pi):g} at most"
+            f"{where}: column {over} goes over {turns:.4g} turns; give {MAX_RANGE / (2.0 * np.pi):g} at most"
         )
     return MeasuredMotion(at, angles, values, deviations)
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.hypotheses.hypothesis import DISCRETE, NAMED, SIX, THREE, TWO, Hypothesis
-from mechsim.studies.agreement.miss import Miss, Values
+from mechsim.studies.agreement.discrepancy import DISCRETE, NAMED, SIX, THREE, TWO, Hypothesis, Miss, Values
 from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity
 
 LENGTHS = {
