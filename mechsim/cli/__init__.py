@@ -15,11 +15,11 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from mechsim._version import __version__
-from mechsim.cli.endings import ended, tell
+from mechsim.cli.exit_codes import ended, tell
 
 # command -> its file and function, and what it does in a line of a list
 COMMANDS = {
-    "list": ("catalog.list_mechanisms", "List the mechanisms of catalogue and gallery."),
+    "list": ("show.list_mechanisms", "List the mechanisms of catalogue and gallery."),
     "show": ("show.show", "Show joints, mobility, range, dead centres, assemblies."),
     "solve": ("solve.solve", "Solve a mechanism: closed form or loop equations."),
     "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo."),

@@ -27,11 +27,11 @@ from mechsim.cli.dynamics_output import (
     print_study,
     verdict_facts,
 )
-from mechsim.cli.force_options import MachineOptions
-from mechsim.cli.mass_table import Verbose, print_masses
+from mechsim.cli.load_options import MachineOptions, Verbose, print_masses
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of, moving, speed_of, writable
-from mechsim.cli.output import Tick, print_json, progress
+from mechsim.cli.output import print_json
 from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
+from mechsim.cli.progress import Tick, progress
 from mechsim.errors import InputError
 from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile
 from mechsim.model.efforts import Fluctuation, FreeRun

@@ -21,8 +21,9 @@ from mechsim.cli.options import (
     speed_of,
     writable,
 )
-from mechsim.cli.output import print_json, progress
-from mechsim.cli.plain_options import plain_settings
+from mechsim.cli.output import print_json
+from mechsim.cli.progress import progress
+from mechsim.cli.scene_options import plain_settings
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene

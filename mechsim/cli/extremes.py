@@ -7,7 +7,8 @@ import typer
 
 from mechsim.analytic.forms import closed_form
 from mechsim.cli.options import Json, folder_for, form_of
-from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.output import print_json, print_table
+from mechsim.cli.progress import progress
 from mechsim.files import write_json
 
 if TYPE_CHECKING:

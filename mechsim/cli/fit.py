@@ -8,9 +8,10 @@ import typer
 
 from mechsim import files, units
 from mechsim.cli.declared_options import spread
-from mechsim.cli.force_options import MachineOptions
+from mechsim.cli.load_options import MachineOptions
 from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
-from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.output import print_json, print_table
+from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.studies.fit import Fit, MeasuredMotion, fit_dimensions, measured_of, single
 from mechsim.studies.sensitivity import Loading, MovedFamily

@@ -13,8 +13,8 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.cli import completion
-from mechsim.cli.endings import notes
-from mechsim.cli.slips import asked_parameters
+from mechsim.cli.exit_codes import notes
+from mechsim.cli.unit_warnings import asked_parameters
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene

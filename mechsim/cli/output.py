@@ -1,23 +1,65 @@
 """What commands print: one JSON object, or tables for people; progress on stderr."""
 
 import json
+import os
+import shutil
 import sys
 import textwrap
-import time
-from collections.abc import Generator, Iterable, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from itertools import zip_longest
-from typing import Any, Protocol
+from typing import Any
 
 import typer
 
-from mechsim.cli.endings import tell
-from mechsim.cli.terminal import in_bold, width, wrapped
-from mechsim.cli.time_left import TimeLeft, in_words
 from mechsim.files import plain
 
-# before the first line of progress where there is no terminal, and between two
-FIRST, SECONDS = 3.0, 10.0
+# columns where stdout is no terminal and COLUMNS is not set
+DEFAULT_WIDTH = 80
+# narrower terminals are taken for this many columns
+MINIMUM_WIDTH = 40
+
+
+def width() -> int:
+    """Return the columns of the terminal, or of COLUMNS."""
+    return max(MINIMUM_WIDTH, shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns)
+
+
+def in_colour(text: str, colour: str) -> str:
+    """Return text in bold colour where stdout is a terminal and NO_COLOR is not set."""
+    return typer.style(text, fg=colour, bold=True) if _has_colour() else text
+
+
+def in_bold(text: str) -> str:
+    """Return text in bold where stdout is a terminal and NO_COLOR is not set."""
+    return typer.style(text, bold=True) if _has_colour() else text
+
+
+def _has_colour() -> bool:
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+
+
+def pass_or_fail(passed: bool) -> str:
+    """Return the word PASS or FAIL, green or red in a terminal."""
+    return in_colour("PASS", "green") if passed else in_colour("FAIL", "red")
+
+
+def wrapped(text: str, indent: str = "  ", hanging: str = "    ") -> list[str]:
+    """Return text in lines that fit the terminal; words are never cut."""
+    return textwrap.wrap(
+        text,
+        width(),
+        initial_indent=indent,
+        subsequent_indent=hanging,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+
+
+def labelled(label: str, text: str, label_width: int) -> list[str]:
+    """Return a label and its text, whose further lines start below the first."""
+    return wrapped(text, f"  {label:<{label_width}}  ", " " * (label_width + 4))
+
+
 # before each column of a table
 GAP = "  "
 
@@ -70,88 +112,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-class Tick(Protocol):
-    """Called after each piece of work, with what was done and what part of the whole that makes."""
-
-    def __call__(self, done: str = "", part: float | None = None, /) -> None:
-        """Advance to a part of the whole, 0 to 1; by one of the total where none is told."""
-        ...
-
-
-def _nothing(done: str = "", part: float | None = None) -> None:
-    pass
-
-
-def _lines(what: str, total: int | None, limit: str) -> Tick:
-    """Return a tick that prints a line when the last one is long past."""
-    count, begun = 0, time.monotonic()
-    due, quiet = begun + FIRST, True
-    counted, told = TimeLeft(begun), TimeLeft()
-
-    def tick(done: str = "", part: float | None = None) -> None:
-        nonlocal count, due, quiet
-        count += 1
-        now = time.monotonic()
-        far = [f"{count} of {total}"] if part is None and total else []
-        if part is not None:
-            rest = in_words(told.update(part, now))
-        else:
-            rest = in_words(counted.update(count / total, now)) if total else ""
-        if now < due:
-            return
-        rest = f"{rest}{limit}" if rest else ""
-        # what is over in a moment needs no line
-        if rest or not quiet or now > begun + SECONDS:
-            tell(f"{what}: {', '.join(filter(None, [*far, done, rest]))}")
-            due, quiet = now + SECONDS, False
-
-    return tick
-
-
-@contextmanager
-def progress(what: str, total: int | None, *, quiet: bool = False, at_least: bool = False) -> Generator[Tick]:
-    """Show on stderr how far long work has come: a bar, or a line now and then where there is no terminal.
-
-    `at_least`: the parts told are the least that may be done, so that what is left is so much at the most.
-    """
-    if quiet:
-        yield _nothing
-        return
-    if not sys.stderr.isatty():
-        yield _lines(what, total, " at the most" if at_least else "")
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-    )
-
-    far = () if total is None else (MofNCompleteColumn(),)
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        *far,
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[rest]}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total, rest="")
-        count, counted, told = 0, TimeLeft(time.monotonic()), TimeLeft()
-
-        def tick(done: str = "", part: float | None = None) -> None:
-            nonlocal count
-            count += 1
-            now = time.monotonic()
-            if part is None:
-                rest = counted.update(count / total, now) if total else None
-                bar.update(task, advance=1, description=done or what, rest=in_words(rest))
-            else:
-                rest = None if at_least else told.update(part, now)
-                bar.update(task, total=1.0, completed=part, description=done or what, rest=in_words(rest))
-
-        yield tick

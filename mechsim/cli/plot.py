@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.declared_options import spread
-from mechsim.cli.mass_table import print_masses
+from mechsim.cli.load_options import print_masses
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
@@ -20,7 +20,8 @@ from mechsim.cli.options import (
     speed_of,
     writable,
 )
-from mechsim.cli.output import print_json, progress
+from mechsim.cli.output import print_json
+from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.pictures import plots

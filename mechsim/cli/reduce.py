@@ -9,7 +9,8 @@ import typer
 from mechsim import files, units
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import File, Json, LockOptions, writable
-from mechsim.cli.output import Tick, print_json, print_table, progress
+from mechsim.cli.output import print_json, print_table
+from mechsim.cli.progress import Tick, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.studies.reduction import By, LeftOut, ReducedErrors, Reduction, reduced, with_comment

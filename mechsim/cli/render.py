@@ -11,7 +11,7 @@ import typer
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.declared_options import spread
-from mechsim.cli.mass_table import print_masses
+from mechsim.cli.load_options import print_masses
 from mechsim.cli.options import (
     DriveOptions,
     File,
@@ -23,8 +23,9 @@ from mechsim.cli.options import (
     speed_of,
     writable,
 )
-from mechsim.cli.output import print_json, progress
-from mechsim.cli.slips import asked_angle
+from mechsim.cli.output import print_json
+from mechsim.cli.progress import progress
+from mechsim.cli.unit_warnings import asked_angle
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion

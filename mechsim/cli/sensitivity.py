@@ -9,11 +9,11 @@ import typer
 
 from mechsim import files, units
 from mechsim.cli.declared_options import spread
-from mechsim.cli.force_options import MachineOptions
-from mechsim.cli.mass_table import print_masses
+from mechsim.cli.load_options import MachineOptions, print_masses
 from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
-from mechsim.cli.output import print_json, print_table, progress
-from mechsim.cli.slips import asked_angles
+from mechsim.cli.output import print_json, print_table
+from mechsim.cli.progress import progress
+from mechsim.cli.unit_warnings import asked_angles
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.studies.sensitivity import (

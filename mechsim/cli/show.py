@@ -5,13 +5,15 @@ from typing import Annotated, Any
 
 import typer
 
+from mechsim.analytic import catalog
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of
 from mechsim.cli.output import print_json, print_table
 from mechsim.cli.output_units import SI_UNITS, OutputUnits, Units, output_units
-from mechsim.cli.scene_findings import found_in, in_json, print_findings
-from mechsim.cli.slips import asked_angle
+from mechsim.cli.unit_warnings import asked_angle
+from mechsim.cli.verdict_text import found_in, in_json, print_findings
 from mechsim.report.facts import OWN, facts
+from mechsim.subjects import gallery
 from mechsim.units import parse_angle
 
 # part of the largest coordinate of a place below which one is rounding, and is printed as 0
@@ -145,3 +147,14 @@ def _number(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_number(item) for item in value)
     return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def list_mechanisms(as_json: Json = False) -> None:
+    """List the mechanisms of the catalogue and of the gallery."""
+    described = {name: (drive.__doc__ or "").splitlines()[0] for name, drive in catalog.DRIVES.items()}
+    shown = {name: gallery.description(path) for name, path in gallery.files().items()}
+    if as_json:
+        print_json({"mechanisms": described, "gallery": shown})
+        return
+    print_table("The catalogue", ("name", "what it is"), described.items())
+    print_table(f"The gallery, in {gallery.folder()}", ("name", "what it is"), shown.items())

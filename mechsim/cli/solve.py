@@ -12,7 +12,7 @@ from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
-from mechsim.cli.few_digits import FewDigits, digits_in_json, few_digits, tell_digits, worse
+from mechsim.cli.motion_warnings import FewDigits, digits_in_json, few_digits, swing_of, tell_digits, worse
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
@@ -27,10 +27,10 @@ from mechsim.cli.options import (
     with_policy,
     writable,
 )
-from mechsim.cli.output import Tick, print_json, progress
+from mechsim.cli.output import print_json
 from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
-from mechsim.cli.slips import asked_angles
-from mechsim.cli.swinging import swing_of
+from mechsim.cli.progress import Tick, progress
+from mechsim.cli.unit_warnings import asked_angles
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array

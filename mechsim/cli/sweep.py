@@ -8,9 +8,10 @@ import numpy as np
 import typer
 
 from mechsim.cli.declared_options import spread
-from mechsim.cli.mass_table import print_masses
+from mechsim.cli.load_options import print_masses
 from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, changed_by, moved_by, speed_of
-from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.output import print_json, print_table
+from mechsim.cli.progress import progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import place_of
 from mechsim.model.masses import masses_of

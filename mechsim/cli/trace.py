@@ -10,8 +10,9 @@ import typer
 from mechsim import files
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import DriveOptions, Json, Model, Output, Sets, form_of, writable
-from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.output import print_json, print_table
 from mechsim.cli.output_units import OutputUnits, Units, output_units
+from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots

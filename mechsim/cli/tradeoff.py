@@ -6,14 +6,15 @@ from typing import Annotated, Any
 import typer
 
 from mechsim import units
-from mechsim.cli import endings
+from mechsim.cli import exit_codes
 from mechsim.cli.declared_options import spread
 from mechsim.cli.options import Json, Output, Sets, Speed, form_of, speed_of, writable
-from mechsim.cli.output import Tick, print_json, print_table, progress
-from mechsim.cli.scene_costs import print_costs
-from mechsim.cli.scene_options import SceneOptions
+from mechsim.cli.output import print_json, print_table
+from mechsim.cli.progress import Tick, progress
+from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.pictures import plots
+from mechsim.studies.scenes import spec_of
 from mechsim.studies.tradeoff import (
     BOUNDS,
     COMPARED,
@@ -30,6 +31,7 @@ from mechsim.studies.tradeoff import (
 from mechsim.studies.tradeoff.advice import advice
 from mechsim.studies.tradeoff.pace import BEYOND
 from mechsim.studies.tradeoff.plot import work_precision
+from mechsim.studies.tradeoff.scene_costs import SceneCost, scene_costs
 
 # in [s], kept of the budget for the table, and for a plot
 TOLD, DRAWN = 0.1, 0.7
@@ -95,7 +97,7 @@ def tradeoff(
             if path is not None:
                 typer.echo(f"wrote {what} to {path}")
     if clock.spent > (1.0 + BEYOND) * clock.seconds:
-        endings.tell(
+        exit_codes.tell(
             f"mechsim: took {clock.spent:.2g} s, more than the budget of {clock.seconds:g} s: a short "
             "trial, with what must be loaded and built for it, takes that long here"
         )
@@ -106,7 +108,7 @@ def _clock(budget: str, *, drawn: bool) -> Budget:
     seconds = units.parse_time(budget, "the budget")
     if not 0.0 < seconds < float("inf"):
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
-    return Budget(seconds, endings.typed_at, min(TOLD + (DRAWN if drawn else 0.0), 0.5 * seconds))
+    return Budget(seconds, exit_codes.typed_at, min(TOLD + (DRAWN if drawn else 0.0), 0.5 * seconds))
 
 
 def _subject(model: str, sets: list[str] | None, speed: float, clock: Budget) -> Subject:
@@ -195,3 +197,40 @@ def _cells(point: Point | None) -> tuple[str, ...]:
         return ("nothing measured reaches it", "", "")
     errors = (f"{error:.1e}" for error in point.errors.values())
     return (point.family.name, str(point.settings.steps_per_turn), f"{1e3 * point.cost:.3g}", *errors)
+
+
+def print_costs(model: str, asked: SceneOptions, *, as_json: bool) -> None:
+    """Measure and print what each thing in a scene costs."""
+    scene = user_scene(model, asked)
+    with progress("costs", None) as tick:
+        found = scene_costs(scene, spec_of(scene), progress=lambda part: tick("timing", part))
+    if as_json:
+        print_json({"scene": model, "timestep": float(scene.model.opt.timestep), "costs": _rows(found)})
+        return
+    rows = [
+        (
+            one.what,
+            str(one.freedoms),
+            str(one.rows),
+            f"{one.step:.3g}",
+            f"{one.ratio:.3g}",
+            f"{one.error:.1e}" if one.error < float("inf") else "diverges",
+        )
+        for one in found
+    ]
+    head = ("scene", "freedoms", "rows", "us/step", "of the scene", "error [m]")
+    print_table(f"{model}: what each thing costs", head, rows)
+
+
+def _rows(found: list[SceneCost]) -> list[dict[str, object]]:
+    return [
+        {
+            "what": one.what,
+            "freedoms": one.freedoms,
+            "rows": one.rows,
+            "us_per_step": one.step,
+            "time_ratio": one.ratio,
+            "error": one.error,
+        }
+        for one in found
+    ]

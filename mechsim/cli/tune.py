@@ -10,9 +10,10 @@ import typer
 
 from mechsim import units
 from mechsim.cli.declared_options import spread
-from mechsim.cli.endings import tell
+from mechsim.cli.exit_codes import tell
 from mechsim.cli.options import Json, LockOptions, writable
-from mechsim.cli.output import print_json, print_table, progress
+from mechsim.cli.output import print_json, print_table
+from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
 from mechsim.files import written_beside

@@ -1,29 +1,85 @@
 """The command that checks everything against everything: validate."""
 
+import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives import DesignFamily
-from mechsim.cli.against import AgainstOptions, held_against, tell_code
+from mechsim.analytic.forms import Form
 from mechsim.cli.declared_options import spread
-from mechsim.cli.endings import tell
-from mechsim.cli.options import DriveOptions, Json, Sets, Speed, Verbose, family_of, folder_for, speed_of
-from mechsim.cli.output import print_json, progress
-from mechsim.cli.scene_findings import found_in, in_json
-from mechsim.cli.validate_reference import validate_by_reference
-from mechsim.cli.validation_text import print_cases
+from mechsim.cli.exit_codes import tell
+from mechsim.cli.options import (
+    DriveOptions,
+    Json,
+    Sets,
+    Speed,
+    Verbose,
+    family_of,
+    folder_for,
+    read_family,
+    speed_of,
+    writable,
+)
+from mechsim.cli.output import print_json
+from mechsim.cli.progress import progress
+from mechsim.cli.verdict_text import (
+    agreement_lines,
+    attribution_lines,
+    found_in,
+    in_json,
+    print_cases,
+    print_verdict,
+    print_verdicts,
+    tell_findings,
+)
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding
 from mechsim.numerics.angles import TURN
+from mechsim.pictures import plots
+from mechsim.pictures.plots.agreement import agreement_plot
+from mechsim.report.agreement import worst_first, write_agreement_report
 from mechsim.report.validation import write_validation_report
+from mechsim.studies.agreement.agreement import held
+from mechsim.studies.reference import by_reference
 from mechsim.studies.validate import BUDGET, Case, validate_all
-from mechsim.subjects import gallery
+from mechsim.subjects import gallery, reference_data
+from mechsim.subjects.subject import load
+from mechsim.units import option
+from mechsim.verdict.checks import Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgainstOptions:
+    """Against what one model is held, and how that is told."""
+
+    against: str | None = option(
+        None,
+        "Hold one model against a function of your own, which is run, or a table.",
+        metavar="FILE.py:FUNC|FILE.csv",
+    )
+    tolerance: str | None = option(
+        None,
+        "Tolerance on positions. Default: with --against 1e-8 of the workspace, else (stepped runs) 1e-8 of "
+        "the stroke or the size; if given, an .xml must satisfy it with its own settings, too.",
+    )
+    plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
+
+    @property
+    def bound(self) -> float | None:
+        """The tolerance in [m]; None where none is given."""
+        if self.tolerance is None:
+            return None
+        bound = units.parse_length(self.tolerance, "the tolerance")
+        if not 0.0 < bound < math.inf:
+            raise InputError(f"--tolerance is {self.tolerance}; give a length above 0, as in 1um")
+        return bound
 
 
 @spread
@@ -151,3 +207,85 @@ def _write_report(folder: Path, cases: Mapping[str, Case], results: Mapping[str,
         notes = write_validation_report(folder, cases, results, done=tick)
     for note in notes:
         tell(note)
+
+
+def validate_by_reference(models: Sequence[str], as_json: bool, *, verbose: bool) -> bool:
+    """Judge the mechanisms named, or all of the reference data, and print it; return whether all are met.
+
+    Raises:
+        InputError: for a name of which there are no data, or data that are not what their checksum says.
+    """
+    where = reference_data.folder()
+    tables = [reference_data.read(where, name) for name in models or reference_data.names(where)]
+    cases: dict[str, Verdict] = {}
+    with progress("validate", len(tables)) as tick:
+        for table in tables:
+            closed = catalog.make(table.name) if table.name in catalog.DRIVES else None
+            cases[table.name] = by_reference(load(str(table.mechanism)), table, closed)
+            tick(table.name)
+    passed = all(case.passed for case in cases.values())
+    if as_json:
+        print_json({"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}})
+        return passed
+    print_verdicts(cases, verbose=verbose)
+    count = sum(case.passed for case in cases.values())
+    typer.echo(f"{count} of {len(cases)} mechanisms agree with the reference data in {where}")
+    return passed
+
+
+def held_against(
+    model: str,
+    sets: list[str] | None,
+    driven: DriveOptions,
+    asked: AgainstOptions,
+    output: tuple[float, Path | None, bool, bool],
+) -> NoReturn:
+    """Say whether a model agrees with a function or a table, and why not; ends the command.
+
+    Args:
+        model: as it was called.
+        sets: its changed parameters, as NAME=VALUE.
+        driven: how it is driven.
+        asked: against what it is held, and how that is told.
+        output: speed of a crank in [rad/s], folder for a page or None, whether JSON is printed, and whether
+            all checks are listed.
+    """
+    speed, report, as_json, verbose = output
+    source = asked.against or ""
+    place = None if asked.plot is None else writable(asked.plot)
+    if place is not None:
+        plots.form_of(place)
+    bound = asked.bound
+    if not source.lower().endswith(".csv"):
+        tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
+    found = held(read_family(model, sets, driven), source, speed=speed, tolerance=bound)
+    name, scene = found.form.name, found_in(found.form) or ()
+    told_of = found.as_dict()
+    told_of["findings"] = [one.as_dict() for one in (*scene, *found.findings)]
+    results = {"passed": found.passed, "mechanisms": {name: told_of}}
+    if place is not None:
+        plots.write(place, agreement_plot(worst_first(found)[0]))
+    notes = [] if report is None else write_agreement_report(report, found, results)
+    for note in notes:
+        tell(note)
+    if as_json:
+        print_json(results)
+    else:
+        tell_findings(scene)
+        for line in agreement_lines(name, found):
+            typer.echo(line)
+        if verbose:
+            for line in attribution_lines(found):
+                typer.echo(line)
+            print_verdict(name, Verdict(found.outcome, found.checks, found.reason))
+        if report is not None:
+            typer.echo(f"report: {report / 'index.html'}")
+    raise typer.Exit(0 if found.passed else 1)
+
+
+def tell_code(forms: Iterable[Form]) -> None:
+    """Say what code of the user's own is run for the formulas that files name."""
+    files = [form.formula.rpartition(":")[0] for form in forms]
+    own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]
+    if own:
+        tell(f"mechsim: runs {', '.join(own)}: a formula is code")

@@ -3,14 +3,25 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from mechsim.cli.output import print_table
-from mechsim.cli.terminal import labelled, pass_or_fail, width
+from mechsim.analytic.forms import Form
+from mechsim.cli.output import labelled, pass_or_fail, print_table, width, wrapped
+from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
+from mechsim.model.masses import summary
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import MotionLaws, make_motion_laws
+from mechsim.model.motion_plane import hinged_normals
 from mechsim.pictures.number_text import prefixed
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.checks import Check, Verdict, check_table
+
+if TYPE_CHECKING:
+    from mechsim.studies.agreement.agreement import Agreement
+    from mechsim.studies.validate import Case
 
 # what each method of a verdict compares
 METHODS = {
@@ -188,3 +199,171 @@ def readable(value: float, unit: str) -> str:
     if unit.startswith(WITHOUT_PREFIX) or not 1e-9 <= value < 1e6:
         return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
     return prefixed(value, unit)
+
+
+def found_in(form: Form, asked: MotionLaws | None = None) -> tuple[Finding, ...] | None:
+    """Return what is wrong with the scene of an MJCF file, the gravest first; None of anything else.
+
+    Args:
+        form: what moves.
+        asked: programs of the drivers; None takes its own.
+    """
+    if not isinstance(form, MjcfForm) or form.source is None:
+        return None
+    # what is no scene needs no MuJoCo
+    from mechsim.simulation.findings import findings
+    from mechsim.simulation.mjcf import quiet
+
+    with quiet():
+        return findings(form.source, asked or form.motion_laws)
+
+
+def of_crank(form: Form, motion: CrankProfile) -> MotionLaws | None:
+    """Return the motion of the crank of an MJCF file as a program; None of anything else."""
+    if not isinstance(form, MjcfForm):
+        return None
+    return make_motion_laws(form.mechanism, {form.mechanism.drivers[0]: motion.state}, motion.duration)
+
+
+def in_json(found: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:
+    """Return findings as a JSON object has them; nothing where there is no scene."""
+    return {} if found is None else {"findings": [one.as_dict() for one in found]}
+
+
+def print_findings(found: Sequence[Finding] | None) -> None:
+    """Print findings as a table; a line where there are none, nothing where there is no scene."""
+    if found is None:
+        return
+    if not found:
+        typer.echo("findings: none")
+        return
+    rows = [(one.kind, one.place.removeprefix("line "), one.advice) for one in found]
+    print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
+
+
+def tell_findings(found: Sequence[Finding] | None) -> None:
+    """Print findings at the head of a verdict, a line each."""
+    for one in found or ():
+        typer.echo(f"{one.kind}: {one.told}")
+
+
+def agreement_lines(name: str, agreement: "Agreement") -> list[str]:
+    """Return the result for one model: PASS or FAIL, what is off, and the likely cause."""
+    lines = [headline(f"{name} vs {agreement.source}", agreement.passed)]
+    if agreement.passed:
+        lines += method_lines(agreement.checks, {"": "compared"})
+    else:
+        lines += failure_lines(agreement.checks, agreement.findings, agreement.reason)
+    lines += wrapped(agreement.noise_report)
+    if agreement.masses:
+        lines += wrapped(summary(agreement.masses))
+    return lines
+
+
+def attribution_lines(agreement: "Agreement") -> list[str]:
+    """Return which part of the error of a stepped run comes from where."""
+    if "says" in agreement.attribution:
+        return wrapped(str(agreement.attribution["says"]))
+    if "note" in agreement.attribution:
+        return wrapped(f"not stepped: {agreement.attribution['note']}")
+    return []
+
+
+Scenes = Mapping[str, Sequence[Finding] | None]
+
+
+def print_cases(cases: Mapping[str, "Case"], scenes: Scenes, speed: str, *, verbose: bool) -> None:
+    """Print the results of `mechsim validate`: failures first, with their cause.
+
+    Args:
+        cases: results by name.
+        scenes: findings in MJCF files by name.
+        speed: of the crank, as text.
+        verbose: whether all checks are listed.
+    """
+    single = len(cases) == 1
+    for name, case in cases.items():
+        tell_findings(scenes[name])
+        if verbose or single or not case.passed:
+            _print_block(name, case, speed, verbose)
+    if single:
+        ((_, case),) = cases.items()
+        failed = sum(not check.passed for check in case.verdict.checks)
+        count = len(case.verdict.checks)
+        result = f"{count} checks passed" if case.passed else f"{failed} of {count} checks failed"
+        hints = "" if verbose else "; -v lists all, --report DIR writes HTML"
+        typer.echo(f"{result} (% = error/tolerance{hints})")
+    else:
+        _print_summary(cases)
+    if posed := sum(case.quick for case in cases.values()):
+        mechanisms, them = ("mechanism", "it") if posed == 1 else ("mechanisms", "them")
+        typer.echo(f"  ({posed} gallery {mechanisms}: solved poses only; --gallery also steps {them})")
+
+
+def _print_block(name: str, case: "Case", speed: str, verbose: bool) -> None:
+    """Print what was compared of a mechanism, and what failed."""
+    typer.echo(headline(f"{name}  {_description(case)}", case.passed, case.seconds))
+    if not case.passed:
+        findings = () if case.formula is None else case.formula.findings
+        for line in failure_lines(case.verdict.checks, findings, case.verdict.reason):
+            typer.echo(line)
+    for line in method_lines(case.verdict.checks, METHODS | {"step": _stepped(case, speed)}):
+        typer.echo(line)
+    for note in _notes(case):
+        for line in wrapped(note):
+            typer.echo(line)
+    if verbose:
+        for line in () if case.formula is None else attribution_lines(case.formula):
+            typer.echo(line)
+        print_verdict(name, case.verdict)
+
+
+def _print_summary(cases: Mapping[str, "Case"]) -> None:
+    """Print a line for each mechanism, and how many passed."""
+    for line in summary_lines({name: case.verdict for name, case in cases.items()}):
+        typer.echo(line)
+    passed = sum(case.passed for case in cases.values())
+    seconds = sum(case.seconds for case in cases.values())
+    typer.echo(f"  {passed} passed, {len(cases) - passed} failed in {seconds:.1f} s   (% = error/tolerance)")
+
+
+def _description(case: "Case") -> str:
+    """Return a mechanism in words: planar or spatial, links, degrees of freedom, range of the crank."""
+    mechanism = case.drive.mechanism
+    facts = [
+        "planar" if _is_planar(mechanism) else "spatial",
+        f"{len(mechanism.links) + 1} links",
+        f"{len(mechanism.drivers)} DOF",
+    ]
+    if case.drive.motion_laws is None and mechanism.has_crank:
+        facts.append("full rotation" if case.drive.crank_range().full else "limited rotation")
+    return ", ".join(facts)
+
+
+def _is_planar(mechanism: Mechanism) -> bool:
+    return hinged_normals(mechanism) is not None
+
+
+def _stepped(case: "Case", speed: str) -> str:
+    """Return how a stepped run was made."""
+    if case.drive.motion_laws is not None:
+        speed = "motion laws"
+    settings = case.run.settings
+    integrator = "" if settings is None else f", {settings.integrator}"
+    return f"MuJoCo, {speed}{integrator}, {case.run.steps} steps"
+
+
+def _notes(case: "Case") -> list[str]:
+    """Return what else is known of a stepped run."""
+    from mechsim.simulation.settings import COMPLIANCE
+
+    notes: list[str] = []
+    if case.compliance not in (None, COMPLIANCE):
+        notes.append(
+            f"stepped with compliance scale {case.compliance:.2g} of the loops, not {COMPLIANCE:.2g}"
+        )
+    run = case.run
+    if case.published is not None and run.settings is not None and run.timestep is not None:
+        own = ", ".join(f"{name} {value}" for name, value in run.settings.rows().items())
+        notes.append(f"stepped with mechsim's settings: timestep {1e3 * run.timestep:.3g} ms, {own}")
+    return notes

@@ -49,7 +49,7 @@ class Tolerance:
 
 # rounding over the conditioning moves a pose, that over it once more its rates: measured 0.5 times this for
 # closed forms of random four-bars at conditioning 1e-8 to 1e-4, mostly 0.3 and up to 70 for loop equations:
-# tests/cli/test_few_digits.py
+# tests/cli/test_conditioning.py
 RATES = Tolerance(
     EPS / WELL_CONDITIONED**2,
     "1",

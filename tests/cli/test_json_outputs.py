@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 from mechsim.cli import COMMANDS, main
-from mechsim.cli.json_outputs import OUTPUTS, output_schema
+from mechsim.cli.schema import OUTPUTS, output_schema
 
 ROOT = Path(__file__).parents[2]
 LINES = """

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 from drawing import draws
 
-from mechsim.cli.json_outputs import output_schema
+from mechsim.cli.schema import output_schema
 from mechsim.report import plot_table
 from mechsim.studies.extremes import scaled, stability_map
 from mechsim.theory.continuation import trace

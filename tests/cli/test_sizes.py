@@ -11,7 +11,7 @@ import pytest
 from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.analytic.dynamics.free_motion import Runner
 from mechsim.cli import dynamics as cli_dynamics
-from mechsim.cli import output, solve, time_left
+from mechsim.cli import progress, solve
 from mechsim.model.forces import Forces
 from mechsim.numerics import resources
 from mechsim.simulation.dynamics import free_motion
@@ -196,27 +196,27 @@ def test_long_work_says_how_long_it_goes_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = [0.0]
-    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
 
     def lines(
-        work: Callable[[output.Tick], None], total: int | None = None, at_least: bool = False
+        work: Callable[[progress.Tick], None], total: int | None = None, at_least: bool = False
     ) -> list[str]:
         now[0] = 0.0
-        with output.progress("work", total, at_least=at_least) as tick:
+        with progress.progress("work", total, at_least=at_least) as tick:
             work(tick)
         return capsys.readouterr().err.splitlines()
 
-    def counted(tick: output.Tick) -> None:
+    def counted(tick: progress.Tick) -> None:
         for _ in range(20):
             now[0] += 4.0
             tick("piece")
 
-    def parted(tick: output.Tick) -> None:
+    def parted(tick: progress.Tick) -> None:
         for i in range(1, 4):
             now[0] += 3600.0
             tick(f"{i} steps", i / 10_000)
 
-    def short(tick: output.Tick) -> None:
+    def short(tick: progress.Tick) -> None:
         for i in range(1, 5):
             now[0] += 1.0
             tick("", i / 4)
@@ -234,7 +234,7 @@ def test_long_work_says_how_long_it_goes_on(
         f"work: {i} steps, about 417 days left at the most" for i in (2, 3)
     ]
     assert lines(short) == []
-    assert [time_left.in_words(rest) for rest in (1.0, 100.0, 1e4, 1e6)] == [
+    assert [progress.in_words(rest) for rest in (1.0, 100.0, 1e4, 1e6)] == [
         "",
         "about 100 s left",
         "about 3 h left",
@@ -249,10 +249,10 @@ def test_dynamics_say_on_every_road_how_far_they_have_come(
     told: list[tuple[str, float]] = []
 
     @contextmanager
-    def progress(*_: object) -> Iterator[output.Tick]:
+    def recorded_progress(*_: object) -> Iterator[progress.Tick]:
         yield lambda done="", part=None: told.append((done.split(",")[0], part))
 
-    monkeypatch.setattr(cli_dynamics, "progress", progress)
+    monkeypatch.setattr(cli_dynamics, "progress", recorded_progress)
     monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "rssr", "--method", method, "--samples", "90"])
     with pytest.raises(SystemExit) as ended:
         cli.main()

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from mechsim.cli.terminal import pass_or_fail
+from mechsim.cli.output import pass_or_fail
 from mechsim.subjects import gallery
 
 YOKE = gallery.files()["scotch_yoke"]

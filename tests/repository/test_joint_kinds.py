@@ -16,7 +16,7 @@ HOME = {
     "mechsim.simulation.mjcf_reader.joint_types",
     "mechsim.shapes.joints",
     "mechsim.simulation.mjcf_text.included_lines",  # "fixed" is an element of MJCF there
-    "mechsim.cli.validation_text",  # "planar" describes a mechanism there
+    "mechsim.cli.verdict_text",  # "planar" describes a mechanism there
 }
 CATALOG = "mechsim.analytic.catalog."
 

@@ -9,7 +9,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.cli import main
-from mechsim.cli.json_outputs import output_schema
+from mechsim.cli.schema import output_schema
 from mechsim.studies.scenes.published_run import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
 from mechsim.verdict.quantities import stroke_of

@@ -10,7 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim import files
 from mechsim.cli import main
-from mechsim.cli.json_outputs import output_schema
+from mechsim.cli.schema import output_schema
 from mechsim.errors import InputError
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Claim

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mechsim.cli.time_left import TimeLeft
+from mechsim.cli.progress import TimeLeft
 
 
 def worst_ratio(reports: list[tuple[float, float]], begun: float | None = 0.0) -> float:

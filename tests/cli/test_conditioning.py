@@ -6,7 +6,7 @@ from exact import four_bar_b
 
 from mechsim import catalog, simulate, simulation
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.cli.few_digits import few_digits
+from mechsim.cli.motion_warnings import few_digits
 from mechsim.verdict.tolerances import RATES
 
 SWINGS = {"ground": 0.1, "crank": 0.09, "coupler": 0.05, "rocker": 0.06}

@@ -114,7 +114,7 @@ def swallowing(number: signal.Signals, times: int) -> "subprocess.CompletedProce
     """Run a command whose destructors swallow a signal so many times, and wait for what is to come again."""
     code = f"""
 import os, time
-from mechsim.cli import endings
+from mechsim.cli import exit_codes
 class Held:
     def __del__(self):
         os.kill(os.getpid(), {int(number)})
@@ -123,8 +123,8 @@ def command():
     for _ in range({times}):
         Held()
     time.sleep(60)
-code = endings.ended(command)
-time.sleep(10 * endings.AGAIN)
+code = exit_codes.ended(command)
+time.sleep(10 * exit_codes.AGAIN)
 raise SystemExit(code)
 """
     return subprocess.run(
@@ -145,8 +145,8 @@ def test_a_signal_that_destructors_swallow_ends_the_command_all_the_same_and_onc
 def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
     code = (
         "import signal, os; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
-        "from mechsim.cli import endings\n"
-        "raise SystemExit(endings.ended(lambda: os.kill(os.getpid(), signal.SIGHUP)))"
+        "from mechsim.cli import exit_codes\n"
+        "raise SystemExit(exit_codes.ended(lambda: os.kill(os.getpid(), signal.SIGHUP)))"
     )
     assert subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=False).returncode == 0
 

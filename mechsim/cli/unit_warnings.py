@@ -7,7 +7,7 @@ from math import pi
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.cli.endings import questions
+from mechsim.cli.exit_codes import questions
 from mechsim.units import require_written
 
 # angles beyond a turn in radians are rare, in degrees usual; lengths so many times the usual are millimetres

@@ -2,18 +2,21 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from mechsim import files, units
 from mechsim.analytic import dynamics
 from mechsim.analytic.forms import Form
+from mechsim.cli.output import print_table
 from mechsim.errors import InputError
 from mechsim.model import motors
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring
 from mechsim.model.load_profile import table
+from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Geared, PlainMotor
 from mechsim.units import option
 
@@ -212,3 +215,24 @@ class MachineOptions:
     def machine(self, drive: Form) -> dynamics.Machine:
         """Return a mechanism with links that weigh and all that acts on it."""
         return dynamics.machine(drive, self.forces(drive), density=self.density, diameter=self.diameter)
+
+
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List the masses of the links, too.")]
+
+
+def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, of: str = "") -> None:
+    """Print the masses and where they come from.
+
+    Args:
+        masses: of the links; nothing is printed where there are none.
+        verbose: whether they are listed; None where a command has no -v.
+        of: what has these masses, where a command computes with several.
+    """
+    if not masses:
+        return
+    if not verbose:
+        hint = "; -v lists them" if verbose is not None and any(one.source == "rod" for one in masses) else ""
+        typer.echo(summary(masses).replace("masses", f"masses {of}".rstrip(), 1) + hint)
+        return
+    rows = [(one.link, f"{one.mass:.6g}", "kg", one.text) for one in masses]
+    print_table("masses", ("link", "mass", "unit", "source"), rows)

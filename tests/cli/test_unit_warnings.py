@@ -1,15 +1,15 @@
 import pytest
 
 from mechsim import catalog
-from mechsim.cli import endings
-from mechsim.cli.slips import asked_angle, asked_angles, asked_parameters
+from mechsim.cli import exit_codes
+from mechsim.cli.unit_warnings import asked_angle, asked_angles, asked_parameters
 
 
 @pytest.fixture(autouse=True)
 def questions():
-    endings.questions.clear()
-    yield endings.questions
-    endings.questions.clear()
+    exit_codes.questions.clear()
+    yield exit_codes.questions
+    exit_codes.questions.clear()
 
 
 @pytest.mark.parametrize(
