@@ -15,13 +15,12 @@ if TYPE_CHECKING:
     from mechsim.analytic import loops as closure
     from mechsim.errors import AssemblyError, InputError, MechsimError
     from mechsim.model import load_profile as course
+    from mechsim.model import masses as rods
     from mechsim.model import motors
-    from mechsim.model import rod_inertia as rods
     from mechsim.model.couplings import Coupling, Gear
     from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
-    from mechsim.model.inertia import Inertia
     from mechsim.model.joints import End, Joint
-    from mechsim.model.links import Link, Pose
+    from mechsim.model.links import Inertia, Link, Pose
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
     from mechsim.model.motion_laws import MotionLaws
@@ -35,8 +34,8 @@ if TYPE_CHECKING:
     from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
     from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
+    from mechsim.subjects.readers import load
     from mechsim.subjects.simulate_by_name import simulate
-    from mechsim.subjects.subject import load
     from mechsim.theory.continuation import trace
     from mechsim.verdict.checks import Check, Verdict
     from mechsim.verdict.judge import crosscheck
@@ -51,7 +50,7 @@ _MODULES = {
     "motors": "model.motors",
     "plots": "pictures.plots",
     "render": "pictures.render",
-    "rods": "model.rod_inertia",
+    "rods": "model.masses",
     "simulation": "simulation",
     "testing": "testing",
     "units": "units",
@@ -65,7 +64,7 @@ _HOMES = _MODULES | {
     "Friction": "model.forces",
     "Coupling": "model.couplings",
     "Gear": "model.couplings",
-    "Inertia": "model.inertia",
+    "Inertia": "model.links",
     "InputError": "errors",
     "Joint": "model.joints",
     "JointSpring": "model.forces",
@@ -84,7 +83,7 @@ _HOMES = _MODULES | {
     "Verdict": "verdict.checks",
     "crosscheck": "verdict.judge",
     "fit": "studies.fit.calibration",
-    "load": "subjects.subject",
+    "load": "subjects.readers",
     "moved": "studies.sensitivity.sensitivity",
     "optimise": "studies.optimise.search",
     "sensitivity": "studies.sensitivity.sensitivity",

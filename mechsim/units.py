@@ -7,7 +7,7 @@ dataclass that people set so.
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Literal, TypeVar, get_args
 
@@ -102,7 +102,7 @@ def option(
 
     Args:
         default: where it is not set.
-        doc: what it is, as help and refusals say it.
+        doc: what it is, as help and errors show it.
         unit: of a quantity, which may then be written with a unit.
         read: makes the value of what was written, where that is no plain word, number or quantity.
         text: the default as people would write it, where help should show that.
@@ -306,7 +306,7 @@ def _several(parts: list[str], unit: Unit, text: str, name: str) -> list[float]:
     numbers, factors = _read(parts, unit, text, name)
     values = [_in_si(number, factor) for number, factor in zip(numbers, factors, strict=True)]
     if not all(abs(value) < np.inf for value in values):
-        raise _refusal(text, unit, name, "is too large")
+        raise _unit_error(text, unit, name, "is too large")
     return values
 
 
@@ -329,7 +329,7 @@ def _split(part: str, unit: Unit, text: str, name: str) -> tuple[float, str]:
     number = float(match[1]) if match else np.nan
     if match is None or not abs(number) < np.inf:
         what = "is" if part == text else f"holds {_short(part.strip())!r}, which is"
-        raise _refusal(text, unit, name, f"{what} not a finite number with a unit")
+        raise _unit_error(text, unit, name, f"{what} not a finite number with a unit")
     return number, match[2]
 
 
@@ -355,24 +355,41 @@ def _factor(written: str, unit: Unit, text: str, name: str) -> float:
 def converted(written: str, unit: Unit, text: str, name: str) -> float:
     """Return the factor from a written unit to an SI unit, as pint has it."""
     if len(written) > LONGEST_UNIT or not _UNIT.fullmatch(written):
-        raise _refusal(text, unit, name, f"has unit {_short(written)!r}, which is not known")
+        raise _unit_error(text, unit, name, f"has unit {_short(written)!r}, which is not known")
     registry = _registry()
     try:
         one = registry.Quantity(1.0, registry.parse_units(written)).to_root_units()
     except Exception:  # pint's parser lets errors of every kind through for what is no unit
-        raise _refusal(text, unit, name, f"has unit {written!r}, which is not known") from None
+        raise _unit_error(text, unit, name, f"has unit {written!r}, which is not known") from None
     wanted = registry.Unit("dimensionless" if unit == "1" else unit)
     # pint takes an angle for a plain number, so that 1 Hz would be 1 rad/s and 1 mm/m an angle
     turns = ("radian" in str(one.units)) == ("rad" in unit)
     if not turns or not one.is_compatible_with(wanted):
-        raise _refusal(text, unit, name, f"has unit {written!r}, which does not measure that")
+        raise _unit_error(text, unit, name, f"has unit {written!r}, which does not measure that")
     return float(one.to(wanted).magnitude)
 
 
-def _refusal(text: str, unit: Unit, name: str, what: str) -> InputError:
+def _unit_error(text: str, unit: Unit, name: str, what: str) -> InputError:
     kind, example = _KINDS[unit]
     return InputError(f"{name} {_short(text.strip())!r} {what}; give {kind} such as {example!r}")
 
 
 def _short(text: str) -> str:
     return cut(text, 4 * LONGEST_UNIT)
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenUnits:
+    """The units of bare numbers in a file, as written there.
+
+    Attributes:
+        length: such as "mm"; "m" where the file declares none.
+        angle: such as "deg"; "rad" where the file declares none.
+    """
+
+    length: str = "m"
+    angle: str = "rad"
+
+    def of(self, unit: str) -> str:
+        """Return the unit declared for quantities of an SI unit, "m" or "rad"; of all others the SI unit."""
+        return {"m": self.length, "rad": self.angle}.get(unit, unit)

@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.inertia import Inertia
 from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link, Pose
+from mechsim.model.links import GROUND, Inertia, Link, Pose
 from mechsim.model.mechanism import Mechanism
 
 

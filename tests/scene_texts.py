@@ -1,8 +1,8 @@
 """Small scenes in MJCF, as users have them: a gripper's finger under a servo, its loop closed softly."""
 
 from mechsim.studies.scenes import scene_of
-from mechsim.subjects.control_law_text import control_laws
-from mechsim.subjects.subject import load
+from mechsim.subjects.law_text import control_laws
+from mechsim.subjects.readers import load
 
 FINGER = """<mujoco model="finger">
   <!-- a four-bar under a position servo, and a pad that swings on it against a spring -->

@@ -33,10 +33,9 @@ from mechsim.cli.output import print_json
 from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
 from mechsim.cli.progress import Tick, progress
 from mechsim.errors import InputError
-from mechsim.model.crank_profile import LEAST_TURNS, CrankProfile
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import LEAST_TURNS, CrankProfile, MotionLaws
 from mechsim.numerics.resources import require_room
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from mechsim.analytic.forms import Form
 from mechsim.cli.exit_codes import notes, tell
 from mechsim.errors import MobilityError
-from mechsim.model.crank_profile import PART_OF_RANGE, CrankProfile, within_range
 from mechsim.model.motion import Motion, taken
+from mechsim.model.motion_laws import PART_OF_RANGE, CrankProfile, within_range
 from mechsim.numerics.angles import TURN
 from mechsim.verdict.tolerances import RATES
 

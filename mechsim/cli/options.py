@@ -19,8 +19,7 @@ from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.subjects.parametric_models import parametric_model
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load, parametric_model
 from mechsim.units import option
 
 # crank speeds in [rad/s]: a turn takes most of a day, and faster than any shaft; MuJoCo's own absolute

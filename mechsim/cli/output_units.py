@@ -11,8 +11,8 @@ from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.files import Tabled
-from mechsim.model.written_units import WrittenUnits
 from mechsim.numerics.arrays import Array
+from mechsim.units import WrittenUnits
 
 Units = Annotated[
     str | None,

@@ -17,10 +17,10 @@ from mechsim.numerics.angles import TURN
 from mechsim.simulation import Settings
 from mechsim.studies.scenes import UserScene, scene_of
 from mechsim.studies.scenes.plain_settings import PlainSettings
-from mechsim.subjects.control_law_text import control_laws
+from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.prescription import duration_of
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 from mechsim.subjects.time_expressions import python_expression
 from mechsim.units import option
 

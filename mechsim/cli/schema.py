@@ -8,9 +8,9 @@ from mechsim import files
 from mechsim.cli.options import Json, Output, writable
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
+from mechsim.model.finding import Outcome
 from mechsim.model.masses import Source
-from mechsim.model.outcome import Outcome
-from mechsim.subjects.schema import schema as schema_of
+from mechsim.subjects.toml_keys import schema as schema_of
 from mechsim.verdict.tolerances import InstantUnit
 
 

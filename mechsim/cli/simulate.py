@@ -35,9 +35,9 @@ from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import CTRL, SceneOptions, plain_settings, user_scene
 from mechsim.cli.verdict_text import found_in, in_json, of_crank, tell_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.crank_profile import arc_around
+from mechsim.model.finding import POSITION_TOLERANCE, Outcome
 from mechsim.model.motion import taken
-from mechsim.model.outcome import POSITION_TOLERANCE, Outcome
+from mechsim.model.motion_laws import arc_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings

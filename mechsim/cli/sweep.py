@@ -14,8 +14,7 @@ from mechsim.cli.output import print_json, print_table
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, OutputError
 from mechsim.files import place_of
-from mechsim.model.masses import masses_of
-from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.masses import masses_of, with_inertia
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.designs import declared_units, parsed_range
 from mechsim.studies.sweep.subject import SweptSubject

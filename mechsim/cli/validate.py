@@ -50,7 +50,7 @@ from mechsim.studies.agreement.agreement import held
 from mechsim.studies.reference import by_reference
 from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery, reference_data
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 

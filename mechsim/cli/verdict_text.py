@@ -9,12 +9,11 @@ import typer
 
 from mechsim.analytic.forms import Form
 from mechsim.cli.output import labelled, pass_or_fail, print_table, width, wrapped
-from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.masses import summary
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import MotionLaws, make_motion_laws
-from mechsim.model.motion_plane import hinged_normals
+from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.checks import Check, Verdict, check_table

@@ -26,7 +26,7 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import print_json
 from mechsim.files import written_beside
-from mechsim.model.vertical import require_axis
+from mechsim.model.mechanism import require_axis
 from mechsim.subjects.mjcf_source import MjcfForm
 
 

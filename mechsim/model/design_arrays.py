@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.link_poses import Sides, completed, starts
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import Sides, completed, starts
 from mechsim.numerics.arrays import Array
 
 # of one joint: points (3, d) and frames (3, 3, d) of its sides a and b

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.display import short_repr
-from mechsim.model.outcome import Outcome
+from mechsim.model.finding import Outcome
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")

@@ -1,12 +1,16 @@
 """The masses of the links of a mechanism, and where each comes from."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-from mechsim.model.inertia import Inertia
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.rod_inertia import STEEL
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.model.links import Inertia, Matrix, Rods, Vector, combine
+from mechsim.model.mechanism import Mechanism, described
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE, number
 
 Source = Literal["given", "rod", "zero"]
 # names of links that a line of text lists; more are counted
@@ -100,3 +104,142 @@ def _mass(link: str, inertia: Inertia) -> LinkMass:
             density=rods.density,
         )
     return LinkMass(link=link, mass=inertia.mass, source="zero" if inertia.negligible else "given")
+
+
+# of steel in [kg/m3]
+STEEL = 7850.0
+# diameter of the rods where none is given, in units of the mechanism's size
+THICKNESS = 0.05
+# a link whose points all coincide, such as a slider, is a pin this many diameters long
+PIN_LENGTH = 2.0
+# no body has a moment of zero about its own line: a slender rod is this thick, in units of its length
+SLENDERNESS = 1e-3
+
+
+def round_rod(start: Vector, end: Vector, density: float = STEEL, diameter: float = 0.01) -> Inertia:
+    """Return the inertia of a uniform round rod between two points of a link's frame.
+
+    m = rho pi d2/4 l; along the rod m d2/8, across it m (l2/12 + d2/16).
+
+    Args:
+        start: centre of one end, in [m].
+        end: centre of the other, in [m].
+        density: in [kg/m3].
+        diameter: in [m].
+    """
+    _positive("density of a rod", density, "kg/m3")
+    _positive("diameter of a rod", diameter, "m")
+    mass = density * np.pi * diameter**2 / 4.0 * _length(start, end)
+    length2 = _length(start, end) ** 2
+    return _rod(start, end, mass, mass * diameter**2 / 8.0, mass * (length2 / 12.0 + diameter**2 / 16.0))
+
+
+def slender_rod(start: Vector, end: Vector, mass: float) -> Inertia:
+    """Return the inertia of a uniform thin rod of a mass in [kg] between two points of a link's frame.
+
+    Across the rod exactly m l2/12; along it that of a rod a thousandth as thick as long.
+    """
+    _positive("mass of a slender rod", mass, "kg")
+    length2 = _length(start, end) ** 2
+    return _rod(start, end, mass, mass * length2 * SLENDERNESS**2 / 8.0, mass * length2 / 12.0)
+
+
+def with_inertia(
+    mechanism: Mechanism,
+    density: float = STEEL,
+    diameter: float | None = None,
+    *,
+    shape: Literal["round", "slender"] = "round",
+    replace_all: bool = False,
+) -> Mechanism:
+    """Return the mechanism with an inertia on every link.
+
+    A link is the fewest straight rods, of least length in all, that hold its joint points and
+    outline; their overlap where they meet counts twice. A link that is one point is a pin along its
+    first joint's axis.
+
+    Args:
+        mechanism: the mechanism.
+        density: of the rods in [kg/m3].
+        diameter: of the rods in [m]; None takes 0.05 of the mechanism's size.
+        shape: "slender" keeps the rods' masses and takes their moments in the limit of no thickness.
+        replace_all: whether links that have an inertia get a new one too.
+    """
+    mechanism = described(mechanism)
+    _positive("density of the rods", density, "kg/m3")
+    thick = THICKNESS * mechanism.size if diameter is None else diameter
+    if replace_all or any(link.inertia is None for link in mechanism.links):
+        _positive("diameter of the rods", thick, "m")
+    links = tuple(
+        link
+        if link.inertia is not None and not replace_all
+        else replace(link, inertia=_link_inertia(mechanism, link.name, link.outline, density, thick, shape))
+        for link in mechanism.links
+    )
+    return replace(mechanism, links=links)
+
+
+def _link_inertia(
+    mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float, shape: str
+) -> Inertia:
+    ends = mechanism.ends(name)
+    points = _distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.size)
+    if len(points) == 1:
+        axis = np.asarray(ends[0].axis if ends else (0.0, 0.0, 1.0))
+        arm = 0.5 * PIN_LENGTH * diameter * axis
+        pin = round_rod(_tuple(points[0] - arm), _tuple(points[0] + arm), density, diameter)
+        return replace(pin, rods=Rods(PIN_LENGTH * diameter, diameter, density))
+    rods = [(_tuple(points[i]), _tuple(points[j])) for i, j in _spanning_tree(np.array(points))]
+    section = density * np.pi * diameter**2 / 4.0
+    if shape == "slender":
+        whole = combine(slender_rod(a, b, section * _length(a, b)) for a, b in rods)
+    else:
+        whole = combine(round_rod(a, b, density, diameter) for a, b in rods)
+    return replace(whole, rods=Rods(sum(_length(a, b) for a, b in rods), diameter, density))
+
+
+def _rod(start: Vector, end: Vector, mass: float, along: float, across: float) -> Inertia:
+    a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    line = (b - a) / _length(start, end)
+    moments = across * np.eye(3) + (along - across) * np.outer(line, line)
+    matrix: Matrix = (_tuple(moments[0]), _tuple(moments[1]), _tuple(moments[2]))
+    return Inertia(mass, _tuple((a + b) / 2.0), matrix)
+
+
+def _spanning_tree(points: Array) -> list[tuple[int, int]]:
+    """Return pairs of points that join all with the least length (Prim)."""
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    joined, pairs = [0], []
+    while len(joined) < len(points):
+        rest = [i for i in range(len(points)) if i not in joined]
+        pair = min(((i, j) for i in joined for j in rest), key=lambda pair: (gaps[pair], pair))
+        pairs.append(pair)
+        joined.append(pair[1])
+    return pairs
+
+
+def _distinct(points: list[Vector], gap: float) -> list[Array]:
+    kept: list[Array] = []
+    for point in np.array(points):
+        if all(np.linalg.norm(point - other) > gap for other in kept):
+            kept.append(point)
+    return kept
+
+
+def _length(start: Vector, end: Vector) -> float:
+    length = float(np.linalg.norm(np.asarray(end) - np.asarray(start)))
+    if not 0.0 < length < np.inf:
+        raise InputError(
+            f"a rod from {start} to {end} m has length {length}; give two finite, distinct points"
+        )
+    return length
+
+
+def _positive(what: str, value: float, unit: str) -> None:
+    if not 0.0 < number(value) < HUGE:
+        raise InputError(f"{what} is {value} {unit}; give a finite number above 0, below {HUGE:g}")
+
+
+def _tuple(vector: Array) -> Vector:
+    x, y, z = vector.tolist()
+    return x, y, z

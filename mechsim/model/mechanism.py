@@ -4,23 +4,44 @@ A `Mechanism` is plain data. Nothing here says where a link is in space: that is
 closed forms and `closure` on one side and by MuJoCo on the other.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.display import short_repr
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import MEANT, End, Joint, guessed
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
-from mechsim.model.unmarked_slides import MEANT, guessed
-from mechsim.model.vertical import Up, require_axis
+from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number, numbers, require
+
+Up = Literal["x", "y", "z", "-x", "-y", "-z"]
+AXES: tuple[Up, ...] = ("x", "y", "z", "-x", "-y", "-z")
+
+
+def against(gravity: Sequence[float]) -> Up | None:
+    """Return the coordinate axis nearest to the direction opposite to gravity; None without gravity."""
+    largest = int(np.argmax(np.abs(gravity)))
+    if not abs(gravity[largest]) > 0.0:
+        return None
+    return AXES[largest] if gravity[largest] < 0.0 else AXES[3 + largest]
+
+
+def unit_vector(up: Up) -> Array:
+    """Return the unit vector of an axis, (3,)."""
+    return np.eye(3)["xyz".index(up[-1])] * (-1.0 if up[0] == "-" else 1.0)
+
+
+def require_axis(who: str, up: object) -> None:
+    """Raise InputError for what names no coordinate axis; None is allowed."""
+    if up is not None and up not in AXES:
+        raise InputError(f"{who}: up is {up!r}; it can be {', '.join(AXES)}")
+
 
 Source = TypeVar("Source")
 

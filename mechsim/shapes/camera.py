@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import hinged_normals
-from mechsim.model.vertical import Up, unit_vector
+from mechsim.model.mechanism import Mechanism, Up, unit_vector
 from mechsim.numerics.arrays import Array
 
 PRESETS = ("iso", "shaft", "top", "side")

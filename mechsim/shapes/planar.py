@@ -1,8 +1,8 @@
 """Planar mechanisms as they are drawn: flat links in layers, so that they pass one another."""
 
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import hinged_normals
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import span
 
@@ -10,7 +10,7 @@ from mechsim.shapes.body import span
 def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     """Return the normal of the plane of motion in each link's frame, or None unless the links can be flat.
 
-    Besides moving in planes, as `model.motion_plane` says it, a flat link has all its joints in one plane.
+    Besides moving in planes, as `model.link_poses` says it, a flat link has all its joints in one plane.
     """
     if not all(KINDS[joint.kind].aligned for joint in mechanism.joints):
         return None

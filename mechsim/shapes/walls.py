@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import hinged_normals
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.camera import Camera
 from mechsim.shapes.shape import HOUSING, Shape, vector

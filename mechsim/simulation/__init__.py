@@ -1,7 +1,7 @@
 """Running models in MuJoCo: time stepping under a driven crank, and pose solving without time."""
 
 import mechsim.simulation.mujoco_loading  # before all else that imports it  # noqa: F401 # pyright: ignore[reportUnusedImport]
-from mechsim.model.crank_profile import CrankProfile, constant, swing, table
+from mechsim.model.motion_laws import CrankProfile, constant, swing, table
 from mechsim.numerics.angles import TURN
 from mechsim.simulation.run import Run, simulate
 from mechsim.simulation.settings import Settings

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.antiparallel_axes import require_aligned

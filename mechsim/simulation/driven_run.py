@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.crank_profile import CrankProfile, constant
+from mechsim.model.finding import POSITION_TOLERANCE, Outcome
+from mechsim.model.limits import require_steps
 from mechsim.model.motion import Motion
-from mechsim.model.outcome import POSITION_TOLERANCE, Outcome
-from mechsim.model.work_size import require_steps
+from mechsim.model.motion_laws import CrankProfile, constant
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import half_extent
 from mechsim.numerics.resources import ProcessorBudget, require_room

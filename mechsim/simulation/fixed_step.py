@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.work_size import require_steps
+from mechsim.model.limits import require_steps
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import check_step

@@ -5,8 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mechsim.model.crank_profile import CrankProfile
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CrankProfile, MotionLaws
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.straight_path import move_drivers
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.crank_profile import CrankProfile
+from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel

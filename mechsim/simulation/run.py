@@ -5,9 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.mechanism import Mechanism, starting_at
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
 from mechsim.model.scene import Scene
 from mechsim.numerics.inputs import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget

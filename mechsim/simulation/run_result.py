@@ -5,11 +5,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, FreeRun
+from mechsim.model.finding import Outcome
 from mechsim.model.masses import LinkMass
-from mechsim.model.motion import Motion
-from mechsim.model.outcome import Outcome
+from mechsim.model.motion import Motion, short_repr
 from mechsim.simulation.refine import ToleranceReport
 from mechsim.simulation.settings import Settings
 

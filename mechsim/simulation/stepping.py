@@ -9,8 +9,8 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.errors import InputError
-from mechsim.model.crank_profile import CrankProfile
-from mechsim.model.work_size import MAX_STEPS
+from mechsim.model.limits import MAX_STEPS
+from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_room
 from mechsim.simulation.mjcf import quiet

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
-from mechsim.model.joint_ranges import check_instants, extremes, require_within
+from mechsim.model.limits import check_instants, extremes, require_within
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops

@@ -7,10 +7,10 @@ import numpy as np
 from mechsim.analytic import dynamics
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.model.crank_profile import CrankProfile, within_range
 from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
+from mechsim.model.motion_laws import CrankProfile, within_range
 from mechsim.simulation import Run, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 

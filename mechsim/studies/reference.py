@@ -10,9 +10,9 @@ from mechsim.analytic.dynamics import Machine, machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
-from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import Motion, PointMotion, taken
+from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motion_source import simulated

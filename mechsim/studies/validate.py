@@ -13,11 +13,11 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError, BudgetError
-from mechsim.model.crank_profile import CrankProfile, arc_around, swing
+from mechsim.model.finding import most_severe
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, taken
-from mechsim.model.outcome import most_severe
+from mechsim.model.motion_laws import CrankProfile, arc_around, swing
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
@@ -26,7 +26,7 @@ from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.studies.scenes.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.subjects.parametric_models import parametric_model as dimension_family
+from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.verdict.checks import Verdict, check_of, checks_of, combined, concluded, tolerances_of
 from mechsim.verdict.judge import crosscheck
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of

@@ -12,10 +12,9 @@ from mechsim.analytic.loops.exact_geometry import Corrected, corrected
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.links import UNSEEN, Pose
-from mechsim.model.mechanism import Mechanism
+from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import make_motion_laws, steady
-from mechsim.model.vertical import against
 from mechsim.units import Unit
 
 if TYPE_CHECKING:

@@ -5,12 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from mechsim.errors import InputError
-from mechsim.subjects.checked_values import is_quantity, shown
 from mechsim.subjects.expressions import parse_expression
-from mechsim.subjects.key_types import AnyOf, KeyType, ListOf, Number, Profile, Table, TableOf
-from mechsim.subjects.load_profile_text import is_profile
-from mechsim.subjects.toml_keys import ROOT
-from mechsim.subjects.toml_source import TomlSource
+from mechsim.subjects.law_text import is_profile
+from mechsim.subjects.toml_keys import ROOT, AnyOf, KeyType, ListOf, Number, Profile, Table, TableOf
+from mechsim.subjects.toml_values import TomlSource, is_quantity, shown
 from mechsim.units import Unit, of_any_kind
 
 # numbers of other kinds than these are in SI in a file, too

@@ -16,13 +16,12 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
-from mechsim.model.written_units import WrittenUnits
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
-from mechsim.subjects.motion_law_text import MotionLaw, Start, parse_motion_law
-from mechsim.subjects.toml_drivers import FileMotionLaw
-from mechsim.subjects.toml_source import suggestion
-from mechsim.units import Unit
+from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
+from mechsim.subjects.toml_coordinates import FileMotionLaw
+from mechsim.subjects.toml_values import suggestion
+from mechsim.units import Unit, WrittenUnits
 
 # how long programs run, in [s], where neither a table ends nor a file says
 DEFAULT_DURATION = 1.0

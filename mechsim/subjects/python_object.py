@@ -12,7 +12,7 @@ from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.toml_source import suggestion
+from mechsim.subjects.toml_values import suggestion
 
 
 def read_python(model: str, changed: Mapping[str, str | float] | None = None) -> Form:

@@ -7,7 +7,7 @@ from typing import Any, ParamSpec
 
 from mechsim.simulation import Run
 from mechsim.simulation import simulate as simulated
-from mechsim.subjects.subject import MJCF_EXTENSIONS, load
+from mechsim.subjects.readers import MJCF_EXTENSIONS, load
 
 P = ParamSpec("P")
 

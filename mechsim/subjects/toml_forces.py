@@ -1,19 +1,18 @@
 """What acts on a mechanism, as a TOML file says it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from mechsim.errors import InputError
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring, located
 from mechsim.model.joint_kinds import KINDS, KindName
 from mechsim.model.links import ORIGIN
-from mechsim.model.load_profile import LoadProfile
+from mechsim.model.load_profile import LoadProfile, constant
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor, TorqueSpeedLine
-from mechsim.subjects.checked_values import Values
-from mechsim.subjects.force_keys import MOTOR_PARAMETERS
-from mechsim.subjects.key_types import Number
-from mechsim.subjects.toml_loads import load_profile_of
-from mechsim.subjects.toml_source import suggestion
+from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
+from mechsim.subjects.toml_keys import MOTOR_PARAMETERS, Number
+from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
 from mechsim.units import Unit
 
 GRAVITY = (0.0, -9.81, 0.0)
@@ -127,3 +126,51 @@ def _motor(values: Values, table: Mapping[str, Any]) -> Motor:
     numbers = [table[key] for key in required]
     motor = {"constant": ConstantTorque, "line": TorqueSpeedLine, "dc": DCMotor}[kind](*numbers)
     return Geared(motor, table["gear"]) if "gear" in table else motor
+
+
+Written = float | str
+
+
+def load_profile_of(
+    values: Values, mechanism: Mechanism, written: Sequence[Written], unit: str, path: KeyPath
+) -> LoadProfile:
+    """Return the course of a load.
+
+    Args:
+        values: what reads the file.
+        mechanism: on which it acts.
+        written: of the crank's torque one component, else three, as checked by a key `Course`.
+        unit: "N" or "N m".
+        path: of its key.
+
+    Raises:
+        InputError: for text that says no load; names file, line, key, value and remedy.
+    """
+    single = len(written) == 1
+    components = [
+        _component(values, mechanism, component, name, unit, path if single else (*path, i))
+        for i, (name, component) in enumerate(zip(("crank",) if single else "xyz", written, strict=True))
+    ]
+    try:
+        return combine_components(components)
+    except InputError as error:
+        raise values.source.error(path, str(error)) from None
+
+
+def _component(
+    values: Values, mechanism: Mechanism, written: Written, name: str, unit: str, path: KeyPath
+) -> LoadComponent:
+    if not isinstance(written, str):
+        return LoadComponent(written, constant(written))
+    from_file = is_table(written)
+    try:
+        text = values.source.sibling(written) if from_file else written
+        component = parse_component(text, name, unit, values.parameters)
+    except InputError as error:
+        link = ": " if from_file else ", which "
+        raise values.source.error(path, f"is {shown(written)}{link}{error}") from None
+    if component.profile.over == "angle" and not mechanism.has_crank:
+        drivers = ", ".join(mechanism.drivers)
+        reason = f"is {shown(written)}, but no crank has an angle where {drivers} drive; give it over t"
+        raise values.source.error(path, reason)
+    return component

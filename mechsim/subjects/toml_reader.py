@@ -10,27 +10,24 @@ import numpy as np
 
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import turned_by
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.vertical import Up, against
-from mechsim.model.written_units import WrittenUnits
-from mechsim.subjects.checked_values import Values
-from mechsim.subjects.key_types import Table
+from mechsim.model.links import GROUND, Inertia, Link, Pose
+from mechsim.model.mechanism import Mechanism, Up, against
 from mechsim.subjects.parameter_units import parameter_units, require_dimensions
-from mechsim.subjects.toml_couplings import couplings_of, require_pitch_points
-from mechsim.subjects.toml_drivers import (
+from mechsim.subjects.toml_coordinates import (
     FileMotionLaw,
     coordinates_of,
+    couplings_of,
     drivers_of,
     locked_of,
     motion_laws_of,
+    require_pitch_points,
     start_of,
 )
 from mechsim.subjects.toml_forces import GRAVITY, forces_of
-from mechsim.subjects.toml_keys import ROOT
-from mechsim.subjects.toml_source import TomlSource, read_source, suggestion
+from mechsim.subjects.toml_keys import ROOT, Table
+from mechsim.subjects.toml_values import TomlSource, Values, read_source, suggestion
+from mechsim.units import WrittenUnits
 
 
 @dataclass(frozen=True)

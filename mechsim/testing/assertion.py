@@ -11,7 +11,7 @@ from mechsim.analytic.forms import Form
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.studies.agreement.agreement import SPEED, Agreement, validate
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 from mechsim.testing.report_page import failure, write_page
 from mechsim.testing.running import RUNNING, RunningTest
 

@@ -14,7 +14,7 @@ import numpy as np
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method.plane import cross, flat
 from mechsim.errors import AssemblyError
-from mechsim.model.display import short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 
 # sine below which two lines of a plan count as parallel: their crossing keeps too few digits

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.model.outcome import Outcome, most_severe
+from mechsim.model.finding import Outcome, most_severe
 from mechsim.numerics.arrays import Array
 from mechsim.verdict.quantities import QUANTITIES, Quantity
 from mechsim.verdict.tolerances import (

@@ -8,9 +8,9 @@ import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.efforts import Efforts, FreeRun
+from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion import Motion, PointMotion, Solver
 from mechsim.model.motion_laws import MotionLaws
-from mechsim.model.outcome import POSITION_TOLERANCE
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers, require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of

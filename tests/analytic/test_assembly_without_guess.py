@@ -13,9 +13,9 @@ from mechsim.analytic.loops.start_values import start_poses
 from mechsim.analytic.loops.tree_assembly import assembled
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import Link, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses
 
 
 def spherical(seed: int, *, reach: float = 1.0) -> Mechanism:

@@ -14,8 +14,8 @@ from mechsim.analytic.derivatives.dimensions import catalog_family, placed_famil
 from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
-from mechsim.subjects import subject
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects import readers
+from mechsim.subjects.readers import parametric_model
 
 SPEED = 7.0
 ANGLES = np.array([0.3, 1.1, 2.9, 4.4])
@@ -148,7 +148,7 @@ def test_a_file_beside_is_described_without_being_put_together(monkeypatch):
     def refused(mechanism):
         raise AssemblyError("nothing is to be put together")
 
-    monkeypatch.setattr(subject, "with_closed_guess", refused)
+    monkeypatch.setattr(readers, "with_closed_guess", refused)
     with pytest.raises(AssemblyError):
         of.make(near)
     assert (numbers_of(of.describe(near)) == numbers_of(made)).all()

@@ -12,11 +12,10 @@ from mechsim.analytic.dynamics import applied_forces, prescribed_motion
 from mechsim.analytic.dynamics.reduced_equation import kinetic_energy
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
+from mechsim.model.links import GROUND, Inertia, Link
+from mechsim.model.masses import slender_rod, with_inertia
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rod_inertia import slender_rod, with_inertia
 
 GRAVITY = (0.3, -9.81, 2.1)
 TURN = 2.0 * np.pi

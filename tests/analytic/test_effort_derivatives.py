@@ -9,7 +9,7 @@ from mechsim.analytic.derivatives.dimensions import catalog_family
 from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers
 from mechsim.analytic.derivatives.motion import followed_motion
 from mechsim.model.forces import Forces, Friction, JointSpring, Spring
-from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.masses import with_inertia
 
 ANGLES = np.array([0.4, 2.2, 3.9])
 PLACE = ("ground", (0.2, 0.1, 0.02))

@@ -11,9 +11,8 @@ from mpmath import mp
 from mechsim import catalog, closure, course, dynamics, motors
 from mechsim.analytic.dynamics.reduced_equation import CrankTable, columns
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
+from mechsim.model.links import GROUND, Inertia, Link
 from mechsim.model.mechanism import Mechanism
 
 DOWN = (0.0, -9.81, 0.0)

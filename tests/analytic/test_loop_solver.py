@@ -14,7 +14,7 @@ from mechsim.analytic.loops.tree_loops import tree_loops
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 # differences of the fourth order
 WEIGHTS, STEP = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, 1e-3

@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 from mechsim.subjects.toml_reader import read_toml
 from mechsim.subjects.toml_writer import to_toml
 

@@ -6,8 +6,7 @@ from math import pi
 import pytest
 
 import mechsim as ms
-from mechsim.model.masses import masses_of, summary
-from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.masses import masses_of, summary, with_inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # crank of 0.1 m and arm in file; the rod, 0.3 m, has no inertia

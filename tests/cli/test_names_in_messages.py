@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mechsim.errors import InputError, cut
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 CHAIN = 30
 

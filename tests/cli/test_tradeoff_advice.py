@@ -11,7 +11,7 @@ from mechsim.simulation import Settings
 from mechsim.simulation.closed_model import assembled, from_mechanism
 from mechsim.studies.tradeoff import Build, Family, Point
 from mechsim.studies.tradeoff.advice import command, exporting
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 SPEED = 20.0
 SOFT = Settings(

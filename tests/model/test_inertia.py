@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mechsim.errors import InputError
-from mechsim.model.inertia import Inertia, combine
+from mechsim.model.links import Inertia, combine
 
 CUBE = ((2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 2.0))
 

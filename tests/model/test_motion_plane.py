@@ -6,9 +6,9 @@ import pytest
 
 from mechsim import catalog
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import plane_normals
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import plane_normals
 
 
 def test_planar_is_what_no_joint_leaves_the_plane_of():

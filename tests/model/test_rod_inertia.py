@@ -3,11 +3,10 @@ import pytest
 
 from mechsim import catalog
 from mechsim.errors import InputError
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import EY, GROUND, Link
+from mechsim.model.links import EY, GROUND, Inertia, Link
+from mechsim.model.masses import STEEL, THICKNESS, round_rod, slender_rod, with_inertia
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rod_inertia import STEEL, THICKNESS, round_rod, slender_rod, with_inertia
 
 
 def test_a_round_rod_has_the_moments_of_its_points_summed_up():

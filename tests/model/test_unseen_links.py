@@ -8,7 +8,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.model.unseen_links import moved_links
+from mechsim.model.link_poses import moved_links
 
 LOOPER = Path(__file__).parents[2] / "models" / "looper.xml"
 ANGLES = np.linspace(0.0, 6.0, 7)

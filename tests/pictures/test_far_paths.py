@@ -6,7 +6,7 @@ import pytest
 from mechsim.pictures.render import Look
 from mechsim.pictures.render.drawing import Source, legend, named
 from mechsim.pictures.render.file_bodies import drawn_as
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 ARM = """
 <mujoco model="arm">

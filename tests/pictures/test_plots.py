@@ -20,7 +20,7 @@ from mechsim.pictures.plots.agreement import TwoCurves, agreement_plot
 from mechsim.pictures.plots.figure import round_numbers
 from mechsim.report import plot_table
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 ERRORS = {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}

@@ -88,7 +88,7 @@ def test_a_report_folder_that_cannot_be_made_is_refused_before_any_work(monkeypa
 def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_misses(tmp_path):
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of
-    from mechsim.subjects.subject import load
+    from mechsim.subjects.readers import load
 
     law = "def law(angle, of):\n    x = 1.001e-3 * of['crank'] * np.cos(angle)\n"
     (tmp_path / "own.py").write_text(
@@ -118,7 +118,7 @@ def test_the_page_tells_of_several_drivers(monkeypatch, tmp_path):
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of
-    from mechsim.subjects.subject import load
+    from mechsim.subjects.readers import load
 
     case = case_of(load("five_bar"))
     results = {"passed": True, "mechanisms": {"five_bar": case.as_dict()}}
@@ -130,7 +130,7 @@ def test_the_page_tells_of_several_drivers(monkeypatch, tmp_path):
 
 def test_what_has_a_rack_is_told_without_assur_groups():
     from mechsim.report.facts import facts
-    from mechsim.subjects.subject import load
+    from mechsim.subjects.readers import load
 
     assert facts(load("rack_steering"))["assur_explained"] == []
     assert facts(load("klann"))["assur_explained"]

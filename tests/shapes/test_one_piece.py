@@ -8,8 +8,7 @@ from mechsim import catalog, load
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.vertical import unit_vector
+from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.pictures.render import scenery
 from mechsim.shapes import link_shapes, planar_normals, rod_radius, walls
 from mechsim.shapes.body import edges

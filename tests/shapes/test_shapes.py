@@ -5,11 +5,10 @@ import pytest
 
 from mechsim import catalog, closure, load
 from mechsim.model.joints import End, Joint, joint_coordinate
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import hinged_normals
-from mechsim.model.vertical import unit_vector
+from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.shapes import (
     PALETTE,
     Shape,

@@ -6,7 +6,7 @@ import pytest
 from mechsim.errors import InputError
 from mechsim.simulation import simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 LINKS = """
 <mujoco model="four-bar">

@@ -12,7 +12,7 @@ from strategies import CASES, random_knitter
 
 from mechsim import catalog, closure
 from mechsim.errors import AssemblyError
-from mechsim.model.crank_profile import PART_OF_RANGE, arc_around, constant, swing
+from mechsim.model.motion_laws import PART_OF_RANGE, arc_around, constant, swing
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import TURN
 from mechsim.simulation import Settings, simulate

@@ -18,14 +18,13 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.couplings import Gear
 from mechsim.model.efforts import Efforts
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Link
+from mechsim.model.links import GROUND, Inertia, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 ROBUSTNESS = Path(__file__).parents[2] / "validation" / "robustness"
 GALLERY = Path(__file__).parents[2] / "models" / "gallery"

@@ -15,7 +15,7 @@ from mechsim.analytic import dynamics
 from mechsim.model import load_profile as course
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
 from mechsim.model.links import GROUND
-from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.masses import with_inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # in [rad/s], and instants after the first

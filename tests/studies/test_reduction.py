@@ -24,8 +24,8 @@ from mechsim.studies.reduction.normalised import normalised
 from mechsim.studies.reduction.other_motions import RANGE_RATIO, motion_to_fit, second_motion
 from mechsim.studies.reduction.refit import refit
 from mechsim.studies.scenes import scene_of, step_time
-from mechsim.subjects.control_law_text import control_laws
-from mechsim.subjects.subject import load
+from mechsim.subjects.law_text import control_laws
+from mechsim.subjects.readers import load
 
 SIZE = 0.07
 BOUND = 1e-4 * SIZE

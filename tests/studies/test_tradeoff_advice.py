@@ -7,7 +7,7 @@ import pytest
 from mechsim.simulation import Settings
 from mechsim.studies.tradeoff import Build, Family, Point, build_model
 from mechsim.studies.tradeoff.advice import advice, fragment, snippet
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 SPEED = 20.0
 HARD = Settings(steps_per_turn=144, constant_steps=14.4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.model.crank_profile import constant
+from mechsim.model.motion_laws import constant
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck

@@ -4,7 +4,7 @@ import numpy as np
 
 from mechsim.studies.agreement.evaluation_points import asked_of, comparand_of
 from mechsim.studies.validate import case_of
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 FIVE_BAR = load("five_bar")
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.subjects.control_law_text import control_law
+from mechsim.subjects.law_text import control_law
 
 T = np.linspace(0.0, 1.0, 5)
 

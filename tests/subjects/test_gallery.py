@@ -11,7 +11,7 @@ from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.validate import case_of
 from mechsim.subjects import gallery
 from mechsim.subjects.python_object import run_object
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 from mechsim.verdict.quantities import reach_of
 from mechsim.verdict.tolerances import EPS
 

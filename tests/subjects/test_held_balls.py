@@ -12,7 +12,7 @@ from mechsim.errors import InputError
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.user_scene import spec_of
 from mechsim.studies.tuning.tuned_file import tuned_text
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 # a post on a hinge, a ball and a slide, all of them askew; an arm on it; and a body that floats beside
 BOOM = """

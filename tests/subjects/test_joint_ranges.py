@@ -8,7 +8,7 @@ from mechsim.analytic import dynamics
 from mechsim.errors import AssemblyError
 from mechsim.report.facts import facts
 from mechsim.subjects.driver_positions import poses_of_table
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 ARM = """
 <mujoco model="arm">

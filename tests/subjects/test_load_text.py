@@ -10,8 +10,8 @@ from mechsim import dynamics, files
 from mechsim.errors import InputError
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
-from mechsim.subjects.schema import schema
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
+from mechsim.subjects.toml_keys import schema
 from mechsim.subjects.toml_writer import to_toml
 
 SLIDER = """

@@ -8,7 +8,7 @@ import pytest
 from mechsim import simulate
 from mechsim.analytic.loops.determinacy import driver_determinacy
 from mechsim.errors import MobilityError
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 # an arm of two hinges on a floating base, a head on a ball, and a four-bar of which only one hinge is driven
 ROBOT = """

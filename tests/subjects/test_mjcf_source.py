@@ -11,7 +11,7 @@ from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.report.facts import facts
 from mechsim.simulation.mjcf_reader import states_of
 from mechsim.subjects.mjcf_source import read_mjcf
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 # five bars in a tilted plane: two cranks of 0.05 m, 0.1 m apart, rods of 0.09 m; closed by sites, the drawing
 # 3 mm open; one crank is drawn turned

@@ -8,7 +8,7 @@ import pytest
 
 from mechsim.errors import InputError
 from mechsim.subjects.parameter_units import parameter_units
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 FILE = """
 name = "arm"

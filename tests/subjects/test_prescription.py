@@ -7,7 +7,7 @@ import pytest
 
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.subjects.driver_positions import poses_of_table
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 FIVE_BAR = """
 name = "five_bar"

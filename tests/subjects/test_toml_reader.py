@@ -7,7 +7,7 @@ import pytest
 
 from mechsim.analytic import catalog
 from mechsim.errors import InputError
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 FOUR_BAR = """name = "bar"
 units = { length = "mm", angle = "deg" }

@@ -11,11 +11,10 @@ import pytest
 from mechsim.analytic import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
+from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rod_inertia import with_inertia
-from mechsim.subjects.schema import schema
-from mechsim.subjects.subject import load
-from mechsim.subjects.toml_keys import ROOT
+from mechsim.subjects.readers import load
+from mechsim.subjects.toml_keys import ROOT, schema
 from mechsim.subjects.toml_writer import to_toml
 
 VARIANTS = {

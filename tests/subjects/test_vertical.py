@@ -9,11 +9,11 @@ import pytest
 from mechsim.analytic import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
-from mechsim.model.vertical import against
+from mechsim.model.mechanism import against
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 from mechsim.shapes import camera
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
 
 # a crank about the vertical z axis with an arm that stays outside the plane of its tip

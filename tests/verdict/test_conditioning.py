@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, closure
-from mechsim.model.crank_profile import swing
+from mechsim.model.motion_laws import swing
 from mechsim.simulation import Settings, simulate
 from mechsim.studies import validate
 from mechsim.studies.validate import case_of

@@ -10,7 +10,7 @@ from grids import grid
 from mechsim import catalog, course, dynamics
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
-from mechsim.model.inertia import Inertia
+from mechsim.model.links import Inertia
 from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, mjcf, swing

@@ -9,12 +9,11 @@ from mechanisms import rscr, three_cranks
 
 from mechsim import catalog, course, dynamics, load, motors
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.crank_profile import constant, within_range
 from mechsim.model.forces import Forces, Friction, Load
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import Link
-from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.links import Inertia, Link
+from mechsim.model.masses import with_inertia
+from mechsim.model.motion_laws import constant, within_range
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.free_motion import AGREEING, REDUNDANT, free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven

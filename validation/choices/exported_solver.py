@@ -27,7 +27,7 @@ from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scenes import errors_of, step_times, stepped
 from mechsim.studies.scenes.plain_settings import PlainSettings
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 SETTINGS = {
     "100, 0": PlainSettings(iterations=100, tolerance=0.0),

@@ -22,8 +22,8 @@ import sheet
 
 from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.model.crank_profile import within_range
 from mechsim.model.motion import Motion
+from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import richardson
 from mechsim.simulation import Settings, mjcf

@@ -12,8 +12,8 @@ from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.scenes import UserScene, scene_of
-from mechsim.subjects.control_law_text import control_laws
-from mechsim.subjects.subject import load
+from mechsim.subjects.law_text import control_laws
+from mechsim.subjects.readers import load
 
 
 @dataclass(frozen=True)

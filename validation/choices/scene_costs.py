@@ -29,7 +29,7 @@ from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.recorded_motion import add_sensors
 from mechsim.studies.scenes import scene_of
 from mechsim.studies.tradeoff.scene_costs import scene_costs
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 STEPS, ROUNDS = 720, 41
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit

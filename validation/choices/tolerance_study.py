@@ -22,7 +22,7 @@ from random_drives import drives
 
 from mechsim import simulation, units
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.model.crank_profile import constant
+from mechsim.model.motion_laws import constant
 from mechsim.simulation import Settings, driven_run, mjcf
 from mechsim.studies.tradeoff import BuiltModel, Subject, build_model, ladder, subject_of
 

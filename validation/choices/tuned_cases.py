@@ -14,7 +14,7 @@ from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 CRANKS = (
     *("four_bar", "slider_crank", "rssr", "rrsrr", "looper", "bennett", "jansen", "klann", "hoeken"),

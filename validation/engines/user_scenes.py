@@ -24,7 +24,7 @@ from mechsim.simulation import mjcf
 from mechsim.studies.scenes import UserScene, scene_of
 from mechsim.studies.scenes.scene_run import SceneRun
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 
 def scene(path: Path, duration: float) -> UserScene:

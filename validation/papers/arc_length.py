@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.display import short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 

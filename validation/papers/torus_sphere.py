@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.vector_method.trig_polynomial import reachable_arcs
 from mechsim.errors import AssemblyError
-from mechsim.model.display import short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 

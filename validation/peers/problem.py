@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from mechsim import catalog, dynamics, rods
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND
+from mechsim.model.links import GROUND, Inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
 

@@ -18,7 +18,7 @@ from table import Row, show
 
 import mechsim as ms
 from mechsim.model.forces import Forces
-from mechsim.model.inertia import Inertia
+from mechsim.model.links import Inertia
 from mechsim.simulation.dynamics.free_motion import free_run
 
 GRAVITY = 9.81

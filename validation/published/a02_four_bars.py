@@ -27,7 +27,7 @@ from table import Row, show
 
 import mechsim as ms
 from mechsim.model.forces import Forces
-from mechsim.model.rod_inertia import slender_rod
+from mechsim.model.masses import slender_rod
 from mechsim.simulation.dynamics.free_motion import free_run
 
 GRAVITY = 9.81

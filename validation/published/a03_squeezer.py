@@ -24,7 +24,7 @@ from table import Row, show
 import mechsim as ms
 from mechsim import dynamics
 from mechsim.model.forces import Forces, Spring
-from mechsim.model.inertia import Inertia
+from mechsim.model.links import Inertia
 from mechsim.model.motors import ConstantTorque
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun, free_run
 

@@ -18,7 +18,7 @@ from table import Row, show
 
 import mechsim as ms
 from mechsim.model.forces import Forces
-from mechsim.model.inertia import Inertia
+from mechsim.model.links import Inertia
 from mechsim.simulation.dynamics.free_motion import free_run
 
 PLACES = np.array([[0, 0, 0], [1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]], dtype=float)

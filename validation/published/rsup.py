@@ -23,7 +23,7 @@ from table import Row, show
 import mechsim as ms
 from mechsim import dynamics
 from mechsim.model.forces import Forces
-from mechsim.model.inertia import Inertia
+from mechsim.model.links import Inertia
 from mechsim.simulation.dynamics.free_motion import free_run
 
 X = (1.0, 0.0, 0.0)

@@ -26,7 +26,7 @@ from mechsim.numerics.angles import TURN
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables
 from mechsim.subjects import gallery
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 from mechsim.theory.continuation import AssemblyCurve, CurvePoses, trace
 
 WRONG, CLEAR, SAMPLES = 1e-10, 1e-3, 24

@@ -20,8 +20,8 @@ from rough_drives import SPEED, rough_drives
 from mechsim import course, dynamics
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
-from mechsim.model.crank_profile import within_range
 from mechsim.model.forces import Forces, Friction, Load
+from mechsim.model.motion_laws import within_range
 from mechsim.model.motors import ConstantTorque
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.dynamics.free_motion import free_run

@@ -30,7 +30,7 @@ from mechsim.studies.agreement.candidate import Claim
 from mechsim.studies.agreement.evaluation_points import Comparand, comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.subjects import gallery
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects.readers import parametric_model
 
 SPEED = 20.0 * np.pi
 SIZES = (1e-4, 3e-3, 5e-2)

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "studies"))
 from test_power_balance import CRANKS, PROGRAMS, balance, busy, moved
 
 from mechsim import load
-from mechsim.model.rod_inertia import with_inertia
+from mechsim.model.masses import with_inertia
 
 METHODS = ("pose", "formulas", "step")
 

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import catalog
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.errors import MechsimError
-from mechsim.model.crank_profile import CrankProfile, arc_around, swing, within_range
+from mechsim.model.motion_laws import CrankProfile, arc_around, swing, within_range
 from mechsim.numerics.angles import TURN
 
 # sizes vary by this factor up and down, angles by this many radians

@@ -25,8 +25,8 @@ from mechsim.analytic import catalog, dynamics
 from mechsim.analytic.dynamics import prescribed
 from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.errors import MechsimError
-from mechsim.model.crank_profile import within_range
 from mechsim.model.forces import Forces
+from mechsim.model.motion_laws import within_range
 from mechsim.simulation.dynamics import applied_forces
 from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
 from mechsim.studies.motion_source import weighing

@@ -21,8 +21,8 @@ from rough_drives import SPEED, close_swing, rough_drive, rough_swing
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.crank_profile import CrankProfile, within_range
-from mechsim.model.outcome import POSITION_TOLERANCE
+from mechsim.model.finding import POSITION_TOLERANCE
+from mechsim.model.motion_laws import CrankProfile, within_range
 from mechsim.simulation import Settings, simulate
 from mechsim.studies.validate import case_of
 from mechsim.verdict.judge import crosscheck

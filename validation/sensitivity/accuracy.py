@@ -22,7 +22,7 @@ from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_family
 from mechsim.analytic.derivatives.motion import motion_beside
 from mechsim.errors import MechsimError
 from mechsim.subjects import gallery
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects.readers import parametric_model
 
 EXACT = {
     "rssr": ("P3", rssr_p3_place),

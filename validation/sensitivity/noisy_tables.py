@@ -18,7 +18,7 @@ from mechsim.studies.agreement.candidate import Claim
 from mechsim.studies.agreement.evaluation_points import Comparand
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import FALSE_ALARM
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects.readers import parametric_model
 
 CASES = (
     ("four_bar", ("B.xy", "C.xy", "rocker.q"), "coupler"),

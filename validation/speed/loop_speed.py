@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.subjects.subject import load
+from mechsim.subjects.readers import load
 
 ROUNDS = 15
 

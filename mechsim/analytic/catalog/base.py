@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.catalog.first_configuration import first_sign_angle, segment
-from mechsim.analytic.catalog.parameter_fields import checked, checked_rate, choice
+from mechsim.analytic.catalog.parameter_checks import checked, checked_rate, choice
 from mechsim.analytic.loops.rank import conditioning
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method import link_frames
@@ -27,13 +26,53 @@ from mechsim.analytic.vector_method.trig_polynomial import (
 )
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.crank_profile import arc_around, closes_nowhere
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
+from mechsim.model.motion_laws import arc_around, closes_nowhere
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
+
+# crank angles within this of a change point, in [rad], are that change point
+AT_POINT = 1e-9
+# distance in [rad] from a change point to the configuration that counts as right after it
+AFTER = 1e-6
+
+
+def first_sign_angle(angles: Array, change_points: Sequence[float], direction: float) -> float:
+    """Return the crank angle at which a sign applies: the first, or right after it at a change point.
+
+    Args:
+        angles: crank angles in the order of the motion, (n,) in [rad].
+        change_points: in [rad], of any revolution.
+        direction: sign of the crank's motion, where the angles are all one.
+    """
+    first = float(angles[0])
+    distance = first - np.asarray(change_points)
+    if np.abs(distance - TURN * np.round(distance / TURN)).min() > AT_POINT:
+        return first
+    displacement = angles - first
+    moved = displacement[np.abs(displacement) > AT_POINT]
+    ahead = float(moved[0]) if len(moved) else direction
+    return first + (-AFTER if ahead < 0.0 else AFTER)
+
+
+def segment(
+    angle: float, change_points: Sequence[float], arc: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Return the interval of crank angles around one angle that is free of change points, in [rad].
+
+    Args:
+        angle: in [rad], not a change point.
+        change_points: in [rad], of any revolution.
+        arc: reachable interval that bounds it; None for a crank that turns fully.
+    """
+    points = np.asarray(change_points)
+    below = points + TURN * np.floor((angle - points) / TURN)
+    low, high = float(below.max()), float((below + TURN).min())
+    return (low, high) if arc is None else (max(low, arc[0]), min(high, arc[1]))
+
 
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")

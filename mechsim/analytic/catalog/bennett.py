@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.parameter_fields import angle, length
+from mechsim.analytic.catalog.parameter_checks import angle, length
 from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.trig_polynomial import Arcs

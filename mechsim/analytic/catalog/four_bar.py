@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import TwoBranchForm
-from mechsim.analytic.catalog.parameter_fields import angle, choice, length
+from mechsim.analytic.catalog.parameter_checks import angle, choice, length
 from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun

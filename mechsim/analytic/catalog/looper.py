@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.parameter_fields import angle, choice, length, number, offset
+from mechsim.analytic.catalog.parameter_checks import angle, choice, length, number, offset
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.analytic.vector_method.jets import Jet, Values, cos_sin, root, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector

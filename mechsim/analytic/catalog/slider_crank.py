@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import TwoBranchForm
-from mechsim.analytic.catalog.parameter_fields import choice, length, offset
+from mechsim.analytic.catalog.parameter_checks import choice, length, offset
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, column, sine_of, spun

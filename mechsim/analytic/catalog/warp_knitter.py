@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.parameter_fields import angle, length, number, place
+from mechsim.analytic.catalog.parameter_checks import angle, length, number, place
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame

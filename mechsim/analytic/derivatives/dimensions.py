@@ -15,9 +15,9 @@ from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses
 from mechsim.numerics.arrays import Array
 
 # weights of the values a step, two, three and four steps ahead, and minus them behind, divided by the step

@@ -27,9 +27,9 @@ from mechsim.analytic.loops.tree_rates import (
     with_rates,
 )
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.link_poses import split
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
-from mechsim.model.split_joints import split
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import STEP, change_of, stepped
 

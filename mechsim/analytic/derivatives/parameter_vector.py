@@ -7,9 +7,8 @@ import numpy as np
 
 from mechsim.model.couplings import Coupling
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Place, Spring
-from mechsim.model.inertia import Inertia
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import Link
+from mechsim.model.links import Inertia, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 

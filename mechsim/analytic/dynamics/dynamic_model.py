@@ -10,14 +10,12 @@ from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces, acting_on
 from mechsim.model.links import GROUND
-from mechsim.model.masses import LinkMass, masses_of
+from mechsim.model.masses import STEEL, LinkMass, masses_of, with_inertia
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, at_unit_speed
+from mechsim.model.motion import Motion, at_unit_speed, short_repr
 from mechsim.model.motion_laws import MotionLaws
-from mechsim.model.rod_inertia import STEEL, with_inertia
 
 
 @dataclass(frozen=True, slots=True)

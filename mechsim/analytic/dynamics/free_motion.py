@@ -13,7 +13,7 @@ from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.reduced_equation import CrankTable
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.efforts import FreeRun
-from mechsim.model.outcome import Outcome
+from mechsim.model.finding import Outcome
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root

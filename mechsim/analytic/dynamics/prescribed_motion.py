@@ -14,10 +14,9 @@ from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.path_instants import PathInstants, path_instants
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
-from mechsim.model.display import short_repr
 from mechsim.model.efforts import Efforts, Reaction, wrench_columns
 from mechsim.model.masses import LinkMass
-from mechsim.model.motion import Motion, join, taken
+from mechsim.model.motion import Motion, join, short_repr, taken
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import require
 from mechsim.numerics.resources import require_room

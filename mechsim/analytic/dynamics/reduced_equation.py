@@ -16,7 +16,7 @@ from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import dot
 from mechsim.errors import AssemblyError
-from mechsim.model.display import short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import size_of

@@ -14,12 +14,11 @@ from mechsim.analytic import loops
 from mechsim.analytic.loops import Rows
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.errors import InputError
-from mechsim.model.display import short_repr
 from mechsim.model.forces import Place, located
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.model.motion import Motion, short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import least_norm, null_space
 

@@ -20,8 +20,8 @@ from mechsim.analytic.loops.rank import (
     singular_values,
 )
 from mechsim.analytic.vector_method.rotations import turned_by
+from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import Pose
-from mechsim.model.rough_poses import rough_poses
 
 __all__ = [
     "RANK_TOLERANCE",

@@ -8,9 +8,9 @@ from mechsim.analytic.loops.rank import least_norm
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, described
-from mechsim.model.rough_poses import rough_poses
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 

@@ -6,8 +6,8 @@ from mechsim.analytic.loops.tree_assembly import assembled
 from mechsim.analytic.loops.tree_loops import tree_loops
 from mechsim.analytic.loops.undetermined_joints import require_determined
 from mechsim.errors import AssemblyError
+from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses, starts
 
 
 def checked_start(mechanism: Mechanism) -> LoopSolver:

@@ -35,8 +35,8 @@ from mechsim.analytic.loops.path_segments import (
 )
 from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.errors import AssemblyError
+from mechsim.model.limits import require_travel
 from mechsim.model.motion import ChangePointPolicy
-from mechsim.model.work_size import require_travel
 from mechsim.numerics.arrays import Array
 
 # nodes of a segment; its first and largest length in radians of the driver motion; largest growth factor

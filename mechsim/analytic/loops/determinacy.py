@@ -11,8 +11,8 @@ from mechsim.analytic.loops.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.analytic.loops.undetermined_joints import joints_to_lock, undetermined_names
 from mechsim.errors import AssemblyError
+from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses, starts
 from mechsim.numerics.arrays import Array
 
 # how far to either side of its start a mechanism is moved, in [rad] or parts of its size, so that a special

@@ -19,9 +19,9 @@ from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses, starts
 from mechsim.numerics.arrays import Array
 
 # dimensions are taken to be known to this part of the size, and axes to as many radians: files with six

@@ -17,18 +17,17 @@ from mechsim.analytic.loops.tree_rates import Instants
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError
-from mechsim.model.crank_profile import arc_around
 from mechsim.model.forces import Forces
-from mechsim.model.joint_ranges import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
+from mechsim.model.limits import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
-from mechsim.model.motion_laws import MotionLaws
-from mechsim.model.written_units import WrittenUnits
+from mechsim.model.motion_laws import MotionLaws, arc_around
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
+from mechsim.units import WrittenUnits
 
 # two crank angles nearer than this are one
 SAME = 1e-9

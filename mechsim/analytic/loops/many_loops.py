@@ -13,8 +13,8 @@ from mechsim.analytic.loops.tree_loops import TreeLoops
 from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.joint_kinds import coordinates
+from mechsim.model.link_poses import turned
 from mechsim.model.links import GROUND, IDENTITY
-from mechsim.model.rough_poses import turned
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 

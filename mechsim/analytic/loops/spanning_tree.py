@@ -12,9 +12,9 @@ from mechsim.analytic.loops.tree_layout import Layout, layout
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
+from mechsim.model.link_poses import split
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.split_joints import split
 from mechsim.numerics.arrays import Array
 
 

@@ -11,9 +11,9 @@ from mechsim.analytic.loops.tree_loops import TreeLoops, tree_loops
 from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses, link_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses, starts
 from mechsim.numerics.arrays import Array
 
 # how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried

@@ -16,9 +16,9 @@ from mechsim.analytic.loops.cut_rows import Cut, cuts_of
 from mechsim.analytic.loops.spanning_tree import SpanningTree, spanning_tree
 from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses, cross, link_poses, product
 from mechsim.model.joint_kinds import coordinates
+from mechsim.model.link_poses import with_stand_ins
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.split_joints import with_stand_ins
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 

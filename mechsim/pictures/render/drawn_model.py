@@ -9,9 +9,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import hinged_normals
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows

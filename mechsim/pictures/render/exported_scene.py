@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import hinged_normals
 from mechsim.model.scene import Scene
 from mechsim.pictures.render import scenery
 from mechsim.shapes import camera as cameras

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
+from mechsim.model.link_poses import moved_links
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.unseen_links import moved_links
 from mechsim.numerics.arrays import Array
 
 # path points kept over a motion: a picture cannot show more

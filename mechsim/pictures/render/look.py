@@ -5,8 +5,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.vertical import Up, require_axis
+from mechsim.model.mechanism import Mechanism, Up, require_axis
 from mechsim.shapes import Shape
 from mechsim.shapes.camera import PRESETS
 from mechsim.units import option, parse_names

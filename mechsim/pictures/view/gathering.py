@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mechsim.model.link_poses import moved_links
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion
-from mechsim.model.unseen_links import moved_links
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import comes_round
 from mechsim.pictures.render.ghost import errors, factor

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from mechsim._version import __version__
 from mechsim.errors import MissingToolError, needs
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import hinged_normals
-from mechsim.model.vertical import Up
+from mechsim.model.mechanism import Mechanism, Up
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.interpolation import quaternions

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.vertical import Up
+from mechsim.model.mechanism import Mechanism, Up
 from mechsim.numerics.arrays import Array
 from mechsim.shapes import Shape
 

@@ -7,8 +7,8 @@ import numpy as np
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
-from mechsim.model.crank_profile import arc_around, constant, within_range
 from mechsim.model.motion import Motion
+from mechsim.model.motion_laws import arc_around, constant, within_range
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view import GhostTrack, Mark, PoseGrid, Readout, between, ghost_of, motion_grid

@@ -8,9 +8,9 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.efforts import FreeRun
 from mechsim.model.forces import Forces, acting_on
+from mechsim.model.limits import MAX_STIFF_STEPS, require_steps
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
-from mechsim.model.work_size import MAX_STIFF_STEPS, require_steps
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import HasMechanism

@@ -10,7 +10,7 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.errors import AssemblyError
-from mechsim.model.outcome import Outcome
+from mechsim.model.finding import Outcome
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.friction import STEPS, oppose, softness

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
+from mechsim.model.link_poses import stand_in
 from mechsim.model.links import GROUND
+from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
-from mechsim.model.split_joints import stand_in
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
@@ -194,7 +194,7 @@ def loaded_model(
     """Generate the model of a mechanism and its forces, and close its loops.
 
     Args:
-        mechanism: links without an inertia are rods, as in `rod_inertia.with_inertia`.
+        mechanism: links without an inertia are rods, as in `masses.with_inertia`.
         forces: what acts.
         cut: joints where the loops are cut; None lets the generator choose.
         programmed: whether programs move the drivers, which stand as yet; else a crank is driven.

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.crank_profile import CrankProfile, constant
 from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
 from mechsim.simulation.closed_model import HasMechanism
 from mechsim.simulation.dynamics.inverse_dynamics import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.links import Pose, Vector
+from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rod_inertia import with_inertia
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.model.outcome import POSITION_TOLERANCE
+from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.driven_run import LOST

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.link_poses import plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import plane_normals
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of

@@ -5,7 +5,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.model.inertia import Inertia
+from mechsim.model.links import Inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 

@@ -15,9 +15,9 @@ import numpy as np
 from mechsim.model.forces import Forces, Friction, JointSpring, Place, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import plane_normals
 from mechsim.model.links import ORIGIN
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import plane_normals
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.simulation.mjcf.body_inertia import quaternion
 from mechsim.simulation.mjcf.joints import part_names

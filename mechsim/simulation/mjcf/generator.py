@@ -10,13 +10,11 @@ from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
+from mechsim.model.link_poses import plane_normals, starts, with_stand_ins
 from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import plane_normals
-from mechsim.model.rod_inertia import with_inertia
-from mechsim.model.rough_poses import starts
 from mechsim.model.scene import Scene
-from mechsim.model.split_joints import with_stand_ins
 from mechsim.numerics.angles import TURN
 from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
 from mechsim.simulation.mjcf.force_elements import add_forces

@@ -11,9 +11,9 @@ import numpy as np
 
 from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import turned
 from mechsim.model.links import EZ, Pose, Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import turned
 from mechsim.numerics.arrays import Array
 
 FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL

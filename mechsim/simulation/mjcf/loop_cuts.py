@@ -9,10 +9,9 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.joints import End, Joint
+from mechsim.model.link_poses import plane_normals, split, stand_in
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import plane_normals
-from mechsim.model.split_joints import split, stand_in
 from mechsim.simulation.mjcf.joints import Branch, EndArrays, coincident_points
 
 if TYPE_CHECKING:

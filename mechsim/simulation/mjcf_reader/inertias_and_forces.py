@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.forces import Forces, Friction, JointSpring
-from mechsim.model.inertia import Inertia
-from mechsim.model.links import Link
+from mechsim.model.links import Inertia, Link
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE
 from mechsim.simulation.mjcf_reader.link_frames import Carrier, rotation, vector

@@ -12,11 +12,10 @@ from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.model.finding import Finding
+from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
-from mechsim.model.outcome import Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.studies.agreement.attribution import AskedAgain, told
@@ -26,8 +25,8 @@ from mechsim.studies.agreement.discrepancy import Miss, bound_of, check, errors,
 from mechsim.studies.agreement.evaluation_points import EFFORTS, Comparand, comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
-from mechsim.subjects.parametric_models import parametric_model as dimension_family
 from mechsim.subjects.python_object import run_object
+from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.units import si
 from mechsim.verdict.checks import Check, Verdict, concluded
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.crank_profile import CrankProfile
+from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import Settings
 from mechsim.studies.agreement.candidate import Claim

@@ -15,9 +15,9 @@ from mechsim.analytic.loops.tree_assembly import closed
 from mechsim.analytic.loops.tree_loops import tree_loops
 from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
 from mechsim.errors import AssemblyError, MechsimError
+from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.rough_poses import rough_poses, starts
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.discrepancy import DISCRETE, NAMED, PLACED, Hypothesis, Miss, Values
 from mechsim.studies.agreement.evaluation_points import Comparand

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.analytic import dynamics
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
-from mechsim.model.inertia import Inertia
+from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array

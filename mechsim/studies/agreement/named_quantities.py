@@ -10,9 +10,9 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import FIXED, KINDS
+from mechsim.model.link_poses import plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import plane_normals
 from mechsim.numerics.arrays import Array
 
 Kind = Literal[

@@ -6,9 +6,9 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.errors import AssemblyError
-from mechsim.model.crank_profile import CrankProfile, swing
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import CrankProfile, swing
 from mechsim.simulation import Settings
 from mechsim.studies.extremes.trial import Trial, attempt
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
-from mechsim.model.outcome import Outcome
+from mechsim.model.finding import Outcome
 from mechsim.simulation import Run, simulate
 from mechsim.verdict.judge import crosscheck
 

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 from mechsim import files, units
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
 from mechsim.studies.sensitivity.quantities import is_effort, unit_of
 from mechsim.studies.sensitivity.sensitivity import Subject, dimensions_asked, moved_along
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects.readers import parametric_model
 
 # singular values of the scaled derivatives below this part of the largest tell nothing
 BLIND = 1e-7

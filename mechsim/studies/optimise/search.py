@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.display import short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import change_of, stepped
 from mechsim.numerics.inputs import numbers

@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.crank_profile import CrankProfile
 from mechsim.model.finding import Finding
-from mechsim.model.motion_laws import State, steady
+from mechsim.model.motion_laws import CrankProfile, State, steady
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet

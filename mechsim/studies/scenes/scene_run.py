@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.model.work_size import MAX_SCENE_STEPS, require_steps
+from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scenes.user_scene import UserScene

@@ -22,11 +22,11 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.crank_profile import closes_nowhere
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.masses import STEEL, with_inertia
 from mechsim.model.motion import Motion
-from mechsim.model.rod_inertia import STEEL, with_inertia
+from mechsim.model.motion_laws import closes_nowhere
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.quantities import columns_of, is_effort

@@ -13,15 +13,15 @@ from mechsim.analytic.derivatives import DesignFamily, Dimension
 from mechsim.analytic.forms import Form
 from mechsim.analytic.path_instants import path_instants
 from mechsim.errors import AssemblyError, InputError, MissingToolError
-from mechsim.model.display import short_repr
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, Slopes, instants_of
 from mechsim.studies.sensitivity.quantities import unit_of
-from mechsim.subjects.parametric_models import parametric_model
-from mechsim.subjects.toml_source import suggestion
+from mechsim.subjects.readers import parametric_model
+from mechsim.subjects.toml_values import suggestion
 
 if TYPE_CHECKING:
     from pandas import DataFrame

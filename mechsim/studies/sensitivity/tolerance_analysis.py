@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.model.display import short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array, tangents
 from mechsim.studies.sensitivity.expansion import Solved, Watch, solves
 from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sampled

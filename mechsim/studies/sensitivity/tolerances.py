@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.toml_source import suggestion
+from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit
 
 Distribution = Literal["uniform", "normal"]

@@ -16,7 +16,7 @@ from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.resources import require_room
-from mechsim.subjects.toml_source import suggestion
+from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit
 
 # seed of random samples

@@ -13,7 +13,7 @@ from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quantity
 from mechsim.subjects.python_object import run_object, run_user_code
-from mechsim.subjects.toml_source import suggestion
+from mechsim.subjects.toml_values import suggestion
 
 # name -> statistic of a quantity over the turn, (designs, poses) -> (designs,)
 STATISTICS: dict[str, Callable[[Array], Array]] = {

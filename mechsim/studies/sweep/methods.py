@@ -6,18 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
-from mechsim.analytic.catalog.many_arcs import swing_arcs
-from mechsim.analytic.catalog.many_designs import Turning, allowed, can_be_many, ranges, solved, turning
+from mechsim.analytic.catalog.many_designs import (
+    Turning,
+    allowed,
+    can_be_many,
+    ranges,
+    solved,
+    swing_arcs,
+    turning,
+)
 from mechsim.analytic.dynamics import machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.analytic.loops.many_motion import many_motion
 from mechsim.analytic.loops.many_swings import SwingTracer
 from mechsim.errors import InputError, MechsimError, MobilityError, cut
-from mechsim.model.crank_profile import arc_around, closes_nowhere
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, taken
+from mechsim.model.motion_laws import arc_around, closes_nowhere
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops

@@ -11,8 +11,8 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.start_values import with_closed_guess
 from mechsim.errors import AssemblyError
-from mechsim.model.crank_profile import closes_nowhere, within_range
 from mechsim.model.motion import taken
+from mechsim.model.motion_laws import closes_nowhere, within_range
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.many.design_models import design_models

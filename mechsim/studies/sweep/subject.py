@@ -12,10 +12,10 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.parametric_models import as_text, parametric_model, toml_path
 from mechsim.subjects.python_object import parameters_of, python_factory
+from mechsim.subjects.readers import as_text, parametric_model, toml_path
 from mechsim.subjects.toml_reader import toml_model
-from mechsim.subjects.toml_source import TomlSource, read_source
+from mechsim.subjects.toml_values import TomlSource, read_source
 
 Make = Callable[[Mapping[str, float]], Form]
 

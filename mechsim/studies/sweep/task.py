@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.loops.many_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.crank_profile import PART_OF_RANGE
 from mechsim.model.forces import Forces
+from mechsim.model.motion_laws import PART_OF_RANGE
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import LikeModel, like_model

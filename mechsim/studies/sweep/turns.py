@@ -10,7 +10,7 @@ from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.toml_source import suggestion
+from mechsim.subjects.toml_values import suggestion
 
 AXES = "xyz"
 RATES = {"": "position", "v": "velocity", "a": "acceleration"}

@@ -10,9 +10,9 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.model.crank_profile import within_range
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import believed_order, half_extent, richardson
 from mechsim.simulation.closed_model import Model

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from mechsim.model.work_size import MAX_SCENE_STEPS
+from mechsim.model.limits import MAX_SCENE_STEPS
 from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene, errors_of, stepped
 from mechsim.studies.scenes.plain_settings import PlainSettings
 from mechsim.studies.scenes.scene_limit import HARDEST

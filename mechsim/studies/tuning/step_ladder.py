@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.model.work_size import MAX_SCENE_STEPS
+from mechsim.model.limits import MAX_SCENE_STEPS
 from mechsim.studies.scenes.plain_settings import FREEABLE, PlainSettings, settings_of
 from mechsim.studies.scenes.scene_limit import HARDEST
 from mechsim.studies.scenes.user_scene import UserScene

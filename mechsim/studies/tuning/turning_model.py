@@ -8,8 +8,8 @@ import mujoco
 
 from mechsim.errors import InputError
 from mechsim.files import stem_of
-from mechsim.model.crank_profile import constant
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import constant
 from mechsim.numerics.angles import TURN
 from mechsim.simulation.closed_model import from_mechanism
 from mechsim.simulation.driven_run import first_state

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.tree_motion import LinkPoses
-from mechsim.model.display import short_repr
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers

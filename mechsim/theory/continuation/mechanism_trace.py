@@ -12,8 +12,8 @@ from mechsim.analytic.loops.tree_loops import TreeLoops
 from mechsim.analytic.loops.tree_motion import Coordinates
 from mechsim.analytic.loops.undetermined_joints import require_determined
 from mechsim.errors import InputError, MobilityError
-from mechsim.model.display import short_repr
 from mechsim.model.mechanism import Mechanism, described
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.curve_search import ON_CURVE, CurveSearch

@@ -7,9 +7,9 @@ import numpy as np
 
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
+from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_plane import PARALLEL, plane_normals
 from mechsim.numerics.arrays import Array
 
 
@@ -17,7 +17,7 @@ def plane_normal(mechanism: Mechanism) -> Array | None:
     """Return the direction across which a mechanism is planar, or None if it is spatial.
 
     Returns:
-        Unit vector in the ground frame, (3,), or None; planar as `model.motion_plane` says it.
+        Unit vector in the ground frame, (3,), or None; planar as `model.link_poses` says it.
     """
     normals = plane_normals(mechanism)
     return None if normals is None else normals[GROUND]

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.display import short_repr
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.theory.synthesis.chebyshev import Best, best_circle, circle_of, circle_rows, least_worst
 from mechsim.theory.synthesis.passage import Passage, crank_pin, dyad, levers_on, passage, wedge

@@ -12,7 +12,7 @@ from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Claim
 from mechsim.studies.agreement.evaluation_points import comparand_of
 from mechsim.studies.agreement.named_quantities import names_of
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects.readers import parametric_model
 
 SPEED = 20 * np.pi
 

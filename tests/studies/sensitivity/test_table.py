@@ -7,7 +7,7 @@ from mechsim.analytic import catalog
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.sensitivity import MovedFamily, derivative_table, instants_of
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 4.1])
 

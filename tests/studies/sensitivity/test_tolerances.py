@@ -17,7 +17,7 @@ from mechsim.studies.sensitivity import (
 )
 from mechsim.studies.sensitivity.expansion import Solved
 from mechsim.studies.sensitivity.monte_carlo import formula_samples
-from mechsim.subjects.parametric_models import parametric_model
+from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
 

@@ -1,0 +1,282 @@
+"""Where assembly begins: the guess of a mechanism, completed link by link along its joints."""
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.joint_kinds import COLUMN, FIXED, KINDS, displaced
+from mechsim.model.joints import End, Joint, joint_coordinate
+from mechsim.model.links import GROUND, IDENTITY, Inertia, Link, Pose
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+
+# of one joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in their links' frames
+Sides = tuple[Array, Array, Array, Array]
+
+
+def rough_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
+    """Return one pose a moving link: the guess, else where its joints to placed links put it.
+
+    Coordinates of these joints are those that the description tells, as of drivers and holds, else nought.
+
+    Args:
+        mechanism: the mechanism.
+        stiff_first: whether joints that turn links less go before others, as slides, which leave no turn
+            open; else they are taken as they come.
+
+    Raises:
+        AssemblyError: for links that no chain of joints leads to.
+    """
+    sides = {
+        joint.name: (np.asarray(joint.a.point), joint.a.frame, np.asarray(joint.b.point), joint.b.frame)
+        for joint in mechanism.joints
+    }
+    if stiff_first:
+        joints = sorted(mechanism.joints, key=lambda joint: len(KINDS[joint.kind].turns))
+        mechanism = replace(mechanism, joints=tuple(joints))
+    return completed(mechanism, sides, mechanism.guess, starts(mechanism))
+
+
+def completed(
+    mechanism: Mechanism,
+    sides: Mapping[str, Sides],
+    guess: Mapping[str, Pose],
+    told: Mapping[str, float] | Mapping[str, Array],
+) -> dict[str, Pose]:
+    """Return poses of all moving links, of one mechanism or of d that are alike.
+
+    Args:
+        mechanism: one of them.
+        sides: of its joints; of d designs (d, 3) and (d, 3, 3).
+        guess: of some links.
+        told: coordinate -> its value, or (d,).
+
+    Raises:
+        AssemblyError: for links that no chain of joints leads to.
+    """
+    placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
+    waiting = list(mechanism.joints)
+    while waiting:
+        joint = next((j for j in waiting if j.a.link in placed or j.b.link in placed), None)
+        if joint is None:
+            lost = [link.name for link in mechanism.links if link.name not in placed]
+            raise AssemblyError(
+                f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
+            )
+        waiting.remove(joint)
+        forward = joint.a.link in placed
+        near, far = (joint.a.link, joint.b.link) if forward else (joint.b.link, joint.a.link)
+        if far not in placed:
+            point_a, frame_a, point_b, frame_b = sides[joint.name]
+            ends = (point_a, frame_a, point_b, frame_b) if forward else (point_b, frame_b, point_a, frame_a)
+            placed[far] = _attached(placed[near], ends, _displaced(joint, told, forward))
+    lost = [link.name for link in mechanism.links if link.name not in placed]
+    if lost:
+        raise AssemblyError(
+            f"{mechanism.name}: no joint holds link {', '.join(lost)}; add one or leave it out"
+        )
+    del placed[GROUND]
+    return placed
+
+
+def _attached(pose: Pose, ends: Sides, displacement: tuple[Array, Array]) -> Pose:
+    """Return the pose of a link that a joint holds to one that is placed, its near side first."""
+    (near, near_frame, far, far_frame), (shift, turn) = ends, displacement
+    frame = pose.rotation @ near_frame
+    rotation = frame @ turn @ np.swapaxes(far_frame, -1, -2)
+    at = pose.position + turned(pose.rotation, near)
+    return Pose(at + turned(frame, shift) - turned(rotation, far), rotation)
+
+
+def turned(rotation: Array, vector: Array) -> Array:
+    """Return vectors (..., 3) turned by rotations (..., 3, 3)."""
+    return (rotation @ vector[..., None])[..., 0]
+
+
+def starts(mechanism: Mechanism) -> dict[str, float]:
+    """Return the values of coordinates at the guess that the description tells, in [m] and [rad].
+
+    Of a screw between guessed links the turns that lead to where these stand.
+    """
+    told = {**_wound(mechanism), **mechanism.counted, **mechanism.locked}
+    if mechanism.has_crank:
+        told[mechanism.crank.name] = mechanism.start
+    return told
+
+
+def _wound(mechanism: Mechanism) -> dict[str, float]:
+    """Return by how much screws between guessed links have turned to stand as far out, in [rad]."""
+    placed = {GROUND: IDENTITY, **mechanism.guess}
+    found: dict[str, float] = {}
+    for joint in mechanism.joints:
+        if KINDS[joint.kind].led and joint.a.link in placed and joint.b.link in placed:
+            way = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
+            found[joint.coordinates[1]] = TURN * way / joint.lead
+    return found
+
+
+def _displaced(
+    joint: Joint, told: Mapping[str, float] | Mapping[str, Array], forward: bool
+) -> tuple[Array, Array]:
+    """Return where the far side's joint frame stands in the near side's: (..., 3) in [m] and (..., 3, 3)."""
+    values = [told.get(name, 0.0) for name in joint.coordinates]
+    if not (KINDS[joint.kind].crossed or any(np.any(value) for value in values)):
+        return np.zeros(3), np.eye(3)
+    shift, turn = displaced(KINDS[joint.kind], np.broadcast_arrays(*values), joint.cross_angle)
+    if forward:
+        return shift, turn
+    turn = np.swapaxes(turn, -1, -2)
+    return -turned(turn, shift), turn
+
+
+def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
+    """Return the poses of all links but ground at the n instants of a motion.
+
+    Raises:
+        InputError: where the motion lacks a link that stands for a body.
+    """
+    found = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    for link in mechanism.links:
+        if link.name in motion.links:
+            moved = motion.links[link.name]
+            found[link.name] = Pose(moved.position, moved.rotation)
+        elif link.seen:
+            raise InputError(
+                f"the motion does not say where link {link.name!r} is, so it cannot be drawn; "
+                "solve it with links"
+            )
+        else:
+            found[link.name] = _hidden_link_pose(mechanism, link.name, found, motion)
+    del found[GROUND]
+    return found
+
+
+def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:
+    """Return where a link stands that hangs on another by a joint of one coordinate."""
+    joint = next(one for one in mechanism.joints if one.b.link == name)
+    near, value = poses[joint.a.link], motion.joints[joint.name].value
+    shift, turn = displaced(KINDS[joint.kind], (value,), joint.cross_angle)
+    frame = near.rotation @ joint.a.frame
+    rotation = np.broadcast_to(frame @ turn @ joint.b.frame.T, (len(value), 3, 3))
+    place = near.point(joint.a.point) + (frame @ shift[..., None])[..., 0]
+    return Pose(place - rotation @ joint.b.point, rotation)
+
+
+# between the names of a joint and of the link that its stand-in stands for
+STANDS = "@"
+
+
+def stand_in(joint: Joint) -> str:
+    """Return the name of the link that stands where one side of a split joint does."""
+    return f"{joint.name}{STANDS}{_stood_for(joint).link}"
+
+
+def with_stand_ins(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+    """Return poses of links, and where joints are split, of what stands in for some of them."""
+    known = {GROUND: IDENTITY, **poses}
+    stands = {
+        joint.a.link: known[joint.b.link]
+        for joint in mechanism.joints
+        if joint.kind == FIXED and joint.name == joint.a.link and joint.b.link in known
+    }
+    return {**stands, **poses}
+
+
+def split(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
+    """Return a mechanism in which some joints lead to links of their own, fixed to those they led to.
+
+    The new link's frame is that of the one it is fixed to, and it takes its share of that one's inertia. The
+    fixed joint, called as it, can be cut.
+    """
+    shares = Counter(_stood_for(joint).link for joint in mechanism.joints if joint.name in names)
+    links = [
+        replace(link, inertia=_shared(link.inertia, 1 + shares[link.name])) if link.inertia else link
+        for link in mechanism.links
+    ]
+    inertias, joints = {link.name: link.inertia for link in links}, list[Joint]()
+    for joint in mechanism.joints:
+        if joint.name not in names:
+            joints.append(joint)
+            continue
+        name, end = stand_in(joint), _stood_for(joint)
+        links.append(Link(name, inertia=inertias[end.link]))
+        own: End = replace(end, link=name)
+        led = replace(joint, a=own) if end is joint.a else replace(joint, b=own)
+        joints += [led, Joint(name, FIXED, own, end)]
+    return replace(mechanism, links=tuple(links), joints=tuple(joints))
+
+
+def _stood_for(joint: Joint) -> End:
+    """Return the end of a joint on whose link another stands: side b, but never the frame."""
+    return joint.a if joint.b.link == GROUND else joint.b
+
+
+def _shared(inertia: Inertia, parts: int) -> Inertia:
+    """Return one of so many equal parts of a body that are rigidly joined."""
+    if parts == 1:
+        return inertia
+    x, y, z = ((a / parts, b / parts, c / parts) for a, b, c in inertia.moments)
+    return Inertia(inertia.mass / parts, inertia.centre, (x, y, z))
+
+
+# directions this little out of parallel are parallel: frames are made to 1e-16, a real tilt is far larger
+PARALLEL = 1e-9
+
+
+def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
+    """Return the normal of the plane of motion in each link's frame, or None for a spatial mechanism.
+
+    Planar is a mechanism all of whose joints turn about one direction and slide across it, whatever
+    their coordinates; nothing needs to be solved for that. Points of a link need not lie in one plane.
+
+    Args:
+        mechanism: the mechanism.
+
+    Returns:
+        Link, "ground" included -> unit vector, (3,): along the crank's axis, and as the joints from there
+        carry it on.
+    """
+    return _normals(mechanism.driven_joints[0].a, mechanism, mechanism.joints)
+
+
+def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
+    """Return normals as `plane_normals` does, also where slides drive, or balls close loops.
+
+    Balls and crosses cannot take out of the plane what hinges and slides hold there.
+    """
+    aligned = [joint for joint in mechanism.joints if KINDS[joint.kind].aligned]
+    hinges = [joint.a for joint in (*mechanism.driven_joints, *aligned) if KINDS[joint.kind].hinge]
+    normals = (_normals(hinges[0], mechanism, aligned) if hinges else None) or {}
+    return normals if all(link.name in normals for link in mechanism.links) else None
+
+
+def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[str, Array] | None:
+    normals = {hinge.link: np.asarray(hinge.axis)}
+    for _ in mechanism.links:
+        for joint in joints:
+            for here, there in ((joint.a, joint.b), (joint.b, joint.a)):
+                if here.link in normals and there.link not in normals:
+                    # where a joint turns about the normal only, both joint frames see the normal alike
+                    normals[there.link] = there.frame @ here.frame.T @ normals[here.link]
+    for joint in joints:
+        for end in (joint.a, joint.b):
+            if end.link not in normals or not _stays_in_plane(joint, end, normals[end.link]):
+                return None
+    return normals
+
+
+def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
+    """Say whether a joint turns about a normal of one of its links and slides across it."""
+    kind = KINDS[joint.kind]
+    if not kind.aligned:
+        return False
+    seen = end.frame.T @ normal
+    across = [abs(seen[COLUMN[axis]]) for axis in kind.slides]
+    if kind.turns:
+        across += [abs(seen[0]), abs(seen[1])]
+    return max(across, default=0.0) <= PARALLEL

@@ -1,0 +1,289 @@
+"""Motion laws of drivers written as text: constant speed, an expression of t, or a table in a file."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeGuard
+
+import numpy as np
+
+from mechsim import files, units
+from mechsim.errors import InputError
+from mechsim.model.load_profile import WRITTEN, LoadProfile, Over, constant, function, table
+from mechsim.model.motion_laws import State, steady, tabled
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.subjects.time_expressions import VARIABLES, time_function
+from mechsim.units import Unit
+
+# gives where a driver starts, in SI
+Start = Callable[[], float]
+
+# a number and what may be its unit, and nothing else
+_QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*([^\d\W_°%][^*+()]*|[°%])?")
+_RATES: dict[str, Unit] = {"m": "m/s", "rad": "rad/s"}
+_EXAMPLES = {
+    "m": "20mm/s, 10mm*sin(2*pi*t), 15mm where it stands, or FILE.csv",
+    "rad": "600rpm, 30deg*sin(2*pi*0.6*t), 45deg where it stands, or FILE.csv",
+}
+
+
+@dataclass(frozen=True)
+class MotionLaw:
+    """The motion law of a driver.
+
+    Attributes:
+        text: the law as a command line or a file in SI states it.
+        state: times (n,) in [s] -> value, rate, acceleration.
+        end_time: last time of its table, in [s]; None if the law has no end.
+    """
+
+    text: str
+    state: State
+    end_time: float | None = None
+
+    def __call__(self, time: Array) -> tuple[Array, Array, Array]:
+        """Return value, rate and acceleration at times (n,) in [s]."""
+        return self.state(time)
+
+
+def parse_motion_law(
+    text: str,
+    name: str,
+    unit: str,
+    start: Start,
+    *,
+    default_unit: float = 1.0,
+    parameters: Mapping[str, float] | None = None,
+    declared: str = "",
+) -> MotionLaw:
+    """Return the motion law of a driver.
+
+    Args:
+        text: `600rpm` or `20mm/s`, steady from where the driver starts; an expression of t in s, such as
+            `30deg*sin(2*pi*t)`; `30deg`, which stands still; or FILE.csv with columns t and value in SI.
+        name: of the driven coordinate.
+        unit: of it, "m" or "rad".
+        start: gives where it starts, in SI.
+        default_unit: what numbers without a unit are counted in, in SI.
+        parameters: parameter -> its number in those units.
+        declared: unit that the mechanism's file declares for the coordinate, where the text is from
+            elsewhere; text without a unit is then rejected.
+
+    Raises:
+        InputError: names the driver, the text and the remedy.
+    """
+    subject = f"the program of {name}, {text!r},"
+    try:
+        if text.strip().lower().endswith(files.EXTENSIONS):
+            return _tabulated_law(text.strip(), name)
+        quantity = _QUANTITY.fullmatch(text)
+        if quantity is None or quantity[1] == "t":
+            return MotionLaw(
+                *time_function(
+                    text, unit, default_unit=default_unit, parameters=parameters, declared=declared
+                )
+            )
+    except InputError as error:
+        if text.strip().lower().endswith(files.EXTENSIONS):
+            raise
+        raise InputError(f"{subject} {error}, as in {_EXAMPLES[unit]}") from None
+    if quantity[1] is None:
+        if declared:
+            rate_unit: Unit = _RATES[unit]
+            units.require_written(text, rate_unit, f"{declared}/s", f"the program of {name}")
+        rate = default_unit * float(text)
+        return MotionLaw(f"{rate:.17g}", steady(start(), rate))
+    try:
+        return MotionLaw(text, steady(start(), units.parse(text, _RATES[unit])))
+    except InputError:
+        pass
+    try:
+        position = units.parse(text, "m" if unit == "m" else "rad")
+    except InputError:
+        kind = "a speed or a length" if unit == "m" else "a speed of rotation or an angle"
+        raise InputError(f"{subject} measures something else; give {kind}, as in {_EXAMPLES[unit]}") from None
+    return MotionLaw(text, steady(position, 0.0))
+
+
+def _tabulated_law(path: str, name: str) -> MotionLaw:
+    """Return the program that two columns of a file say; of more the one of the driver's name."""
+    _, time, value = read_column(path, name, ("t", "time"), f"the program of {name} give two, t in s")
+    state = tabled(name, time, value)
+    if not time[0] <= 0.0 < time[-1]:
+        raise InputError(
+            f"{path} goes from {time[0]:g} to {time[-1]:g} s; "
+            f"give the program of {name} from 0 s, and beyond it"
+        )
+    return MotionLaw(path, state, float(time[-1]))
+
+
+def read_column(path: str, name: str, axes: Sequence[str], expected: str) -> tuple[str, Array, Array]:
+    """Return the axis of a table in a file, its places and the values there, (n,) each.
+
+    Args:
+        path: of the file.
+        name: of the column of values where there are several.
+        axes: names of which one is the axis.
+        expected: what the file is to be, for messages, up to its axis.
+
+    Raises:
+        InputError: for a file that is no table, has no axis or two, or no such column.
+    """
+    table = files.read(path)
+    axis_columns = [name_ for name_ in axes if name_ in table]
+    value_columns = [name_ for name_ in table if name_ not in axes]
+    if len(axis_columns) != 1 or not value_columns or (len(value_columns) > 1 and name not in value_columns):
+        raise InputError(
+            f"{path} has columns {', '.join(table)}; as {expected} and its value in SI, or one called {name}"
+        )
+    return (
+        axis_columns[0],
+        table[axis_columns[0]],
+        table[value_columns[0] if len(value_columns) == 1 else name],
+    )
+
+
+_AXES: dict[str, Over] = {"t": "time", "time": "time", "angle": "angle"}
+_VARIABLE = re.compile(rf"(?<![\w.])({'|'.join(VARIABLES)})(?!\w)")
+
+
+@dataclass(frozen=True)
+class LoadComponent:
+    """A load along one axis.
+
+    Attributes:
+        text: its number, or the text by which a file in SI says the same.
+        profile: its course, one number at each place.
+    """
+
+    text: float | str
+    profile: LoadProfile
+
+
+@dataclass(frozen=True)
+class WrittenLoad:
+    """The value of a load over time or angle, known by its text.
+
+    Attributes:
+        components: of one axis or of three.
+    """
+
+    components: tuple[LoadComponent, ...]
+
+    def __call__(self, position: Array) -> Array:
+        """Return the values at places (n,), (n,) or (n, 3)."""
+        columns = [component.profile.at(position, position) for component in self.components]
+        return columns[0] if len(columns) == 1 else np.stack(columns, 1)
+
+
+def variables(text: str) -> list[str]:
+    """Return which variables a text names: t, angle."""
+    return sorted(set(_VARIABLE.findall(text)))
+
+
+def is_profile(value: object) -> TypeGuard[str]:
+    """Whether a value is text that says how a load goes over time or the crank's angle."""
+    return isinstance(value, str) and (is_table(value) or bool(variables(value)))
+
+
+def is_table(text: str) -> bool:
+    """Whether a text names a file with a table."""
+    return text.strip().lower().endswith(files.EXTENSIONS)
+
+
+def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, float]) -> LoadComponent:
+    """Return what text that `varies` says of a load along one axis.
+
+    Args:
+        text: an expression of t in s or of the crank's angle in rad, or FILE.csv with columns t or angle,
+            and value in SI; straight lines join its rows, and one turn of angles repeats.
+        name: of the column in a file that has several.
+        unit: "N" or "N m"; numbers without a unit are in it.
+        parameters: parameter -> its number.
+
+    Raises:
+        InputError: for what is none of these; of an expression its sentence has no subject.
+    """
+    if is_table(text):
+        axis, position, value = read_column(
+            text, name, list(_AXES), "a load give two, t in s or angle in rad"
+        )
+        full_turn = axis == "angle" and abs(np.ptp(position) - TURN) < WRITTEN
+        return LoadComponent(text, table(position, value, over=_AXES[axis], periodic=bool(full_turn)))
+    names = variables(text)
+    if len(names) > 1:
+        raise InputError(f"names both {' and '.join(names)}; a load goes over one of them")
+    (variable,) = names
+    if variable in parameters:
+        raise InputError(f"names {variable!r}, here a parameter, too; give the parameter another name")
+    si_text, state = time_function(text, unit, parameters=parameters, variable=variable)
+    return LoadComponent(si_text, function(lambda position: state(position)[0], over=_AXES[variable]))
+
+
+def combine_components(components: Sequence[LoadComponent]) -> LoadProfile:
+    """Return a load of one component or three.
+
+    Raises:
+        InputError: where some go over time and others over the angle; its sentence has no subject.
+    """
+    axes: set[Over] = {
+        component.profile.over for component in components if component.profile.over is not None
+    }
+    if len(axes) > 1:
+        raise InputError("goes over t in one component and over angle in another; give one for all")
+    if not axes:
+        numbers = [component.text for component in components]
+        return constant(numbers[0] if len(numbers) == 1 else numbers)
+    return LoadProfile(axes.pop(), WrittenLoad(tuple(components)), len(components))
+
+
+def control_law(text: str, name: str) -> MotionLaw:
+    """Return the control law of an actuator.
+
+    Args:
+        text: a number, a quantity such as `20deg` or `30rpm`, which is kept; an expression of t in s, such as
+            `255*(0.5-0.5*cos(2*pi*t))`; or FILE.csv with columns t and value. In the control's own unit,
+            quantities in SI.
+        name: of the actuator.
+
+    Raises:
+        InputError: names the actuator, the text and the remedy.
+    """
+    if text.strip().lower().endswith(files.EXTENSIONS):
+        return parse_motion_law(text, name, "rad", lambda: 0.0)
+    constant = _constant(text)
+    if constant is not None:
+        return MotionLaw(text, _constant_law(constant))
+    reason = ""
+    for unit in ("rad", "m"):
+        try:
+            return MotionLaw(*time_function(text, unit))
+        except InputError as error:
+            reason = str(error)
+    raise InputError(f"what feeds actuator {name}, {text!r}, {reason}, as in --ctrl '{name}=0.3*sin(2*pi*t)'")
+
+
+def control_laws(texts: Mapping[str, str]) -> dict[str, MotionLaw]:
+    """Return the control laws of several actuators: actuator -> control law."""
+    return {name: control_law(text, name) for name, text in texts.items()}
+
+
+def _constant(text: str) -> float | None:
+    """Return a number or a quantity in SI; None for what is neither."""
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        return units.of_any_kind(text, "the control")[0]
+    except InputError:
+        return None
+
+
+def _constant_law(value: float):
+    def state(time: Array) -> tuple[Array, Array, Array]:
+        still = np.zeros_like(time)
+        return value + still, still, still
+
+    return state
