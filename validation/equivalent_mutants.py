@@ -6,14 +6,14 @@ SPEED = "changes what a run costs, not what it gives"
 LOOPS = "simulation/model_loops.py"
 CUTS = "simulation/mjcf/loop_cuts.py"
 POSED = "simulation/posed_bodies.py"
-MOTION = "analytic/loops/motion.py"
-PATH = "analytic/loops/continuation_path.py"
-SOLVER = "analytic/loops/loop_solver.py"
-TREE = "analytic/loops/tree_motion.py"
-MANY = "analytic/loops/many_paths.py"
-WHOLE = "analytic/loops/crank_motion.py"
-RATES = "analytic/loops/tree_rates.py"
-LAYOUT = "analytic/loops/tree_layout.py"
+MOTION = "analytic/loops/oracle.py"
+PATH = "analytic/loops/path.py"
+SOLVER = "analytic/loops/solver.py"
+TREE = "analytic/loops/kinematics.py"
+MANY = "analytic/loops/design_paths.py"
+WHOLE = "analytic/loops/motion.py"
+RATES = "analytic/loops/path_rates.py"
+LAYOUT = "analytic/loops/tree.py"
 CHECKS = "verdict/checks.py"
 JUDGE = "verdict/judge.py"
 
@@ -83,22 +83,16 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (POSED, "threads = 1 if n <= ONE_THREAD else 0", "..."): SPEED,
     (POSED, "ONE_THREAD = 4096", "..."): SPEED,
+    (
+        "numerics/rank.py",
+        "return values > np.maximum(tolerance * values[..., :1], floor)",
+        "return values > np.maximum(tolerance / values[..., :1], floor)",
+    ): NEAR_ONE,
     **{
         (
-            file,
-            f"return values > np.maximum({limit} * values[..., :1], {floor})",
-            f"return values > np.maximum({limit} / values[..., :1], {floor})",
-        ): NEAR_ONE
-        for file, limit, floor in (
-            ("simulation/numerical_rank.py", "RANK_TOLERANCE", "FLOOR"),
-            ("analytic/loops/numerical_rank.py", "tolerance", "floor"),
-        )
-    },
-    **{
-        (
-            "simulation/numerical_rank.py",
-            "inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)",
-            f"inverse = np.where(kept, 1.0 / np.where(kept, values, {any_one}), 0.0)",
+            "numerics/rank.py",
+            "inverse = np.where(nonzero, 1.0 / np.where(nonzero, values, 1.0), 0.0)",
+            f"inverse = np.where(nonzero, 1.0 / np.where(nonzero, values, {any_one}), 0.0)",
         ): "what is divided by it is not taken"
         for any_one in ("0.1", "10.0")
     },

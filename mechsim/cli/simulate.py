@@ -10,7 +10,7 @@ import typer
 
 from mechsim import files, simulation
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.joint_motion import with_all_joints
+from mechsim.analytic.loops.record import with_all_joints
 from mechsim.cli.declared_options import spread
 from mechsim.cli.motion_warnings import digits_in_json, few_digits, swing_of, tell_digits
 from mechsim.cli.options import (

@@ -1,1 +1,4 @@
-"""Numbers about numbers: worst and rms, orders of convergence, a root; all that both roads share."""
+"""Numerical methods on arrays, shared by the analytic equations and the simulation.
+
+Nothing in this package knows a mechanism or MuJoCo.
+"""

@@ -1,12 +1,12 @@
-"""The array of the house, and memory that its arrays find again."""
+"""The array type of the package, error norms, and tangents of paths."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-# glibc hands memory back to the system after each step of a calculation, to take it page by page again for
-# the next, until it has seen an array of some size come and go: else that costs more than the calculation
+# glibc returns freed memory to the system after each step of a calculation and requests it again for the
+# next, page by page, until one large array was freed: without this line that costs more than the calculation
 np.empty(2_000_000)
 
 
@@ -32,14 +32,14 @@ def rms(errors: ArrayLike) -> float:
 CLOSED = 1e-6
 
 
-def tangents(places: Array) -> Array:
-    """Return unit vectors along a path of places (n, k), (n, k); nought where it stands.
+def tangents(positions: Array) -> Array:
+    """Return unit tangents of a path of positions (n, k), (n, k); zero where it does not move.
 
-    Of a path that ends where it began, both ends share the one across the joint.
+    The two ends of a closed path have the same tangent.
     """
-    along = np.gradient(places, axis=0)
-    extent = np.ptp(places, axis=0).max()
-    if len(places) > 2 and np.abs(places[-1] - places[0]).max() <= CLOSED * extent:
-        along[[0, -1]] = 0.5 * (places[1] - places[-2])
+    along = np.gradient(positions, axis=0)
+    extent = np.ptp(positions, axis=0).max()
+    if len(positions) > 2 and np.abs(positions[-1] - positions[0]).max() <= CLOSED * extent:
+        along[[0, -1]] = 0.5 * (positions[1] - positions[-2])
     length = np.sqrt((along**2).sum(1, keepdims=True))
     return along / np.where(length > 0.0, length, 1.0)

@@ -12,7 +12,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.plots import AssemblyTable
 from mechsim.theory.continuation import AssemblyTrace
-from mechsim.theory.continuation.curve_joints import joint_columns
+from mechsim.theory.continuation.assembly_curve import joint_columns
 
 # intervals of a curve that a table and a plot have
 SAMPLES = 360

@@ -9,8 +9,8 @@ from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.determinacy import driver_determinacy
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.errors import MechsimError
 from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
 from mechsim.model.meshes import threads_of

@@ -16,6 +16,7 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.antiparallel_axes import require_aligned
 from mechsim.simulation.contact_filtering import exclude_contacts
 from mechsim.simulation.drivers import find_drivers, with_parameter_joint
@@ -24,7 +25,6 @@ from mechsim.simulation.mjcf.changes import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.recorded_motion import Track, add_sensors
 from mechsim.simulation.redundant_drivers import immobile_drivers, overdetermined_error
 from mechsim.simulation.straight_path import move_drivers

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, significant
 from mechsim.simulation import followers
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers, Law
 from mechsim.simulation.loop_constraints import CouplingConstraint, constraints
-from mechsim.simulation.numerical_rank import FLOOR, RANK_TOLERANCE, significant
 from mechsim.simulation.posed_bodies import PosedBodies, rotated
 
 FREE, BALL, SLIDE, HINGE = (

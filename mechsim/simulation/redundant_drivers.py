@@ -4,8 +4,8 @@ import numpy as np
 
 from mechsim.errors import MobilityError
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 
 # residual, relative to the largest Jacobian entry, above which the other DOFs cannot follow a driver
 LOCKED_FRACTION = 1e-6

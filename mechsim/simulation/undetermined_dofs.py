@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.limits import check_instants, extremes, require_within
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
-from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.poses import follow
 from mechsim.simulation.redundant_drivers import immobile_drivers, overdetermined_error
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.loops.exact_geometry import Corrected, corrected
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.rounded_geometry import Corrected, corrected
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.links import UNSEEN, Pose
 from mechsim.model.mechanism import Mechanism, against

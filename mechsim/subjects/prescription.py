@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.start_values import start_poses
+from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint

@@ -10,9 +10,9 @@ from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, catalog_family, placed_family
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.determinacy import undetermined_joints
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.start_values import with_closed_guess
+from mechsim.analytic.loops.mobility import undetermined_joints
+from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism

@@ -8,9 +8,8 @@ import pytest
 
 import mechsim as ms
 from mechsim import closure, simulate
-from mechsim.analytic.loops import completed_guess
-from mechsim.analytic.loops.start_values import start_poses
-from mechsim.analytic.loops.tree_assembly import assembled
+from mechsim.analytic.loops import start
+from mechsim.analytic.loops.start import assembled, start_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import rough_poses
@@ -136,13 +135,13 @@ def test_links_without_a_guess_are_drawn_no_longer_than_something_is_gained(monk
     name, pose = list(mechanism.guess.items())[-1]
     told = replace(mechanism, guess={name: pose})
     steps = []
-    looked = completed_guess.equations
-    monkeypatch.setattr(completed_guess, "equations", lambda *given: steps.append(given) or looked(*given))
-    drawn = completed_guess.completed_poses(told, rough_poses(told))
+    looked = start.equations
+    monkeypatch.setattr(start, "equations", lambda *given: steps.append(given) or looked(*given))
+    drawn = start.completed_poses(told, rough_poses(told))
     # measured 7, the last of which finds nothing left
     assert len(steps) <= 9
-    monkeypatch.setattr(completed_guess, "LAST_STEP", 0.0)
-    longer = completed_guess.completed_poses(told, rough_poses(told))
+    monkeypatch.setattr(start, "LAST_STEP", 0.0)
+    longer = start.completed_poses(told, rough_poses(told))
     assert len(steps) > 30
     for link in drawn:
         np.testing.assert_allclose(drawn[link].position, longer[link].position, rtol=0, atol=1e-15)

@@ -7,11 +7,11 @@ from flat_linkages import flat_linkages, named, smooth_b, worst
 from mechanisms import three_cranks
 
 from mechsim import catalog, closure
-from mechsim.analytic.loops.continuation_path import MAX_GROWTH, NODES, TARGET_CORRECTION, TARGET_ERROR
-from mechsim.analytic.loops.crank_motion import crank_path
+from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.loop_solver import Linearised, LoopSolver, loop_solver
-from mechsim.analytic.loops.tree_loops import TreeLoops
+from mechsim.analytic.loops.motion import crank_path
+from mechsim.analytic.loops.path import MAX_GROWTH, NODES, TARGET_CORRECTION, TARGET_ERROR
+from mechsim.analytic.loops.solver import Linearised, LoopSolver, loop_solver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose

@@ -8,7 +8,7 @@ from driven import five_bar
 from mechanisms import at
 
 from mechsim import catalog, closure
-from mechsim.analytic.loops.crank_motion import crank_path, motion_along
+from mechsim.analytic.loops.motion import crank_path, motion_along
 from mechsim.errors import AssemblyError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import Joint

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, closure
-from mechsim.analytic.loops.exact_geometry import DIMENSION_TOLERANCE, corrected
+from mechsim.analytic.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
 from mechsim.errors import MechsimError
 from mechsim.model.mechanism import Mechanism
 

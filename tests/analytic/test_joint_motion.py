@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.joint_motion import with_all_joints
+from mechsim.analytic.loops.record import with_all_joints
 from mechsim.model.motion import taken
 
 

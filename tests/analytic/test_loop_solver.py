@@ -8,9 +8,9 @@ import pytest
 from mechanisms import at as end
 
 from mechsim import catalog
-from mechsim.analytic.loops.checked_start import checked_start
-from mechsim.analytic.loops.loop_solver import Linearised, LoopSolver, loop_solver
-from mechsim.analytic.loops.tree_loops import tree_loops
+from mechsim.analytic.loops.constraints import tree_loops
+from mechsim.analytic.loops.mobility import checked_start
+from mechsim.analytic.loops.solver import Linearised, LoopSolver, loop_solver
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops import many_paths
-from mechsim.analytic.loops.many_motion import many_motion, shared_loops
+from mechsim.analytic.loops import design_paths
+from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.model.design_arrays import those_alike
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
@@ -77,7 +77,7 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
 
 
 def test_designs_whose_rows_never_tell_enough_are_left_to_themselves(monkeypatch):
-    monkeypatch.setattr(many_paths, "MIN_VALUE_RATIO", 2.0)
+    monkeypatch.setattr(design_paths, "MIN_VALUE_RATIO", 2.0)
     both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)]
     assert not together(both[0], both)[1].any()
 
@@ -122,7 +122,7 @@ def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
     mechanisms = flat_and_others()
     whole = np.linalg.slogdet
     monkeypatch.setattr(
-        many_paths.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])
+        design_paths.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])
     )
     _, told = together(mechanisms[-1], mechanisms)
     assert told[0]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.determinacy import driver_determinacy
-from mechsim.analytic.loops.tree_assembly import assembled
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.mobility import driver_determinacy
+from mechsim.analytic.loops.start import assembled
 from mechsim.errors import MobilityError
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
@@ -21,8 +21,8 @@ from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf import compiled, to_xml
 from mechsim.simulation.mjcf_reader import read_model
 from mechsim.studies.scenes.exact_closure import exact_closure
-from mechsim.theory.continuation.curve_search import CurveSearch
 from mechsim.theory.continuation.free_loops import free_loops
+from mechsim.theory.continuation.mechanism_trace import CurveSearch
 
 AXES = {  # of each joint: on its first and on its second link, with their marks
     "crank": ((0.36, -0.48, 0.8), (0.8, 0.6, 0.0), (0.28, 0.0, 0.96), (0.0, 1.0, 0.0)),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import closure, simulate
-from mechsim.analytic.loops.start_values import start_poses, with_closed_guess
+from mechsim.analytic.loops.start import start_poses, with_closed_guess
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.determinacy import driver_determinacy
-from mechsim.analytic.loops.tree_assembly import assembled
+from mechsim.analytic.loops.mobility import driver_determinacy
+from mechsim.analytic.loops.start import assembled
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.subjects.mjcf_source import read_mjcf
 

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from mechanisms import at
 
-from mechsim.analytic.loops.cut_rows import cuts_of
-from mechsim.analytic.loops.spanning_tree import spanning_tree
-from mechsim.analytic.loops.tree_joints import JointSides
-from mechsim.analytic.loops.tree_layout import MAX_VECTORS, as_slice
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates, link_poses, twists, velocity_products
+from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses, twists, velocity_products
+from mechsim.analytic.loops.tree import MAX_VECTORS, JointSides, as_slice, spanning_tree
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, closure
-from mechsim.analytic.loops.determinacy import driver_determinacy
-from mechsim.analytic.loops.generic_pose import with_coordinate_locked
+from mechsim.analytic.loops.mobility import driver_determinacy, with_coordinate_locked
 from mechsim.errors import MobilityError
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint

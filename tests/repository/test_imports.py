@@ -162,8 +162,8 @@ def test_no_two_classes_share_a_name():
     ("name", "source"),
     [
         ("mechsim.analytic.catalog.rssr", "import mujoco"),
-        ("mechsim.analytic.loops.rank", "def f():\n    from mujoco import MjSpec"),
-        ("mechsim.analytic.loops.rank", "import importlib\nimportlib.import_module('mujoco')"),
+        ("mechsim.analytic.loops.oracle", "def f():\n    from mujoco import MjSpec"),
+        ("mechsim.analytic.loops.oracle", "import importlib\nimportlib.import_module('mujoco')"),
         ("mechsim.verdict.judge", "import mujoco"),
         ("mechsim.model.motion", "import matplotlib.pyplot as plt"),
         ("mechsim.units", "import mediapy"),
@@ -177,7 +177,7 @@ def test_the_check_rejects_a_library_where_it_does_not_belong(name, source):
 @pytest.mark.parametrize(
     ("name", "source"),
     [
-        ("mechsim.analytic.loops.rank", "from mechsim import simulation"),
+        ("mechsim.analytic.loops.oracle", "from mechsim import simulation"),
         ("mechsim.analytic.dynamics.dynamic_model", "from mechsim.simulation.mjcf.exact_text import to_xml"),
         ("mechsim.analytic.catalog.rssr", "from ...simulation.mjcf import generator"),
         ("mechsim.simulation.mjcf.generator", "def f():\n    from mechsim.analytic.catalog.rssr import Rssr"),

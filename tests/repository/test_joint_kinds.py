@@ -11,7 +11,7 @@ FILES = structure.modules()
 # a mechanism of the catalogue names those of its own joints
 HOME = {
     "mechsim.model.joint_kinds",
-    "mechsim.analytic.loops.joint_rows",
+    "mechsim.analytic.loops.maximal_coordinates",
     "mechsim.simulation.mjcf.joints",
     "mechsim.simulation.mjcf_reader.joint_types",
     "mechsim.shapes.joints",

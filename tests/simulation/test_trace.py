@@ -1,7 +1,7 @@
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.loops.start_values import with_closed_guess
+from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.model.couplings import Gear
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link

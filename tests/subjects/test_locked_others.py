@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import simulate
-from mechsim.analytic.loops.determinacy import driver_determinacy
+from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.errors import MobilityError
 from mechsim.subjects.readers import load
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.spanning_tree import spanning_tree
+from mechsim.analytic.loops.tree import spanning_tree
 from mechsim.errors import MobilityError
 from mechsim.theory.structure import mobility
 

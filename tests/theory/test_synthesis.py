@@ -9,7 +9,7 @@ from mechsim import closure
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
 from mechsim.theory.synthesis import follow_curve, line, synthesize_looper
-from mechsim.theory.synthesis.chebyshev import best_circle
+from mechsim.theory.synthesis.coupler_line import best_circle
 from mechsim.theory.synthesis.passage import dyad, passage
 
 # the line of papers.md section 4, from which the paper's linkage follows

@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 from closure_apart import worst_difference
 
-from mechsim.analytic.loops.tree_assembly import assembled
+from mechsim.analytic.loops.start import assembled
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.mjcf.silence import quiet

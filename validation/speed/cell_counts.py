@@ -11,9 +11,9 @@ import sys
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.loops import many_paths
-from mechsim.analytic.loops.crank_motion import crank_path
-from mechsim.analytic.loops.many_motion import many_motion, shared_loops
+from mechsim.analytic.loops import design_paths
+from mechsim.analytic.loops.design_motion import many_motion, shared_loops
+from mechsim.analytic.loops.motion import crank_path
 from mechsim.model.design_arrays import those_alike
 
 TURN = 2.0 * np.pi
@@ -33,7 +33,7 @@ def cells_tried(mechanism, stops) -> int:
 
 def cells_together(name: str, spread: float) -> int:
     """Return how many cells three designs of a mechanism need together, over two turns."""
-    own, cells, nodes = catalog.make(name).crank, [], many_paths.nodes_between
+    own, cells, nodes = catalog.make(name).crank, [], design_paths.nodes_between
     mechanisms = [catalog.make(name, crank=own * (1.0 + by)).mechanism for by in (-spread, 0.0, spread)]
 
     def counted(begin, end, count):
@@ -41,13 +41,13 @@ def cells_together(name: str, spread: float) -> int:
         cells.extend([end] * ((begin, end) != (0.0, 1.0)))
         return nodes(begin, end, count)
 
-    many_paths.nodes_between = counted
+    design_paths.nodes_between = counted
     try:
         alike = shared_loops(mechanisms[1], ())
         started, _ = those_alike(mechanisms[1], mechanisms)
         many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, (), rates=False)
     finally:
-        many_paths.nodes_between = nodes
+        design_paths.nodes_between = nodes
     return len(cells)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.catalog.parameter_checks import checked, checked_rate, choice
-from mechsim.analytic.loops.rank import conditioning
+from mechsim.analytic.loops.oracle import conditioning
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet, Values, values

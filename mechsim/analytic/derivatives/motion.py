@@ -9,16 +9,20 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.derivatives.parameter_vector import GivenMechanism, numbers_of, with_numbers
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.assembly import crank_angles
-from mechsim.analytic.loops.continuation_path import ContinuationPath
-from mechsim.analytic.loops.crank_motion import crank_instants, crank_path, motion_along, motion_record
-from mechsim.analytic.loops.cut_rows import cuts_of
-from mechsim.analytic.loops.motion import crank_rate
-from mechsim.analytic.loops.prescribed_motion import instants_of_laws, path_under_laws, with_locked_values
-from mechsim.analytic.loops.spanning_tree import SpanningTree
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates
-from mechsim.analytic.loops.tree_rates import (
+from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.motion import (
+    crank_instants,
+    crank_path,
+    instants_of_laws,
+    motion_along,
+    motion_record,
+    path_under_laws,
+    with_locked_values,
+)
+from mechsim.analytic.loops.oracle import crank_angles, crank_rate
+from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.path_rates import (
     ClosedChunk,
     Instants,
     LoopMotion,
@@ -26,6 +30,7 @@ from mechsim.analytic.loops.tree_rates import (
     merged,
     with_rates,
 )
+from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.link_poses import split
 from mechsim.model.mechanism import Mechanism

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops import RANK_TOLERANCE
-from mechsim.analytic.loops.loop_equations import row_units
+from mechsim.analytic.loops.maximal_coordinates import row_units
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.model.couplings import Coupling
 from mechsim.model.efforts import MeshForce, Reaction

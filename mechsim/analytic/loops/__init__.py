@@ -5,23 +5,22 @@ link has six coordinates and each joint is a few rows that must vanish (`equatio
 is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses together.
 """
 
-from mechsim.analytic.loops.assembly import assemble
-from mechsim.analytic.loops.crank_motion import follow, solve
-from mechsim.analytic.loops.joint_motion import point_on
-from mechsim.analytic.loops.joint_rows import Rows
-from mechsim.analytic.loops.loop_equations import Poses, equations, residual_norms
-from mechsim.analytic.loops.motion import rates
-from mechsim.analytic.loops.numerical_rank import RANK_TOLERANCE
-from mechsim.analytic.loops.rank import (
+from mechsim.analytic.loops.maximal_coordinates import Poses, Rows, equations, residual_norms
+from mechsim.analytic.loops.motion import follow, solve
+from mechsim.analytic.loops.oracle import (
     Freedom,
+    assemble,
     conditioning,
     freedom,
     least_norm,
+    rates,
     singular_values,
 )
+from mechsim.analytic.loops.record import point_on
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import Pose
+from mechsim.numerics.rank import RANK_TOLERANCE
 
 __all__ = [
     "RANK_TOLERANCE",

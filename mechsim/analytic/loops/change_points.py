@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.loops.loop_solver import MIN_SHARE_RATIO, Linearised
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_segments import PathStates, Segment, interpolation_error, nodes_between
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.solver import MIN_SHARE_RATIO, Linearised
 from mechsim.numerics.arrays import Array
 
 # largest and smallest half length of a segment centred on a change point

@@ -9,11 +9,16 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.loops.continuation_path import ContinuationPath
-from mechsim.analytic.loops.crank_motion import crank_path, solve_along
-from mechsim.analytic.loops.prescribed_motion import path_under_laws, solve_prescribed, solve_under_laws
-from mechsim.analytic.loops.rank import conditioning
-from mechsim.analytic.loops.tree_rates import Instants
+from mechsim.analytic.loops.motion import (
+    crank_path,
+    path_under_laws,
+    solve_along,
+    solve_prescribed,
+    solve_under_laws,
+)
+from mechsim.analytic.loops.oracle import conditioning
+from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.path_rates import Instants
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError

@@ -1,84 +1,324 @@
-"""Velocities and accelerations of everything, by the loop equations differentiated twice."""
+"""The motion of any mechanism from its loop equations alone."""
+
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.loops.joint_motion import joint_motions, point_on
-from mechsim.analytic.loops.loop_equations import Poses, equations
-from mechsim.analytic.loops.rank import least_norm
-from mechsim.errors import InputError
-from mechsim.model.links import GROUND
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import LinkMotion, Motion
+from mechsim import units
+from mechsim.analytic.loops.kinematics import twists
+from mechsim.analytic.loops.mobility import checked_start
+from mechsim.analytic.loops.oracle import crank_angles, crank_rate
+from mechsim.analytic.loops.path import ContinuationPath, PathNames
+from mechsim.analytic.loops.path_rates import Instants, LoopMotion, loop_motion
+from mechsim.analytic.loops.record import joint_motions, point_on
+from mechsim.analytic.loops.solver import LoopSolver, loop_solver
+from mechsim.analytic.loops.start import locked_values, with_locked
+from mechsim.errors import AssemblyError
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.mechanism import Mechanism, described, starting_at
+from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion
+from mechsim.model.motion_laws import MotionLaws
+from mechsim.numerics.angles import TURN, other_laps
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import numbers
+
+# part of the quickest turn of any link along an idle freedom at which another turns with it
+MIN_SPIN = 1e-6
+# a gear ratio times turns of the crank is a whole number to this
+INTEGER_TOLERANCE = 1e-12
 
 
-def rates(
-    mechanism: Mechanism, poses: Poses, angle: ArrayLike, speed: ArrayLike, acceleration: ArrayLike = 0.0
-) -> Motion:
-    """Differentiate the loop equations twice: exact velocities and accelerations of everything.
+def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> ContinuationPath:
+    """Return the path of a mechanism's assembly over its crank angle, as yet no longer than its start.
 
     Args:
-        mechanism: the mechanism.
-        poses: moving link -> n poses that close the loops.
-        angle: crank angle, (n,) in [rad].
-        speed: crank speed, scalar or (n,) in [rad/s].
-        acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+        mechanism: its guess says which assembly is meant.
+        change_point: "smooth" or "branch" where two assemblies meet.
 
-    Returns:
-        The motion. Passive freedoms (the spin of an unguided coupler) get the least rates that agree.
-
-    Accuracy: relative error about 1e-15 times the condition of the loop Jacobian.
+    Raises:
+        AssemblyError: where the loops do not close at the start.
+        MobilityError: where the crank leaves joints or tracked points open, or is held by the loops.
+        InputError: for a mechanism without a crank.
     """
-    names = [link.name for link in mechanism.links]
-    angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
-    n = len(angle)
-    speed = crank_rate(mechanism, "speed", speed, n)
-    acceleration = crank_rate(mechanism, "acceleration", acceleration, n)
+    mechanism = described(mechanism)
+    crank = mechanism.crank.name
+    first = checked_start(mechanism)
+    initial = float(first.reference.values[first.loops.tree.index_of[crank], 0])
+    locked = locked_values(mechanism)
+    return ContinuationPath(first, lambda angle: with_locked(angle[None], locked), initial, change_point)
 
-    rows = equations(mechanism, poses, angle)
-    rhs = np.zeros_like(rows.residual)
-    rhs[:, -1] = speed
-    twist = least_norm(mechanism, rows.jacobian, rhs).reshape(n, -1, 6)
-    twists = {name: twist[:, i] for i, name in enumerate(names)}
 
-    rows = equations(mechanism, poses, angle, twists)
-    rhs[:, -1] = acceleration
-    accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -1, 6)
+def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
+    """Return the poses at crank angles in the assembly of the mechanism's guess: moving link -> n poses.
 
-    links = {
-        name: LinkMotion(
-            poses[name].position,
-            poses[name].rotation,
-            twist[:, i, :3],
-            twist[:, i, 3:],
-            accelerations[:, i, :3],
-            accelerations[:, i, 3:],
-        )
-        for i, name in enumerate(names)
+    Args:
+        mechanism: the mechanism; its guess says which assembly is meant.
+        angles: crank angles, not wrapped, in any order, (n,) in [rad].
+
+    Raises:
+        AssemblyError: where the loops do not close.
+        MobilityError: where the crank leaves joints or tracked points open.
+
+    Accuracy: residuals of a few ulp of the longest link away from a dead centre.
+    """
+    mechanism = described(mechanism)
+    crank_angle = crank_angles(mechanism, angles)
+    path, motion = motion_along(
+        crank_path(mechanism), crank_angle, np.zeros_like(crank_angle), np.zeros_like(crank_angle)
+    )
+    return {
+        name: Pose(motion.position[:, i], motion.rotation[:, i]) for name, i in path.loops.tree.links.items()
     }
-    points = {
-        point: point_on(links[link], local)
-        for point, (link, local) in mechanism.points.items()
-        if link != GROUND
-    }
+
+
+def solve(
+    mechanism: Mechanism,
+    angles: ArrayLike,
+    speed: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    change_point: ChangePointPolicy = "smooth",
+) -> Motion:
+    """Return the motion of any mechanism from its loop equations alone.
+
+    Where two assemblies meet on its path, as in a parallelogram laid flat, the motion goes on smoothly,
+    and rates there are limits; or it folds into the other one, which keeps the sign of the loops'
+    determinant, and rates there are those on one side.
+
+    Args:
+        mechanism: the mechanism, whose guess selects the assembly; or what has one, as those of the
+            catalogue have, whose parameters select it at the first crank angle.
+        angles: crank angles, not wrapped, in any order, (n,) in [rad] or text, as "0:360:5deg".
+        speed: crank speed, scalar or (n,) in [rad/s] or text, as "600rpm".
+        acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+        change_point: "smooth" or "branch" where two assemblies meet.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+        MobilityError: where the crank leaves joints or tracked points open.
+
+    Accuracy: relative errors of about 1e-15 times the condition of the loops; within 5e-3 rad of a change
+        point 1e-12.
+    """
+    angles, speed = units.si_angles(angles), units.si(speed, "rad/s", "the crank's speed")
+    crank_angle = crank_angles(described(mechanism), angles)
+    rate = crank_rate(described(mechanism), "speed", speed, len(crank_angle))
+    mechanism = starting_at(mechanism, crank_angle, float(rate[0]))
+    return solve_along(crank_path(mechanism, change_point), angles, speed, acceleration)
+
+
+def solve_along(
+    path: ContinuationPath, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike
+) -> Motion:
+    """Return the motion of a mechanism whose path may be known already; else as `solve`."""
+    mechanism = path.loops.tree.mechanism
+    crank_angle = crank_angles(mechanism, angles)
+    rate = crank_rate(mechanism, "speed", speed, len(crank_angle))
+    second = crank_rate(mechanism, "acceleration", acceleration, len(crank_angle))
+    return motion_record(*motion_along(path, crank_angle, rate, second), crank_angle, rate, second)
+
+
+def motion_along(
+    path: ContinuationPath, angle: Array, speed: Array, acceleration: Array
+) -> tuple[ContinuationPath, LoopMotion]:
+    """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
+    instants = crank_instants(path, angle, speed, acceleration)
+    try:
+        return path, loop_motion(path, instants)
+    except AssemblyError:
+        for revolutions in other_laps(path.loops.tree.mechanism.start, angle):
+            other_path = _on_other_revolution(path, revolutions)
+            if other_path is not None:
+                with suppress(AssemblyError):
+                    return other_path, loop_motion(other_path, instants)
+        raise
+
+
+def crank_instants(path: ContinuationPath, angle: Array, speed: Array, acceleration: Array) -> Instants:
+    """Return instants at crank angles (n,) in [rad] along a path, with the crank's rates (n,)."""
+    zero = 0.0 * locked_values(path.loops.tree.mechanism)
+    rates = with_locked(speed[None], zero), with_locked(acceleration[None], zero)
+    return Instants(angle, speed, acceleration, path.prescribed(angle), *rates)
+
+
+def _on_other_revolution(path: ContinuationPath, revolutions: int) -> ContinuationPath | None:
+    """Return a path from the same pose so many turns of the crank on; None where gears make it another."""
+    turn_offsets = list(path.loops.turn_offsets)
+    tree = path.loops.tree
+    crank = tree.index_of[tree.mechanism.crank.name]
+    for i, row in enumerate(path.loops.couplings):
+        gain = (row.left[crank] - row.right[crank] * row.coupling.slope) * revolutions
+        if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.turns):
+            return None
+        turn_offsets[i] += round(gain) * TURN
+    start = path.start.values.copy()
+    start[crank] += revolutions * TURN
+    loops = replace(path.loops, turn_offsets=tuple(turn_offsets))
+    first = replace(path.first, loops=loops, reference=replace(path.start, values=start))
+    return ContinuationPath(first, path.prescribed, path.initial + revolutions * TURN, path.policy)
+
+
+def spinning_links(path: ContinuationPath) -> frozenset[str]:
+    """Return the links that turn while all that is driven, and every tracked point, stands: as rods spin."""
+    tree = path.loops.tree
+    names: set[str] = set()
+    # where more is open at the start than elsewhere no path begins
+    for direction in path.first.null_space:
+        rates = np.zeros((tree.count, 1))
+        rates[path.loops.unknown, 0] = direction
+        link_twists = twists(tree, path.first.at_reference.poses, rates)
+        angular = np.abs(link_twists[:, 3:]).max((1, 2))
+        names |= {name for name, i in tree.links.items() if angular[i] > MIN_SPIN * angular.max()}
+    return frozenset(names)
+
+
+def motion_record(
+    path: ContinuationPath,
+    motion: LoopMotion,
+    angle: Array,
+    speed: Array,
+    acceleration: Array,
+    dimensions: Mechanism | None = None,
+) -> Motion:
+    """Return the motion of points, links and joints as a record; the angle is the path's parameter.
+
+    The dimensions are the path's own, or those of a mechanism like it.
+    """
+    tree = path.loops.tree
+    mechanism = dimensions or tree.original
+    links = {name: motion.link(i) for name, i in tree.links.items()}
+    joints: dict[str, JointMotion] = {}
+    for joint in mechanism.joints:
+        kind = KINDS[joint.kind]
+        if tree.first_index(joint.name) is None:
+            joints |= joint_motions(joint, links)
+            continue
+        for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
+            index = tree.index_of[name]
+            component = None if kind.single else i
+            value, rate, second = motion.values[:, index], motion.rates[:, index], motion.second[:, index]
+            joints[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", component)
     return Motion(
         source="loop equations",
         angle=angle,
         speed=speed,
         acceleration=acceleration,
-        points=points,
-        links=links,
-        joints={
-            name: motion for joint in mechanism.joints for name, motion in joint_motions(joint, links).items()
+        points={
+            point: point_on(links[link], local)
+            for point, (link, local) in mechanism.points.items()
+            if link != GROUND
         },
+        links=links,
+        joints=joints,
+        conditioning=motion.conditioning,
+        spinning=spinning_links(path),
     )
 
 
-def crank_rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
-    """Return a rate of the crank at n instants, (n,), or say what is wrong with it."""
-    rate = numbers(value)
-    if rate.shape not in ((), (1,), (n,)) or not np.isfinite(rate).all():
-        raise InputError(f"{mechanism.name}: the crank's {what} is no finite number; give one, or {n}, in SI")
-    return np.broadcast_to(rate, (n,))
+def path_under_laws(
+    mechanism: Mechanism, motion_laws: MotionLaws, change_point: ChangePointPolicy = "smooth"
+) -> ContinuationPath:
+    """Return the path of a mechanism's assembly over the angle of its programs' clock, begun at time zero.
+
+    Args:
+        mechanism: its guess says which assembly is meant, and where the drivers stand in it; from there they
+            go straight to where the programs begin.
+        motion_laws: of its drivers.
+        change_point: "smooth" or "branch" where two assemblies meet.
+
+    Raises:
+        AssemblyError: where the loops do not close at the guess or on the way to where the programs begin.
+        MobilityError: where the drivers leave joints or tracked points open, or are too many.
+    """
+    first = checked_start(mechanism)
+    locked = locked_values(mechanism)
+
+    def prescribed(parameter: Array) -> Array:
+        return with_locked(motion_laws.by_clock(parameter)[0], locked)
+
+    first = _moved_to_start(first, prescribed(np.zeros(1)), change_point)
+    names = PathNames(
+        "the drivers",
+        motion_laws.called,
+        lambda parameter: f"{motion_laws.called(parameter)} of the programs",
+    )
+    return ContinuationPath(first, prescribed, 0.0, change_point, names)
+
+
+def _moved_to_start(first: LoopSolver, target: Array, policy: ChangePointPolicy) -> LoopSolver:
+    """Return what solves the loops where what is prescribed, (driven, 1), has gone straight to its place."""
+    loops, driven = first.loops, list(first.loops.driven)
+    start = first.reference.values[driven]
+    distance = float(np.abs((target - start) / loops.units[driven, None]).max())
+    if distance == 0.0:
+        return first
+
+    def prescribed(s: Array) -> Array:
+        return start + (target - start) * (s / distance)
+
+    def position(s: float) -> str:
+        names = (*loops.tree.mechanism.drivers, *loops.tree.mechanism.locked)
+        values = prescribed(np.array([s]))[:, 0]
+        return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values, strict=True))
+
+    path_names = PathNames("the drivers on their way to where the programs begin", position, position)
+    path = ContinuationPath(first, prescribed, 0.0, policy, path_names)
+    path.reach(distance, 1)
+    return loop_solver(loops, path.unflat(path.segments[1][-1].states[-1:], np.array([distance]), target))
+
+
+def solve_under_laws(
+    path: ContinuationPath, motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
+) -> Motion:
+    """Return the motion at angles of the clock of programs, and its rates.
+
+    Args:
+        path: from `path_under_laws`.
+        motion_laws: of the drivers.
+        parameter: angles of the clock, (n,) in [rad].
+        speed: of the clock, (n,) in [rad/s]; `motion_laws.pace` is real time.
+        acceleration: of the clock, (n,) in [rad/s2].
+
+    Raises:
+        AssemblyError: at the time beyond which the loops cannot close in this assembly.
+    """
+    return solve_prescribed(path, motion_laws, instants_of_laws(motion_laws, parameter, speed, acceleration))
+
+
+def instants_of_laws(
+    motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
+) -> Instants:
+    """Return where programs have their drivers at angles of their clock, at its rates, (n,) each."""
+    value, first, second = motion_laws.by_clock(parameter)
+    rate, second_rate = first * speed, first * acceleration + second * speed**2
+    return Instants(parameter, speed, acceleration, value, rate, second_rate)
+
+
+def solve_prescribed(path: ContinuationPath, motion_laws: MotionLaws, instants: Instants) -> Motion:
+    """Return the motion where the drivers stand near their programs, at instants that say where.
+
+    Raises:
+        AssemblyError: as `solve_under_laws`.
+    """
+    all_instants = with_locked_values(path, instants)
+    motion = motion_record(
+        path,
+        loop_motion(path, all_instants),
+        all_instants.parameter,
+        all_instants.speed,
+        all_instants.acceleration,
+    )
+    return replace(motion, time=instants.parameter / motion_laws.pace, drivers=motion_laws.drivers)
+
+
+def with_locked_values(path: ContinuationPath, instants: Instants) -> Instants:
+    """Return instants of which only the drivers are told, with what is held."""
+    locked = locked_values(path.loops.tree.mechanism)
+    return replace(
+        instants,
+        value=with_locked(instants.value, locked),
+        rate=with_locked(instants.rate, 0.0 * locked),
+        second=with_locked(instants.second, 0.0 * locked),
+    )

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.loop_solver import Linearised, LoopSolver
-from mechsim.analytic.loops.tree_loops import TreeLoops, orthogonal
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.constraints import TreeLoops, orthogonal
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.solver import Linearised, LoopSolver
 from mechsim.numerics.arrays import Array
 
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.numerical_rank import relative_cutoff, significant
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.model.joint_kinds import KINDS
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import least_norm, significant
 
 # damped steps, the longest of them in radians or parts of the size, and polishing steps after them
 STEPS, MAX_STEP, POLISH = 80, 0.7, 4
@@ -105,9 +105,7 @@ def _damped(jacobian: Array, residual: Array) -> Array:
 
 def _least(jacobian: Array, residual: Array) -> Array:
     """Return least-norm steps, (n, count)."""
-    return -(np.linalg.pinv(jacobian, rcond=relative_cutoff(jacobian, STEP_CUTOFF)) @ residual[..., None])[
-        ..., 0
-    ]
+    return -least_norm(jacobian, residual, STEP_CUTOFF)
 
 
 def _length(move: Array) -> Array:

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.continuation_path import ContinuationPath
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.prescribed_motion import path_under_laws, solve_under_laws
+from mechsim.analytic.loops.motion import path_under_laws, solve_under_laws
+from mechsim.analytic.loops.path import ContinuationPath
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.start_values import start_poses
+from mechsim.analytic.loops.start import start_poses
 from mechsim.numerics.angles import TURN
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.view import PoseGrid, View

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import significant
 from mechsim.simulation.dynamics.applied_forces import coupling_forces, loop_forces, together
 from mechsim.simulation.dynamics.inverse_dynamics import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
-from mechsim.simulation.numerical_rank import significant
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States
 

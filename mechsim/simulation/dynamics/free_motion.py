@@ -13,6 +13,7 @@ from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.closed_model import HasMechanism
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.free_steps import expect_speed, step_freely
@@ -26,7 +27,6 @@ from mechsim.simulation.dynamics.inverse_dynamics import (
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.numerical_rank import RANK_TOLERANCE
 from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
 from mechsim.simulation.run_result import SteppedFreeRun
 from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature

@@ -10,6 +10,7 @@ import numpy as np
 from mechsim.model.efforts import Efforts
 from mechsim.model.motion import join, put, weighed
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation.dynamics.applied_forces import (
     Fields,
     coupling_forces,
@@ -25,7 +26,6 @@ from mechsim.simulation.dynamics.applied_forces import (
 from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
-from mechsim.simulation.numerical_rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_point_motion import Near, held_off
 from mechsim.simulation.poses.change_points import Meeting, fitted

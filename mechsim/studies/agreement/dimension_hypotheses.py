@@ -9,11 +9,11 @@ import numpy as np
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, placed_family
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.constraints import tree_loops
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.spanning_tree import SpanningTree
-from mechsim.analytic.loops.tree_assembly import closed
-from mechsim.analytic.loops.tree_loops import tree_loops
-from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
+from mechsim.analytic.loops.start import closed
+from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, Pose

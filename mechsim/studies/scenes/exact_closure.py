@@ -11,18 +11,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.cut_rows import cuts_of
-from mechsim.analytic.loops.determinacy import driver_determinacy
-from mechsim.analytic.loops.numerical_rank import relative_cutoff
-from mechsim.analytic.loops.spanning_tree import SpanningTree
-from mechsim.analytic.loops.tree_joints import TreeJoint
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
+from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.analytic.loops.mobility import driver_determinacy
+from mechsim.analytic.loops.tree import SpanningTree, TreeJoint
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import least_norm
 
 # Newton steps taken at the most, the longest of one in [rad] or sizes, and a gap that is rounding
 MOST_STEPS, LONGEST, ROUNDING = 30, 0.3, 1e-14
@@ -108,9 +106,9 @@ class ExactClosure:
                 return at, gap
             matrix = np.moveaxis(slope[:, loops.unknown], -1, 0)
             matrix = np.where(going[:, None, None], matrix, 0.0)
-            right = np.where(going, residual, 0.0).T[..., None]
+            right = np.where(going, residual, 0.0).T
             step = np.zeros((loops.tree.count, len(at)))
-            step[loops.unknown] = -(np.linalg.pinv(matrix, rcond=relative_cutoff(matrix)) @ right)[..., 0].T
+            step[loops.unknown] = -least_norm(matrix, right).T
             step *= LONGEST / np.maximum(LONGEST, np.abs(step).max(0))
             at = loops.displaced(at, step)
         return at, np.abs(loops.linearise(at)[0]).max(0, initial=0.0)
@@ -184,7 +182,7 @@ class ExactClosure:
         for name, speed in speeds.items():
             rate[tree.index_of[name]] = speed / loops.units[tree.index_of[name]]
         matrix = slope[:, loops.unknown, 0]
-        rate[loops.unknown] = -np.linalg.pinv(matrix, rcond=relative_cutoff(matrix)) @ (slope[..., 0] @ rate)
+        rate[loops.unknown] = -least_norm(matrix, slope[..., 0] @ rate)
         rate, out, ball = rate * loops.units, np.zeros(nv), 0
         for branch, dof in zip(tree.branches, dofs, strict=True):
             count = branch.kind.freedoms

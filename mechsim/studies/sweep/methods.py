@@ -18,8 +18,8 @@ from mechsim.analytic.catalog.many_designs import (
 from mechsim.analytic.dynamics import machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
-from mechsim.analytic.loops.many_motion import many_motion
-from mechsim.analytic.loops.many_swings import SwingTracer
+from mechsim.analytic.loops.crank_swings import SwingTracer
+from mechsim.analytic.loops.design_motion import many_motion
 from mechsim.errors import InputError, MechsimError, MobilityError, cut
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.start_values import with_closed_guess
+from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import taken
 from mechsim.model.motion_laws import closes_nowhere, within_range

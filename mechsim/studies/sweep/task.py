@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.loops.many_motion import SharedLoops, shared_loops
+from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import PART_OF_RANGE

@@ -5,8 +5,13 @@ is the independent variable, so turning points of coordinates are regular. `trac
 assemblies of a mechanism.
 """
 
-from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses, TurningPoint
-from mechsim.theory.continuation.curve_motion import crank_path_length, even_motion
+from mechsim.theory.continuation.assembly_curve import (
+    AssemblyCurve,
+    CurvePoses,
+    TurningPoint,
+    crank_path_length,
+    even_motion,
+)
 from mechsim.theory.continuation.mechanism_trace import AssemblyTrace, BranchPoint, trace
 
 __all__ = [

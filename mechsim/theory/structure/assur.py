@@ -2,14 +2,101 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.theory.structure.assur_drivers import inputs
-from mechsim.theory.structure.assur_matching import Equation, Unit, blocks
-from mechsim.theory.structure.planar import planar_pairs, plane_normal, rigid
+from mechsim.theory.structure.planar import Pairs, planar_pairs, plane_normal, rigid
+
+if TYPE_CHECKING:
+    import networkx as nx
+from collections.abc import Iterable
+
+
+class Unit(NamedTuple):
+    """Something unknown: a link (three coordinates) or the place of a pin (two)."""
+
+    name: str | int
+    coordinate: int
+
+
+class Equation(NamedTuple):
+    """One of the two equations by which a link sits on pin or slide number `pair`."""
+
+    pair: int
+    links: tuple[str, ...]
+    row: int
+
+
+def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> "nx.Graph[Unit | Equation]":
+    """Return which equation holds which unknowns."""
+    import networkx as nx
+
+    graph: nx.Graph[Unit | Equation] = nx.Graph()
+    graph.add_nodes_from(Unit(link, i) for link in unknown for i in range(3))
+    for number, pair in enumerate(pairs):
+        loose = tuple(link for link in pair.links if link in unknown)
+        # a pin on a link that is there has a known place; so each loose link sits on it by itself
+        pin = [Unit(number, i) for i in range(2)] if pair.hinge and loose == pair.links else []
+        for links in [(link,) for link in loose] if pair.hinge else [loose] * bool(loose):
+            for row in range(2):
+                units = [Unit(link, i) for link in links for i in range(3)] + pin
+                graph.add_edges_from((Equation(number, links, row), unit) for unit in units)
+    return graph
+
+
+def blocks(
+    mechanism: Mechanism, pairs: Sequence[Pairs], unknown: Sequence[str]
+) -> list[tuple[set[Equation], set[Unit]]]:
+    """Return the smallest sets of equations that can be solved one after the other, with their unknowns."""
+    import networkx as nx
+
+    graph = _system(pairs, unknown)
+    equations = [node for node in graph if isinstance(node, Equation)]
+    match = nx.bipartite.hopcroft_karp_matching(graph, equations)
+    needs: nx.DiGraph[Equation] = nx.DiGraph()
+    needs.add_nodes_from(equation for equation in equations if equation in match)
+    for equation in needs:
+        needs.add_edges_from((match[unit], equation) for unit in graph[equation] if unit in match)
+    _require_matched(mechanism, graph, match, needs)
+    components = nx.condensation(needs)
+    members: list[set[Equation]] = [components.nodes[component]["members"] for component in components]
+    blocks = [(equation_set, {match[equation] for equation in equation_set}) for equation_set in members]
+
+    def first_link(block: int) -> int:
+        return min((unknown.index(u.name) for u in blocks[block][1] if isinstance(u.name, str)), default=-1)
+
+    return [blocks[i] for i in nx.lexicographical_topological_sort(components, key=first_link)]
+
+
+def _require_matched(mechanism: Mechanism, graph: Any, match: Any, needs: Any) -> None:
+    """Raise InputError where equations and unknowns do not pair off; names the links concerned."""
+    import networkx as nx
+
+    free = [node for node in graph if isinstance(node, Unit) and node not in match]
+    excess = [node for node in graph if isinstance(node, Equation) and node not in match]
+    if free:
+        later = {e for unit in free for e in graph[unit]}
+        later |= {f for e in later for f in nx.descendants(needs, e)}
+        links = {unit.name for unit in [*free, *(match[e] for e in later)]}
+        raise InputError(
+            f"{mechanism.name}: the drivers leave {len(free)} freedom{'s' * (len(free) > 1)} to "
+            f"{_listed(mechanism, links)}; drive one link more for each"
+        )
+    if excess:
+        matched = {match[unit] for e in excess for unit in graph[e]}
+        matched |= {f for e in matched for f in nx.ancestors(needs, e)}
+        raise InputError(
+            f"{mechanism.name}: {_listed(mechanism, {match[e].name for e in matched})} cannot move freely: "
+            f"with the drivers given, {len(excess)} more condition{'s' * (len(excess) > 1)} than freedoms; "
+            "leave out a link that repeats another, or drive fewer"
+        )
+
+
+def _listed(mechanism: Mechanism, names: set[str | int]) -> str:
+    return ", ".join(link.name for link in mechanism.links if link.name in names)
+
 
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX", "X")
 
@@ -133,3 +220,107 @@ def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -
     sides = [len(cycle) // 2 for cycle in nx.minimum_cycle_basis(contours)]
     widest = 3 if max(elements.values()) >= 3 else 2
     return AssurGroup(max([widest, *sides]), outer, links, outer + inner)
+
+
+def inputs(
+    mechanism: Mechanism, pairs: Sequence[Pairs], driver: str | Sequence[str] | None, stopped: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the driving links and the stopped ones; `assur_groups` says how they are chosen.
+
+    Raises:
+        InputError: for an unknown link, or one that cannot drive.
+    """
+    requested = () if driver is None else (driver,) if isinstance(driver, str) else tuple(driver)
+    stopped = tuple(stopped)
+    _require_links(mechanism, (*requested, *stopped))
+    body = rigid(mechanism)
+    requested, stopped, driven = (
+        tuple(dict.fromkeys(body[link] for link in links if body[link] != GROUND))
+        for links in (requested, stopped, driven_links(mechanism))
+    )
+    if not requested:
+        return tuple(link for link in driven if link not in stopped), stopped
+    for link in requested:
+        if link in stopped:
+            raise InputError(f"{mechanism.name}: link {link!r} cannot both drive and stand still; choose one")
+        neighbour_links = neighbours(pairs, link)
+        if not neighbour_links & {GROUND, *stopped, *requested}:
+            stopped += _to_stop(mechanism, link, [other for other in driven if other in neighbour_links])
+    dofs = planar_dofs(mechanism, pairs, stopped)
+    if dofs < len(requested):
+        still = f" with {', '.join(stopped)} stopped" if stopped else ""
+        raise InputError(
+            f"{mechanism.name}: {', '.join(requested)} cannot drive{still}, which leaves W = {dofs}; "
+            f"links on the frame that can: {', '.join(_on_frame(mechanism, pairs))}"
+        )
+    if len(requested) > 1:
+        return requested, stopped
+    # the crank yields first: the new driver stands in its place
+    rest = [link for link in driven[1:] + driven[:1] if link not in (*requested, *stopped)]
+    return (*requested, *rest[: dofs - 1]), stopped
+
+
+def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the links whose place follows from the crank angle alone: the crank, then what is geared to it.
+
+    Raises:
+        InputError: if a driven joint hangs on links that the drive does not place.
+    """
+    names = [joint.name for joint in mechanism.driven_joints]
+    while more := [
+        name
+        for gear in mechanism.gears
+        for source, name in ((gear.driver, gear.driven), (gear.driven, gear.driver))
+        if source in names and name not in names
+    ]:
+        names.append(more[0])
+    waiting = [mechanism.joint(name) for name in names]
+    placed = [GROUND]
+    while waiting:
+        joint = next((j for j in waiting if (j.a.link in placed) or (j.b.link in placed)), None)
+        if joint is None:
+            lost = ", ".join(j.name for j in waiting)
+            raise InputError(
+                f"{mechanism.name}: driven joint {lost} is not on the frame, so its links do not drive; "
+                "name the driving link"
+            )
+        waiting.remove(joint)
+        placed += [end.link for end in (joint.a, joint.b) if end.link not in placed]
+    return tuple(placed[1:])
+
+
+def neighbours(pairs: Iterable[Pairs], link: str) -> set[str]:
+    """Return the links that have a pair with a link."""
+    return {other for pair in pairs if link in pair.links for other in pair.links} - {link}
+
+
+def planar_dofs(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[str]) -> int:
+    """Return W = 3n - 2p of the lower pairs alone, stopped links counted as frame."""
+    fixed = {GROUND, *stopped}
+    dofs = 3 * (len({*rigid(mechanism).values()}) - 1 - len(stopped))
+    for pair in pairs:
+        unknown = sum(link not in fixed for link in pair.links)
+        dofs -= 2 * (unknown - (unknown == len(pair.links)))
+    return dofs
+
+
+def _to_stop(mechanism: Mechanism, link: str, cranks: list[str]) -> tuple[str]:
+    """Return the crank whose stopping lets a floating link drive, as paper 003 does it."""
+    if not cranks:
+        raise InputError(
+            f"{mechanism.name}: link {link!r} meets neither the frame nor a driven link, so it cannot drive; "
+            "stop a link that it meets, or choose another"
+        )
+    return (cranks[0],)
+
+
+def _on_frame(mechanism: Mechanism, pairs: Sequence[Pairs]) -> list[str]:
+    neighbour_links = neighbours(pairs, GROUND)
+    return [link.name for link in mechanism.links if link.name in neighbour_links]
+
+
+def _require_links(mechanism: Mechanism, names: Iterable[str]) -> None:
+    links = [link.name for link in mechanism.links]
+    for name in names:
+        if name not in links:
+            raise InputError(f"{mechanism.name} has no moving link {name!r}; known are {', '.join(links)}")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops.start_values import start_poses
+from mechsim.analytic.loops.start import start_poses
 from mechsim.pictures.view import interpolated, quaternions
 from mechsim.report.views import case_view, mechanism_view
 from mechsim.report.views.driver_grids import box_of, hand_grids, program_grid

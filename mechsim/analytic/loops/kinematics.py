@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.loops.spanning_tree import SpanningTree
-from mechsim.analytic.loops.tree_joints import TreeJoint
+from mechsim.analytic.loops.tree import SpanningTree, TreeJoint
 from mechsim.numerics.arrays import Array
 
 EYE = np.eye(3)[..., None]

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.loops.numerical_rank import relative_cutoff
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates, link_poses
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.numerics.rank import least_norm
 
 # Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
 MOST_STEPS, MAX_STEP, CLOSED = 60, 0.5, 1e-12
@@ -32,9 +32,7 @@ def close_nearest(loops: TreeLoops, q: Coordinates) -> tuple[Coordinates, float]
         step = np.zeros((loops.tree.count, 1))
         if len(loops.unknown):
             matrix = jacobian[:, loops.unknown, 0]
-            step[loops.unknown, 0] = -np.linalg.lstsq(
-                matrix, residual[:, 0], rcond=float(relative_cutoff(matrix))
-            )[0]
+            step[loops.unknown, 0] = -least_norm(matrix, residual[:, 0])
         step *= MAX_STEP / max(MAX_STEP, float(np.abs(step).max(initial=0.0)))
         q = loops.displaced(q, step)
     return q, violation

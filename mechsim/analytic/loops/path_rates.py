@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.continuation_path import ContinuationPath
-from mechsim.analytic.loops.loop_solver import Linearised, LoopSolver
-from mechsim.analytic.loops.spanning_tree import SpanningTree
-from mechsim.analytic.loops.tree_motion import Coordinates, cross, product, twists, velocity_products
+from mechsim.analytic.loops.kinematics import Coordinates, cross, product, twists, velocity_products
+from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.solver import Linearised, LoopSolver
+from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array

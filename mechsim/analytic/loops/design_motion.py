@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.loops.checked_start import checked_start
-from mechsim.analytic.loops.loop_solver import LoopSolver
-from mechsim.analytic.loops.many_loops import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
-from mechsim.analytic.loops.many_paths import Law, ManyPaths
-from mechsim.analytic.loops.tree_assembly import locked_values, with_locked
-from mechsim.analytic.loops.tree_motion import Coordinates, cross
-from mechsim.analytic.loops.tree_rates import ClosedChunk, with_rates
+from mechsim.analytic.loops.design_paths import Law, ManyPaths
+from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
+from mechsim.analytic.loops.kinematics import Coordinates, cross
+from mechsim.analytic.loops.mobility import checked_start
+from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates
+from mechsim.analytic.loops.solver import LoopSolver
+from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint

@@ -11,11 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.analytic.loops.generic_pose import generic_poses, nearest_consistent, null_spaces
-from mechsim.analytic.loops.numerical_rank import significant
-from mechsim.analytic.loops.tree_joints import TreeJoint
-from mechsim.analytic.loops.tree_loops import TreeLoops, tree_loops
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.mobility import (
+    DIMENSION_TOLERANCE,
+    generic_poses,
+    nearest_consistent,
+)
+from mechsim.analytic.loops.tree import TreeJoint
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
@@ -23,11 +26,8 @@ from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import null_spaces, significant
 
-# dimensions are taken to be known to this part of the size, and axes to as many radians: files with six
-# digits are off by 1e-6, and no linkage that was meant to be rigid moves for so little. Rows below it at all,
-# of a ball at the point through which all axes of its loop pass, are such digits and nothing else
-DIMENSION_TOLERANCE = 1e-5
 # no point is moved and no axis turned by more, in parts of the size and in [rad]
 MAX_CORRECTION = 1e-4
 # poses in which it is seen whether digits disagree, and in which the loops are to close
@@ -69,7 +69,10 @@ def corrected(mechanism: Mechanism) -> Corrected:
     change = np.zeros((len(mechanism.joints), 2, 6))
     slopes = _jacobians(mechanism, loops, poses, _affected_joints(loops, poses))
     for cutoff in CUTOFFS:
-        dependent = [null_spaces(loops, q, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[0] for q in poses]
+        dependent = [
+            null_spaces(loops.linearise(q)[1][..., 0], DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[0]
+            for q in poses
+        ]
         violations = [
             combination.T @ loops.linearise(q)[0][:, 0]
             for combination, q in zip(dependent, poses, strict=True)

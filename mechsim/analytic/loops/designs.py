@@ -5,18 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.cut_rows import Cut
-from mechsim.analytic.loops.numerical_rank import significant
+from mechsim.analytic.loops.constraints import Cut, TreeLoops
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.random_starts import axes_aligned
-from mechsim.analytic.loops.tree_joints import JointSides
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.tree import JointSides
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.joint_kinds import coordinates
 from mechsim.model.link_poses import turned
 from mechsim.model.links import GROUND, IDENTITY
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import significant
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]

@@ -19,13 +19,7 @@ from mechsim.analytic.loops.change_points import (
     even_change_point,
     segment_through,
 )
-from mechsim.analytic.loops.loop_solver import (
-    MIN_DETERMINANT_RATIO,
-    MIN_SHARE_RATIO,
-    Linearised,
-    LoopSolver,
-    loop_solver,
-)
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_segments import (
     PathStates,
     PrescribedValues,
@@ -33,7 +27,13 @@ from mechsim.analytic.loops.path_segments import (
     interpolation_error,
     nodes_between,
 )
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.solver import (
+    MIN_DETERMINANT_RATIO,
+    MIN_SHARE_RATIO,
+    Linearised,
+    LoopSolver,
+    loop_solver,
+)
 from mechsim.errors import AssemblyError
 from mechsim.model.limits import require_travel
 from mechsim.model.motion import ChangePointPolicy

@@ -1,20 +1,53 @@
 """Assembly in coordinates of the tree: the loops closed where what is prescribed stands at the start."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.loops.completed_guess import completed_poses
-from mechsim.analytic.loops.nearest_closure import CLOSED, assembly_failure, close_nearest
+from mechsim.analytic.loops.assembly_errors import CLOSED, assembly_failure, close_nearest
+from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
+from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
+from mechsim.analytic.loops.maximal_coordinates import equations, row_units, scaled
+from mechsim.analytic.loops.oracle import MAX_ROTATION, moved_poses
 from mechsim.analytic.loops.random_starts import random_poses, select
-from mechsim.analytic.loops.tree_loops import TreeLoops, tree_loops
-from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses, link_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.joints import joint_coordinate
 from mechsim.model.link_poses import rough_poses, starts
-from mechsim.model.links import Pose
+from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+
+# steps of Newton's method, which need not close anything; one so short that no more is gained, in [rad] and
+# parts of the size; and singular values that are left out of them
+STEPS, LAST_STEP, CUTOFF = 30, 1e-9, 1e-6
+
+
+def completed_poses(mechanism: Mechanism, initial: Mapping[str, Pose]) -> dict[str, Pose] | None:
+    """Return poses in which the links without a guess open the loops least while the others stand still.
+
+    A chain of joints alone puts a leg somewhere, not towards the plate that it carries. None where all links
+    have a guess, or none has.
+    """
+    free = np.array([link.name not in mechanism.guess for link in mechanism.links])
+    if free.all() or not free.any():
+        return None
+    columns, size = np.repeat(free, 6), mechanism.size
+    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in initial.items()}
+    for _ in range(STEPS):
+        rows = equations(mechanism, poses, None)
+        jacobian = scaled(mechanism, rows.jacobian)[0][:, columns]
+        residual = (rows.residual * row_units(mechanism, rows.residual.shape[1]))[0]
+        step = np.zeros(6 * len(free))
+        step[columns] = -np.linalg.lstsq(jacobian, residual, rcond=CUTOFF)[0]
+        if not float(np.abs(step).max()) > LAST_STEP:
+            break
+        step *= MAX_ROTATION / max(MAX_ROTATION, float(np.abs(step).max()))
+        step = step.reshape(-1, 6) * np.repeat([size, 1.0], 3)
+        poses = moved_poses(mechanism, poses, step.reshape(1, -1))
+    return {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
+
 
 # how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried
 MAX_DISTANCE = 0.5
@@ -155,3 +188,68 @@ def _require_axes_aligned(loops: TreeLoops, poses: LinkPoses) -> None:
         for i in KINDS[cut.joint.kind].alike:
             if float((frame_a[:, i] * frame_b[:, i]).sum()) < 0.0:
                 raise AssemblyError(f"{loops.tree.mechanism.name}: {opposed(cut.joint.name, i)}")
+
+
+# poses nearer to each other, in sizes and as matrices, are one
+SAME = 1e-9
+
+
+def with_closed_guess(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose guess is where it is put together, so that every road begins in one assembly.
+
+    Turns of coupled joints that no pose tells are counted. It is itself where its guess is that already, or
+    where its loops do not close.
+    """
+    try:
+        poses, values = start_poses(mechanism)
+    except AssemblyError:
+        return mechanism
+    size, counted = mechanism.size, _counted(mechanism, values)
+    if (
+        counted == mechanism.counted
+        and mechanism.guess.keys() == poses.keys()
+        and all(
+            np.abs(pose.position - poses[name].position).max() < SAME * size
+            and np.abs(pose.rotation - poses[name].rotation).max() < SAME
+            for name, pose in mechanism.guess.items()
+        )
+    ):
+        return mechanism
+    return replace(mechanism, guess=poses, counted=counted)
+
+
+def _counted(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
+    """Return what a mechanism counts, and coupled angles beyond half a turn where whole turns matter."""
+    counted = dict(mechanism.counted)
+    for law in mechanism.laws:
+        for name in law.coordinates if not law.turns else ():
+            already_counted = name in counted or name in mechanism.drivers or name in mechanism.locked
+            if not already_counted and mechanism.unit(name) == "rad" and abs(values[name]) > np.pi:
+                counted[name] = values[name]
+    return counted
+
+
+def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]]:
+    """Return the poses of the moving links, closed nearest to the guess, and all coordinates there.
+
+    Returns:
+        Link -> pose; coordinate -> value in [m] or [rad], turns counted where the mechanism counts them.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    loops, q = assembled(mechanism)
+    tree = loops.tree
+    tree_poses = link_poses(tree, q)
+    poses = {
+        name: Pose(tree_poses.position[i, :, 0].copy(), tree_poses.rotation[i, :, :, 0].copy())
+        for name, i in tree.links.items()
+    }
+    everywhere = {GROUND: IDENTITY, **poses}
+    values: dict[str, float] = {}
+    for joint in mechanism.joints:
+        read = np.atleast_1d(joint_coordinate(joint, everywhere[joint.a.link], everywhere[joint.b.link]))
+        for name, value in zip(joint.coordinates, read.tolist(), strict=False):
+            index = tree.index_of.get(name)
+            values[name] = value if index is None else float(q.values[index, 0])
+    return poses, values

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.loops.loop_solver import LoopSolver
-from mechsim.analytic.loops.many_loops import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
-from mechsim.analytic.loops.many_motion import LinkRows, SharedLoops, record_of_rows, store_chunk
-from mechsim.analytic.loops.many_paths import newton
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates
-from mechsim.analytic.loops.tree_rates import ClosedChunk, Instants
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.design_motion import LinkRows, SharedLoops, record_of_rows, store_chunk
+from mechsim.analytic.loops.design_paths import newton
+from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.path_rates import ClosedChunk, Instants
+from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import TURN

@@ -12,13 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.continuation_path import (
+from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.path import (
     FIRST_LENGTH,
     MAX_INTERPOLATION_ERROR,
     MAX_LENGTH,
     NODES,
 )
-from mechsim.analytic.loops.loop_solver import (
+from mechsim.analytic.loops.path_rates import FINAL_STEPS, LAST_STEP, MAX_STEP, ClosedChunk, Instants
+from mechsim.analytic.loops.path_segments import CLOSED, MAX_CORRECTION, PathStates, Segment, nodes_between
+from mechsim.analytic.loops.solver import (
     MAX_TOTAL_STEP,
     MIN_VALUE_RATIO,
     MOST_STEPS,
@@ -26,10 +30,6 @@ from mechsim.analytic.loops.loop_solver import (
     LoopSolver,
     loop_solver,
 )
-from mechsim.analytic.loops.many_loops import Bools, ManyLoops, Rows
-from mechsim.analytic.loops.path_segments import CLOSED, MAX_CORRECTION, PathStates, Segment, nodes_between
-from mechsim.analytic.loops.tree_motion import Coordinates
-from mechsim.analytic.loops.tree_rates import FINAL_STEPS, LAST_STEP, MAX_STEP, ClosedChunk, Instants
 from mechsim.numerics.arrays import Array
 
 # designs that need cells shorter than this are left to themselves

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.numerical_rank import RANK_TOLERANCE, significant
-from mechsim.analytic.loops.tree_layout import Index, block
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses, product
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, product
+from mechsim.analytic.loops.tree import Index, block
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE, significant
 
 # Newton steps taken at the most, and a residual that is rounding
 MOST_STEPS, ROUNDING = 8, 1e-13

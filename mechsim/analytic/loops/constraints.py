@@ -1,0 +1,364 @@
+"""The loops of a mechanism in coordinates of its tree: how far they stand open, and closing them.
+
+Unknown are the coordinates that no driver prescribes. Where the rows repeat each other, as in a flat
+linkage, as many are kept as are independent; where they leave a link's spin open, a gauge keeps it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.loops.kinematics import (
+    Coordinates,
+    LinkPoses,
+    carried_frame,
+    carried_point,
+    cross,
+    link_poses,
+    on_ground,
+    product,
+)
+from mechsim.analytic.loops.tree import Index, SpanningTree, as_slice, spanning_tree
+from mechsim.model.couplings import Coupling
+from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
+from mechsim.model.joints import Joint
+from mechsim.model.link_poses import with_stand_ins
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A joint that closes a loop.
+
+    Attributes:
+        joint: of the mechanism.
+        sides: index of the links of its sides a and b; -1 is the ground.
+        columns: coordinates of which only one side feels each.
+        gains: by how much side b feels one unit of each, in [m] or [rad]; negative where side a does.
+        size: of the mechanism, in [m].
+    """
+
+    joint: Joint
+    sides: tuple[int, int]
+    columns: NDArray[np.intp]
+    gains: Array
+    size: float
+
+    @cached_property
+    def span(self) -> Index:
+        """The columns, as a slice where they lie in a row."""
+        return as_slice(self.columns)
+
+    @cached_property
+    def lengths(self) -> list[int]:
+        """Columns of side a's frame along which the points must lie on each other."""
+        free = {COLUMN[axis] for axis in KINDS[self.joint.kind].slides}
+        return [i for i in range(3) if i not in free]
+
+    @cached_property
+    def directions(self) -> list[tuple[int, int, float]]:
+        """(i, j, c): column i of a's frame and column j of b's have the scalar product c."""
+        kind = KINDS[self.joint.kind]
+        if kind.crossed:
+            return [(2, 2, np.cos(self.joint.cross_angle))]
+        if not kind.aligned:
+            return []
+        return [(0, 2, 0.0), (1, 2, 0.0), *([] if kind.turns else [(0, 1, 0.0)])]
+
+    @cached_property
+    def products(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+        """What is multiplied: by row a column of a's frame, by direction one of b's; units, products wanted.
+
+        The last two are (rows, 1).
+        """
+        i, j = (np.array([pair[k] for pair in self.directions], dtype=np.intp) for k in (0, 1))
+        lengths = len(self.lengths)
+        units = np.repeat([1.0 / self.size, 1.0], [lengths, len(i)])[:, None]
+        targets = np.array([0.0] * lengths + [pair[2] for pair in self.directions])[:, None]
+        return np.array([*self.lengths, *i], dtype=np.intp), j, units, targets
+
+    @cached_property
+    def rows(self) -> int:
+        """How many equations it is."""
+        return len(self.lengths) + len(self.directions)
+
+    @cached_property
+    def ends(self) -> list[tuple[int, Array, Array]]:
+        """Of sides a and b the link, the point and the joint frame, both in the link's."""
+        ends = zip(self.sides, (self.joint.a, self.joint.b), strict=True)
+        return [(link, np.array(end.point), end.frame) for link, end in ends]
+
+    def frames(self, poses: LinkPoses) -> tuple[Array, Array, Array, Array]:
+        """Return points (3, n) and joint frames (3, 3, n) of sides a and b."""
+        sides: list[Array] = []
+        for link, point, frame in self.ends:
+            if link < 0:
+                sides += on_ground(frame, point)[::-1]
+            else:
+                rotation = poses.rotation[link]
+                sides += [
+                    poses.position[link] + carried_point(point, rotation),
+                    carried_frame(frame, rotation),
+                ]
+        return sides[0], sides[1], sides[2], sides[3]
+
+    def residual_and_jacobian(self, poses: LinkPoses) -> tuple[Array, Array]:
+        """Return residuals (m, n), lengths in units of the size, and slopes by units (m, columns, n)."""
+        point_a, frame_a, point_b, frame_b = self.frames(poses)
+        columns_a, columns_b, units, targets = self.products
+        unit_twists, k = poses.unit_twists[self.span], len(self.lengths)
+        directions_a = frame_a.take(columns_a, 1) * units
+        measured = np.empty((3, self.rows, unit_twists.shape[2]), unit_twists.dtype)
+        measured[:, :k] = point_b[:, None]
+        measured[:, k:] = frame_b.take(columns_b, 1)
+        # forces along what is measured: their power is its rate
+        wrench = np.zeros((6, *measured.shape[1:]), unit_twists.dtype)
+        wrench[:3, :k] = directions_a[:, :k]
+        wrench[3:] = cross(measured, directions_a)
+        jacobian = np.einsum("irn,cin->rcn", wrench, unit_twists)
+        jacobian *= self.gains[:, None]
+        measured[:, :k] -= point_a[:, None]
+        return np.einsum("irn,irn->rn", directions_a, measured) - targets, jacobian
+
+    def velocity_products(self, poses: LinkPoses, twist: Array, velocity_product: Array) -> Array:
+        """Return the second rate of the residuals, (m, n), at the links' twists and drifts (links, 6, n)."""
+        _, frame_a, point_b, frame_b = self.frames(poses)
+        zero = np.zeros(twist.shape[1:])
+        (ta, tb), (da, db) = (
+            [zero if i < 0 else values[i] for i in self.sides] for values in (twist, velocity_product)
+        )
+        wa, wb = ta[3:], tb[3:]
+        velocity = [t[:3] + cross(t[3:], point_b) for t in (ta, tb)]
+        acceleration = [
+            d[:3] + cross(d[3:], point_b) + cross(w, v)
+            for d, w, v in zip((da, db), (wa, wb), velocity, strict=True)
+        ]
+        # as seen from side a
+        relative = acceleration[1] - acceleration[0] - 2.0 * cross(wa, velocity[1] - velocity[0])
+        out = np.empty((self.rows, twist.shape[2]), twist.dtype)
+        k = 0
+        for i in self.lengths:
+            out[k] = (frame_a[:, i] * relative).sum(0) / self.size
+            k += 1
+        for i, j, _ in self.directions:
+            u, v = frame_a[:, i], frame_b[:, j]
+            across, changing = cross(v, u), cross(cross(wb, v), u) + cross(v, cross(wa, u))
+            out[k] = (across * (db[3:] - da[3:])).sum(0) + (changing * (wb - wa)).sum(0)
+            k += 1
+        return out
+
+
+def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
+    """Return the joints that close the loops of a tree."""
+    cuts: list[Cut] = []
+    zero = np.zeros(tree.count)
+    for joint in tree.cuts:
+        sides = tuple(-1 if end.link == GROUND else tree.index[end.link] for end in (joint.a, joint.b))
+        moved = [zero if i < 0 else tree.moved_by[i] for i in sides]
+        direction = moved[1] - moved[0]
+        columns = np.flatnonzero(direction)
+        gains = (direction * tree.units)[columns]
+        cuts.append(Cut(joint, (sides[0], sides[1]), columns, gains, tree.size))
+    return tuple(cuts)
+
+
+@dataclass(frozen=True)
+class CoupledRow:
+    """One coupling: left - zeros[0] - p(right - zeros[1]) = 0.
+
+    Attributes:
+        coupling: of the mechanism.
+        left: weights of the coordinates on its left side, (count,).
+        right: likewise, on its right.
+        unit: of the residual: 1 rad, or the mechanism's size in [m] where the left side is a length.
+    """
+
+    coupling: Coupling
+    left: Array
+    right: Array
+    unit: float
+
+    @property
+    def turns(self) -> bool:
+        """Whether whole turns between its sides do not count."""
+        return self.coupling.turns
+
+    def evaluate(self, values: Array) -> tuple[Array, Array, Array]:
+        """Return residuals (n,), slopes by the coordinates (count, n) and p'' (n,), residuals in its unit."""
+        value, first, second = self.coupling.polynomial(self.right @ values)
+        residual = (self.left @ values - self.coupling.zeros[0] - value) / self.unit
+        jacobian = (self.left[:, None] - self.right[:, None] * first) / self.unit
+        return residual, jacobian, second
+
+    def velocity_products(self, values: Array, rates: Array) -> Array:
+        """Return the residuals' second rate at rates (count, n) that do not change, (n,)."""
+        return -self.evaluate(values)[2] * (self.right @ rates) ** 2 / self.unit
+
+
+def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
+    """Return the rows of all couplings of a mechanism."""
+    rows: list[CoupledRow] = []
+    for law in tree.mechanism.laws:
+        left, right = (tree.coupled(terms) for terms in (law.left_terms, law.right_terms))
+        has_length = bool(np.any(tree.slides & (left != 0.0)))
+        rows.append(CoupledRow(law, left, right, tree.size if has_length else 1.0))
+    return tuple(rows)
+
+
+@dataclass(frozen=True)
+class TreeLoops:
+    """The loop equations of a mechanism in the coordinates of a spanning tree.
+
+    Attributes:
+        tree: the tree.
+        cuts: the joints that close its loops.
+        turn_offsets: of each coupling, the whole turns between its sides as put together, in [rad].
+        driven: indices of the coordinates that are prescribed.
+    """
+
+    tree: SpanningTree
+    cuts: tuple[Cut, ...]
+    turn_offsets: tuple[float, ...]
+    driven: tuple[int, ...]
+
+    @cached_property
+    def unknown(self) -> NDArray[np.intp]:
+        """Indices of the coordinates that the loops determine."""
+        return np.delete(np.arange(self.tree.count), self.driven)
+
+    @cached_property
+    def units(self) -> Array:
+        """Of the tree: what one unit of each coordinate is in the equations."""
+        return self.tree.units
+
+    @cached_property
+    def couplings(self) -> tuple[CoupledRow, ...]:
+        """The rows of the couplings."""
+        return coupled_rows(self.tree)
+
+    @cached_property
+    def rows(self) -> int:
+        """How many equations there are."""
+        return sum(cut.rows for cut in self.cuts) + len(self.turn_offsets)
+
+    def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
+        """Return residuals (rows, n), slopes by coordinates in units (rows, count, n), and the links."""
+        poses = link_poses(self.tree, q)
+        n = len(q)
+        dtype = q.values.dtype
+        residual = np.empty((self.rows, n), dtype)
+        jacobian = np.zeros((self.rows, self.tree.count, n), dtype)
+        k = 0
+        for cut in self.cuts:
+            block = slice(k, k + cut.rows)
+            residual[block], jacobian[block, cut.span] = cut.residual_and_jacobian(poses)
+            k += cut.rows
+        for coupling, offset in zip(self.couplings, self.turn_offsets, strict=True):
+            violation, derivative, _ = coupling.evaluate(q.values)
+            jacobian[k] = derivative * self.units[:, None]
+            residual[k] = violation - offset / coupling.unit
+            k += 1
+        return residual, jacobian, poses
+
+    def velocity_products(
+        self, q: Coordinates, poses: LinkPoses, rates: Array, twist: Array, velocity_product: Array
+    ) -> Array:
+        """Return the residuals' second rate at coordinate rates (count, n) that do not change, (rows, n)."""
+        blocks = [cut.velocity_products(poses, twist, velocity_product) for cut in self.cuts]
+        coupled = [coupling.velocity_products(q.values, rates)[None] for coupling in self.couplings]
+        return np.concatenate([np.empty((0, len(q))), *blocks, *coupled])
+
+    def displaced(self, q: Coordinates, step: Array) -> Coordinates:
+        """Return coordinates moved by a step (count, n) in their units."""
+        values, rotations = q.values + step * self.units[:, None], q.turns
+        if len(rotations):
+            values[self.tree.ball_indices] = 0.0
+            rotations = np.stack(
+                [
+                    _turned(rotation, step[ball.first_angle : ball.first_angle + 3])
+                    for rotation, ball in zip(rotations, self.tree.balls, strict=True)
+                ]
+            )
+        return Coordinates(values, rotations)
+
+    def read(self, poses: Mapping[str, Pose], angles: Mapping[str, float]) -> Coordinates:
+        """Return the coordinates of one pose of every moving link; given angles as they are counted."""
+        everywhere = {GROUND: IDENTITY, **with_stand_ins(self.tree.mechanism, poses)}
+        values, rotations = np.zeros((self.tree.count, 1)), np.empty((len(self.tree.balls), 3, 3, 1))
+        ball = 0
+        for branch in self.tree.branches:
+            joint = branch.joint
+            a, b = ((everywhere[end.link], end) for end in (joint.a, joint.b))
+            (point_a, rotation_a), (point_b, rotation_b) = (
+                (_first(pose.point(end.point), 1), _first(pose.rotation, 2) @ end.frame)
+                for pose, end in (a, b)
+            )
+            if branch.kind.ball:
+                rotations[ball, ..., 0] = rotation_a.T @ rotation_b
+                ball += 1
+            joint_values = coordinates(
+                branch.kind, point_b - point_a, rotation_a, rotation_b, joint.cross_angle
+            )
+            values[branch.first : branch.first + len(joint_values), 0] = joint_values
+            for i, name in enumerate(joint.coordinates):
+                if name in angles:
+                    values[branch.first + i, 0] = angles[name]
+        return Coordinates(values, rotations)
+
+
+def tree_loops(
+    mechanism: Mechanism, poses: Mapping[str, Pose], counted: Mapping[str, float]
+) -> tuple[TreeLoops, Coordinates]:
+    """Return the loops of a mechanism and the coordinates of its poses.
+
+    Args:
+        mechanism: the mechanism.
+        poses: of every moving link, closed or nearly so.
+        counted: coordinate -> value, of those that the poses do not tell exactly: of angles the turns, of
+            drivers and holds where they stand.
+    """
+    tree = spanning_tree(mechanism)
+    prescribed = {*mechanism.drivers, *mechanism.locked}
+    driven = tuple(tree.index_of[name] for name in (*mechanism.drivers, *mechanism.locked))
+    loops = TreeLoops(tree, cuts_of(tree), (), driven)
+    q = loops.read(poses, {})
+    for name, value in counted.items():
+        index = tree.index_of.get(name)
+        if index is None:
+            continue
+        revolutions = (
+            0.0 if tree.slides[index] else TURN * float(np.round((value - q.values[index, 0]) / TURN))
+        )
+        q.values[index, 0] = value if name in prescribed else q.values[index, 0] + revolutions
+    turn_offsets = [
+        TURN * float(np.round(row.evaluate(q.values)[0][0] * row.unit / TURN)) if row.turns else 0.0
+        for row in loops.couplings
+    ]
+    return replace(loops, turn_offsets=tuple(turn_offsets)), q
+
+
+def _first(value: Array, axes: int) -> Array:
+    return value[0] if value.ndim > axes else value
+
+
+def _turned(rotation: Array, vector: Array) -> Array:
+    """Return exp(vector) @ turn, (3, 3, n), made orthogonal again to rounding."""
+    angle = np.sqrt((vector**2).sum(0))
+    small = angle < 1e-8
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 1.0, np.sin(safe) / safe)
+    b = np.where(small, 0.5, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
+    first_order = cross(vector[:, None], rotation)
+    rotated = rotation + a * first_order + b * cross(vector[:, None], first_order)
+    return orthogonal(rotated)
+
+
+def orthogonal(rotation: Array) -> Array:
+    """Return nearly orthogonal matrices (3, 3, n) a Newton step nearer to the nearest rotations."""
+    return 1.5 * rotation - 0.5 * product(rotation, product(rotation.transpose(1, 0, 2), rotation))

@@ -1,0 +1,413 @@
+"""What the drivers determine, by rank at generic poses: undetermined joints and redundant drivers."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
+from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
+from mechsim.analytic.loops.solver import LoopSolver, loop_solver
+from mechsim.analytic.loops.start import assembled, closed
+from mechsim.errors import STEPPED, AssemblyError, MobilityError
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.link_poses import rough_poses, starts
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, rank, significant
+
+# dimensions are taken to be known to this part of the size, and axes to as many radians: files with six
+# digits are off by 1e-6, and no linkage that was meant to be rigid moves for so little. Rows below it at all,
+# of a ball at the point through which all axes of its loop pass, are such digits and nothing else
+DIMENSION_TOLERANCE = 1e-5
+# displacement from one pose to the next, in radians or parts of the size
+SPACING = 0.15
+# Newton steps to a pose, the longest turn of one in [rad], and one so short that rounding is left
+MOST_STEPS, MAX_STEP, LAST_STEP = 40, 0.3, 1e-9
+
+
+def generic_poses(
+    loops: TreeLoops, start: Coordinates, count: int, tolerance: float, floor: float = FLOOR
+) -> list[Coordinates]:
+    """Return poses near a start, one after the other, drivers and holds as free as the rest.
+
+    Args:
+        loops: of the mechanism.
+        start: one set of coordinates, closed or nearly so.
+        count: of poses.
+        tolerance: singular values below this part of the largest are nought.
+        floor: so are those below it.
+    """
+    random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
+    poses: list[Coordinates] = []
+    for _ in range(count):
+        freedoms = null_spaces(loops.linearise(q)[1][..., 0], tolerance, floor)[1]
+        step = freedoms.T @ random.standard_normal(len(freedoms))
+        longest = float(np.abs(step).max(initial=0.0))
+        if longest > 0.0:
+            q = nearest_consistent(
+                loops, loops.displaced(q, (step * SPACING / longest)[:, None]), tolerance, floor
+            )
+        poses.append(q)
+    return poses
+
+
+def nearest_consistent(
+    loops: TreeLoops, q: Coordinates, tolerance: float, floor: float = FLOOR
+) -> Coordinates:
+    """Return where no step in what the rows tell makes the loops stand less open."""
+    previous = np.inf
+    for _ in range(MOST_STEPS):
+        residual, jacobian, _ = loops.linearise(q)
+        step = -least_norm(jacobian[..., 0], residual[:, 0], tolerance, floor)
+        longest = float(np.abs(step).max(initial=0.0))
+        if longest == 0.0 or (longest < LAST_STEP and longest > 0.25 * previous):
+            break
+        previous = longest
+        q = loops.displaced(q, (step * min(1.0, MAX_STEP / longest))[:, None])
+    return q
+
+
+def with_coordinate_locked(freedoms: Array, coordinate: int) -> Array:
+    """Return the freedoms in which a coordinate that has part in them does not move, one fewer."""
+    component = freedoms[:, coordinate]
+    rows = np.flatnonzero(component)
+    # a reflection puts all of the coordinate's part into the first of them
+    mirror = component[rows]
+    mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
+    reflected = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ freedoms[rows])
+    remaining = np.delete(freedoms, rows[0], 0)
+    remaining[rows[1:] - 1] -= reflected
+    return remaining
+
+
+# smallest participation of a driver in a degree of freedom
+MIN_DRIVER_PARTICIPATION = 1e-7
+# smallest share of a loop in dependent rows for it to be named
+MIN_SHARE = 0.1
+
+
+def require_no_redundant_drivers(solver: LoopSolver) -> None:
+    """Reject drivers and locked joints that those before them determine already.
+
+    Args:
+        solver: of the mechanism's loops, about coordinates closed or nearly so; what cannot be closed at all
+            is left to others.
+
+    Raises:
+        MobilityError: naming them.
+    """
+    loops, start = solver.loops, solver.reference
+    if rank(solver.at_reference.jacobian[..., 0]) == len(solver.rows):
+        return
+    # at a dead centre a single crank cannot move either: another pose decides
+    (q,) = generic_poses(loops, start, 1, RANK_TOLERANCE)
+    if not np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED:
+        return
+    mechanism = loops.tree.mechanism
+    jacobian = loops.linearise(q)[1][..., 0]
+    independent, redundant = _independent_drivers(loops, null_spaces(jacobian)[1])
+    nearly_free = null_spaces(jacobian, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[1]
+    locked = [name for name in redundant if name in _independent_drivers(loops, nearly_free)[0]]
+    if locked:
+        raise MobilityError(
+            f"{mechanism.name}: overdetermined: {', '.join(locked)} cannot move, for "
+            f"{' and '.join(_nearly_dependent_joints(loops, q))} ask for the same but for less than "
+            f"{DIMENSION_TOLERANCE:g} of the size, and lock each other; make one of them "
+            "inactive, or its dimensions exact",
+            "overdetermined",
+        )
+    if redundant and not independent:
+        raise MobilityError(
+            f"{mechanism.name}: overdetermined: joints and couplings leave {', '.join(redundant)} no "
+            "freedom; leave one of them out, or change a ratio or a dimension by which they disagree",
+            "overdetermined",
+        )
+    if redundant:
+        listed = ", ".join(independent) if len(independent) <= LISTED else f"{len(independent)} others"
+        determine = f"{listed} settle{'s' if len(independent) == 1 else ''}"
+        raise MobilityError(
+            f"{mechanism.name}: overdetermined: {determine} {', '.join(redundant)} already; drive or hold no "
+            f"more joints than {len(independent)}, as in --drive {independent[0]}=PROGRAM",
+            "overdetermined",
+        )
+
+
+def _independent_drivers(loops: TreeLoops, freedoms: Array) -> tuple[list[str], list[str]]:
+    """Return the independent drivers and locked joints, and the redundant ones, in their order."""
+    mechanism = loops.tree.mechanism
+    independent: list[str] = []
+    redundant: list[str] = []
+    for name, index in zip((*mechanism.drivers, *mechanism.locked), loops.driven, strict=True):
+        if len(freedoms) and float(np.linalg.norm(freedoms[:, index])) > MIN_DRIVER_PARTICIPATION:
+            freedoms = with_coordinate_locked(freedoms, index)
+            independent.append(name)
+        else:
+            redundant.append(name)
+    return independent, redundant
+
+
+def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
+    """Return the names of the cut joints whose constraint equations are nearly dependent."""
+    u, values, _ = np.linalg.svd(loops.linearise(q)[1][..., 0], full_matrices=False)
+    share = np.abs(
+        u[:, significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)]
+    ).max(1, initial=0.0)
+    loop_of = np.repeat(np.arange(len(loops.cuts)), [cut.rows for cut in loops.cuts])
+    largest = share[: len(loop_of)].max(initial=0.0)
+    indices = loop_of[share[: len(loop_of)] > MIN_SHARE * largest].tolist()
+    return [loops.cuts[i].joint.name for i in dict.fromkeys(indices)] or ["couplings"]
+
+
+# displacement along a freedom, in radians or parts of the size; a residual that is closed; and the part of
+# the displacement by which a joint or a point is seen to move
+NULL_DISPLACEMENT, CLOSED, MIN_MOTION = 1e-3, 1e-10, 1e-2
+# a coordinate that takes part in a freedom by less takes none; and names that a refusal lists
+MIN_PARTICIPATION, LISTED = 1e-6, 12
+
+
+def require_determined(solver: LoopSolver) -> None:
+    """Reject a mechanism with undetermined degrees of freedom; passive ones, as a rod's spin, do not count.
+
+    Args:
+        solver: of its loops, about a pose that is no special one.
+
+    Raises:
+        MobilityError: names one joint or point for each undetermined degree of freedom.
+    """
+    loops, names = solver.loops, undetermined_names(solver)
+    floating_joints = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floats}
+    if names:
+        listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+        base = ", hold the base (--fix-base)" if floating_joints & {*names} else ""
+        raise MobilityError(
+            f"{loops.tree.mechanism.name}: underdetermined: with what is driven held, {listed} "
+            f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "
+            f"{'them' if len(names) > 1 else 'it'}{base}, lock what is left open (--lock-others), "
+            f"or {STEPPED}",
+            "underdetermined",
+        )
+
+
+def undetermined_names(solver: LoopSolver) -> list[str]:
+    """Return what can move while the drivers stand, one name for each undetermined degree of freedom."""
+    names: list[str] = []
+    for name, _ in _undetermined(solver) if solver.nullity else ():
+        if len(names) == LISTED:
+            return [*names, "others"]
+        names += [name] if name not in names else []
+    return names
+
+
+def joints_to_lock(solver: LoopSolver) -> tuple[str, ...]:
+    """Return coordinates, balls and floating joints with which locked nothing is undetermined.
+
+    Those outside loops come first; in a loop as many as it has undetermined degrees of freedom.
+    """
+    names = (name for _, name in _undetermined(solver, loops_last=True)) if solver.nullity else ()
+    return tuple(dict.fromkeys(names))
+
+
+def _undetermined(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield what can move, one name for each freedom: with all before it held, it still can.
+
+    Each comes with what locks it: its coordinate, or the ball or floating joint.
+    """
+    loops, null_space = solver.loops, solver.null_space
+    tree = loops.tree
+    columns = {name: int(np.searchsorted(loops.unknown, index)) for name, index in tree.index_of.items()}
+    free = [name for name, index in tree.index_of.items() if index in loops.unknown]
+    joints = {name: joint for joint in tree.mechanism.joints for name in joint.coordinates}
+    if loops_last:
+        # a coordinate that no loop ties to others is a null-space direction of its own
+        free.sort(
+            key=lambda name: float(np.linalg.norm(null_space[:, columns[name]])) < 1.0 - MIN_PARTICIPATION
+        )
+    for name in free:
+        displaced = _displaced_by(solver, null_space, columns[name])
+        if displaced and name in displaced:
+            label = joints[name].name if KINDS[joints[name].kind].floats else name
+            yield label, label
+            null_space = with_coordinate_locked(null_space, columns[name])
+    # rotations of balls, which have no coordinate
+    for ball in tree.balls:
+        for rotation in range(ball.first_angle, ball.first_angle + 3):
+            column = int(np.searchsorted(loops.unknown, rotation))
+            displaced = _displaced_by(solver, null_space, column)
+            if displaced:
+                yield ball.joint.name if ball.kind.floats else displaced[0], ball.joint.name
+                null_space = with_coordinate_locked(null_space, column)
+
+
+def _displaced_by(solver: LoopSolver, null_space: Array, column: int) -> list[str]:
+    """Return what moves along the null directions of a coordinate; empty for a passive one."""
+    loops, components = solver.loops, null_space[:, column]
+    length = float(np.linalg.norm(components))
+    if length < MIN_PARTICIPATION:
+        return []
+    step = np.zeros((loops.tree.count, 1))
+    step[loops.unknown, 0] = NULL_DISPLACEMENT * (components / length) @ null_space
+    displaced_q = loops.displaced(solver.reference, step)
+    try:
+        closed, linearised, _ = replace(solver, reference=displaced_q).close(displaced_q)
+    except np.linalg.LinAlgError:
+        return []
+    # at a singular pose the loops draw it back
+    if np.abs(linearised.residual).max(initial=0.0) >= CLOSED:
+        return []
+    return _displaced_names(loops, solver.reference, closed)
+
+
+def _displaced_names(loops: TreeLoops, before: Coordinates, after: Coordinates) -> list[str]:
+    """Return the coordinates and tracked points that differ between two poses."""
+    tree = loops.tree
+    displacement = np.abs(after.values - before.values)[:, 0] / loops.units
+    names = [
+        name for name, index in tree.index_of.items() if displacement[index] > MIN_MOTION * NULL_DISPLACEMENT
+    ]
+    points_before, points_after = (_points(loops, link_poses(tree, point)) for point in (before, after))
+    threshold = MIN_MOTION * NULL_DISPLACEMENT * tree.mechanism.size
+    return names + [
+        f"point {name}"
+        for name, point in points_before.items()
+        if np.abs(points_after[name] - point).max() > threshold
+    ]
+
+
+def _points(loops: TreeLoops, poses: LinkPoses) -> Mapping[str, Array]:
+    tree = loops.tree
+    return {
+        name: poses.position[tree.links[link], :, 0]
+        + poses.rotation[tree.links[link], :, :, 0] @ np.array(local)
+        for name, (link, local) in tree.mechanism.points.items()
+        if link != GROUND
+    }
+
+
+# how far to either side of its start a mechanism is moved, in [rad] or parts of its size, so that a special
+# pose is not taken for the rule
+DISPLACEMENT = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class Determinacy:
+    """What the drivers of a mechanism determine.
+
+    Attributes:
+        dofs: degrees of freedom left by loops, couplings and locked joints, passive ones included.
+        drivers: names of the driven coordinates.
+        undetermined: coordinates or points that can move while the drivers stand, one for each
+            undetermined degree of freedom.
+        redundant_drivers: drivers and locked joints that others determine already.
+        redundant_equations: dependent equations of joints and couplings.
+    """
+
+    dofs: int
+    drivers: tuple[str, ...]
+    undetermined: tuple[str, ...]
+    redundant_drivers: tuple[str, ...]
+    redundant_equations: int
+
+    @property
+    def outcome(self) -> str:
+        """One of "determined", "underdetermined" and "overdetermined"."""
+        return (
+            "overdetermined"
+            if self.redundant_drivers
+            else "underdetermined"
+            if self.undetermined
+            else "determined"
+        )
+
+
+def driver_determinacy(mechanism: Mechanism) -> Determinacy:
+    """Return what the drivers of a mechanism determine near its initial pose.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    loops_driven, q, jacobian = _generic_pose(mechanism)
+    loops = replace(loops_driven, driven=())
+    names = (*mechanism.locked, *mechanism.drivers)
+    rows, redundant = jacobian, list[str]()
+    for name in names:
+        row = np.zeros((1, loops.tree.count))
+        row[0, loops.tree.index_of[name]] = 1.0
+        wider = np.vstack([rows, row])
+        if rank(wider) == rank(rows):
+            redundant.append(name)
+        else:
+            rows = wider
+    locked = len([name for name in mechanism.locked if name not in redundant])
+    return Determinacy(
+        dofs=loops.tree.count - rank(jacobian) - locked,
+        drivers=mechanism.drivers,
+        undetermined=tuple(undetermined_names(loop_solver(loops_driven, q))),
+        redundant_drivers=tuple(redundant),
+        redundant_equations=len(jacobian) - rank(jacobian),
+    )
+
+
+def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return what is to be locked so that the drivers determine the rest, as `joints_to_lock` chooses it.
+
+    Raises:
+        AssemblyError: where the loops do not close.
+    """
+    loops_driven, q, _ = _generic_pose(mechanism)
+    return joints_to_lock(loop_solver(loops_driven, q))
+
+
+def _generic_pose(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates, Array]:
+    """Return the driven loops, coordinates near the start where their rank is highest, and the slope."""
+    loops_driven, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+    loops = replace(loops_driven, driven=())
+    try:
+        start = closed(loops, guess)
+    except AssemblyError:  # from there; with the drivers where they start it closes, or is told why not
+        loops_driven, start = assembled(mechanism)
+        loops = replace(loops_driven, driven=())
+    poses = [start, *_displaced_poses(loops, start)]
+    jacobians = [loops.linearise(q)[1][:, :, 0] for q in poses]
+    best = int(np.argmax([rank(jacobian) for jacobian in jacobians]))
+    return loops_driven, poses[best], jacobians[best]
+
+
+def _displaced_poses(loops: TreeLoops, start: Coordinates) -> list[Coordinates]:
+    """Return closed coordinates a little to either side of some, along all that is free."""
+    jacobian = loops.linearise(start)[1][:, :, 0]
+    freedoms = null_spaces(jacobian)[1]
+    if not len(freedoms):
+        return []
+    # no freedom is left out, and none counts as much as another
+    direction = (1.0 + 0.3 * np.arange(len(freedoms))) @ freedoms
+    direction /= np.abs(direction).max()
+    poses: list[Coordinates] = []
+    for sign in (1.0, -1.0):
+        try:
+            poses.append(closed(loops, loops.displaced(start, sign * DISPLACEMENT * direction[:, None])))
+        except (AssemblyError, np.linalg.LinAlgError):
+            continue  # a dead centre or an immobile structure: the other poses decide
+    return poses
+
+
+def checked_start(mechanism: Mechanism) -> LoopSolver:
+    """Return what solves the loops of a mechanism about the coordinates in which it begins to move.
+
+    Raises:
+        AssemblyError: where the loops do not close at the start.
+        MobilityError: where the drivers leave joints or tracked points open, or are too many.
+    """
+    try:
+        loops, start = assembled(mechanism)
+    except AssemblyError:
+        # drivers that are too many seldom agree to the last digit
+        require_no_redundant_drivers(
+            loop_solver(*tree_loops(mechanism, rough_poses(mechanism), starts(mechanism)))
+        )
+        raise
+    solver = loop_solver(loops, start)
+    require_no_redundant_drivers(solver)
+    require_determined(solver)
+    return solver

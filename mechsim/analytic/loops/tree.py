@@ -1,0 +1,430 @@
+"""A mechanism as a tree of links with coordinates, and the joints that close its loops."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError
+from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, crossed_at_zero
+from mechsim.model.joints import Joint
+from mechsim.model.link_poses import split
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+
+# a turn about the third axis is the sum of these times 1, the cosine and the sine of its angle
+ABOUT_Z = np.array(
+    [
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]],
+        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+    ]
+)
+
+
+@dataclass(frozen=True)
+class TreeJoint:
+    """A joint by which a link hangs on one nearer the frame.
+
+    Attributes:
+        joint: of the mechanism.
+        forward: whether its side a is on the link nearer the frame.
+        parent: index of that link; -1 is the ground.
+        child: index of the link that hangs on it.
+        first: index of its first coordinate.
+    """
+
+    joint: Joint
+    forward: bool
+    parent: int
+    child: int
+    first: int
+
+    @cached_property
+    def kind(self) -> Kind:
+        """Its row in the table of kinds."""
+        return KINDS[self.joint.kind]
+
+    @cached_property
+    def first_angle(self) -> int:
+        """Index of its first turn: displacements come first."""
+        return self.first + len(self.kind.slides)
+
+    @cached_property
+    def direction(self) -> float:
+        """+1 where the far link moves as its coordinates count, else -1."""
+        return 1.0 if self.forward else -1.0
+
+    @cached_property
+    def angles(self) -> list[int]:
+        """Indices of its angles, from the near link to the far one; a ball has none."""
+        count = 0 if self.kind.ball else len(self.kind.turns)
+        return list(range(self.first_angle, self.first_angle + count))[:: 1 if self.forward else -1]
+
+
+@dataclass(frozen=True, slots=True)
+class JointSides:
+    """The two sides of a branch, each in its own link's frame: joint frame (3, 3) and point (3,) in [m]."""
+
+    parent_frame: Array
+    parent_point: Array
+    child_frame: Array
+    child_point: Array
+
+    def axis(self, branch: TreeJoint, axis: Axis) -> tuple[int, Array]:
+        """Return which link an axis of the branch's joint is fixed on, and the axis in its frame."""
+        on_far = (axis == "b") == branch.forward
+        frame, link = (self.child_frame, branch.child) if on_far else (self.parent_frame, branch.parent)
+        return link, frame[:, COLUMN[axis]]
+
+    def rotations(self, branch: TreeJoint) -> list[Array]:
+        """Return what a branch's angles turn the far link's axes by, in the near link's, one after the other.
+
+        Each as what 1, the cosine and the sine of the angle are multiplied by, (3, 3, 3).
+        """
+        ends = [self.parent_frame, self.child_frame.swapaxes(0, 1)]
+        if branch.kind.crossed:
+            middle = crossed_at_zero(branch.joint.cross_angle)
+            ends[1:1] = [middle if branch.forward else middle.T, np.eye(3)]
+        rotation_terms = ABOUT_Z * np.array([1.0, 1.0, branch.direction])[:, None, None]
+        pairs = zip(ends[::2], ends[1::2], strict=True)
+        return [
+            np.einsum("ij...,pjk,kl...->ilp...", first, rotation_terms, second) for first, second in pairs
+        ]
+
+
+Indices = NDArray[np.intp]
+# indices, as a slice where they lie in a row
+Index = slice | Indices
+# vectors in a row at the most: what holds more takes several
+MAX_VECTORS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What the links of a tree are placed by; index -1 is the ground.
+
+    Attributes:
+        angles: indices of the angles among the coordinates.
+        rotations: how each turns a link, in terms of 1, its cosine and its sine, (angles, 9, 3), or
+            (angles, 9, 3, n) of many designs.
+        single: links that one angle turns in that on which they hang, and which of the angles.
+        double: likewise of two, the first nearer the frame.
+        stiff: branches without angles, each with the index of its ball, if any.
+        tiers: links that hang on moving ones and those on which they do, nearest the frame first.
+        vectors: what is fixed on links, in their frames, padded with noughts, (rows, m, 3), or
+            (rows, m, 3, n). A row for each link and the ground, its branch's point first; then others.
+        holders: the links of the rows.
+        parent_points: for each link, the index of its branch's point on its parent; indices count
+            through all rows.
+        axes: places of the axes of all coordinates, as the farther link moves along or about them.
+        centres: of a point on each of these axes.
+        centred: the links on which these are fixed.
+        slides: indices of the coordinates that are displacements.
+        slid: links that these move in those on which they hang.
+    """
+
+    angles: Index
+    rotations: Array
+    single: tuple[Index, Index]
+    double: tuple[Indices, Indices, Indices]
+    stiff: tuple[tuple[TreeJoint, int | None], ...]
+    tiers: tuple[tuple[Index, Index], ...]
+    vectors: Array
+    holders: Index
+    parent_points: Indices
+    axes: Indices
+    centres: Indices
+    centred: Indices
+    slides: Indices
+    slid: Indices
+
+
+def layout(branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]) -> Layout:
+    """Return the layout of a tree, its branches nearest the frame first.
+
+    Args:
+        branches: by which joint each link is placed.
+        constants: index of a link -> the sides of the branch that places it.
+    """
+    slides = [(k, branch.child) for branch in branches for k in range(branch.first, branch.first_angle)]
+    sliding, slid = np.array(slides, dtype=np.intp).reshape(-1, 2).T
+    return Layout(
+        *_angles(branches, constants),
+        _tiers(branches),
+        *_vectors(branches, constants),
+        sliding,
+        slid,
+    )
+
+
+def as_slice(indices: Indices) -> Index:
+    """Return indices as a slice where each is one more than that before: no copy is then made."""
+    values = indices.tolist()
+    consecutive = len(values) > 0 and values == [*range(values[0], values[0] + len(values))]
+    return slice(values[0], values[-1] + 1) if consecutive else indices
+
+
+def block(rows: Indices, columns: Indices) -> tuple[Index, ...]:
+    """Return what picks rows and columns of a matrix: slices where both lie in a row."""
+    selectors = as_slice(rows), as_slice(columns)
+    return selectors if all(isinstance(selector, slice) for selector in selectors) else np.ix_(rows, columns)
+
+
+def _angles(
+    branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]
+) -> tuple[
+    Index,
+    Array,
+    tuple[Index, Index],
+    tuple[Indices, Indices, Indices],
+    tuple[tuple[TreeJoint, int | None], ...],
+]:
+    """Return the first five of a layout."""
+    by_link = sorted(branches, key=lambda branch: branch.child)
+    angles = [angle for branch in by_link for angle in branch.angles]
+    terms = [
+        term for branch in by_link if branch.angles for term in constants[branch.child].rotations(branch)
+    ]
+    rotations = np.array(terms)
+    first = np.cumsum([0, *(len(branch.angles) for branch in by_link)])
+    single, double = (
+        np.array([i for i, branch in enumerate(by_link) if len(branch.angles) == k], dtype=np.intp)
+        for k in (1, 2)
+    )
+    balls = count()
+    stiff = ((joint, next(balls) if joint.kind.ball else None) for joint in branches if not joint.angles)
+    return (
+        as_slice(np.array(angles, dtype=np.intp)),
+        rotations.reshape(len(terms), 9, 3, *rotations.shape[4:]),
+        (as_slice(single), as_slice(first[single])),
+        (double, first[double], first[double] + 1),
+        tuple(stiff),
+    )
+
+
+def _tiers(branches: Sequence[TreeJoint]) -> tuple[tuple[Index, Index], ...]:
+    depth, parent = np.zeros((2, len(branches) + 1), dtype=np.intp)
+    for branch in branches:
+        depth[branch.child], parent[branch.child] = depth[branch.parent] + 1, branch.parent
+    tiers = (np.flatnonzero(depth == k) for k in range(2, int(depth.max()) + 1))
+    return tuple((as_slice(child), as_slice(parent[child])) for child in tiers)
+
+
+def _vectors(
+    branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]
+) -> tuple[Array, Index, Indices, Indices, Indices, Indices]:
+    """Return what is fixed on the links, and where of it points, axes and centres are."""
+    rows = [[constants[i].child_point] for i in range(len(branches))]
+    rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])
+    holders = [*range(len(rows))]
+    last = [*holders]
+
+    def position_of(link: int, vector: Array) -> tuple[int, int]:
+        if len(rows[last[link]]) == MAX_VECTORS:
+            last[link] = len(rows)
+            rows.append([])
+            holders.append(link % (len(branches) + 1))
+        row = rows[last[link]]
+        row.append(vector)
+        return last[link], len(row) - 1
+
+    parent_points = [(0, 0)] * len(branches)
+    axes, centres, centred = list[tuple[int, int]](), list[tuple[int, int]](), list[int]()
+    for branch in branches:
+        i, fixed, kind = branch.child, constants[branch.child], branch.kind
+        parent_points[i] = position_of(branch.parent, fixed.parent_point)
+        for axis in (*kind.slides, *kind.turns):
+            link, direction = fixed.axis(branch, axis)
+            axes.append(position_of(link, branch.direction * direction))
+            # axes pass through side b's point
+            centres.append((i, 0) if branch.forward else parent_points[i])
+            centred.append(i if branch.forward else branch.parent)
+    longest, zero = max(map(len, rows)), rows[len(branches)][0]
+    vectors = np.array([row + [zero] * (longest - len(row)) for row in rows])
+    first, second, third = (
+        np.array(pairs, dtype=np.intp).reshape(-1, 2) @ [longest, 1]
+        for pairs in (parent_points, axes, centres)
+    )
+    return vectors, as_slice(np.array(holders)), first, second, third, np.array(centred, dtype=np.intp)
+
+
+@dataclass(frozen=True)
+class SpanningTree:
+    """Links in the order in which they are placed, each by one joint; the joints left close the loops.
+
+    A coordinate is a displacement in [m], an angle in [rad], or one of the three turns of a ball.
+
+    Attributes:
+        mechanism: the mechanism; joints that must be branches though they close loops are split in it.
+        original: the mechanism as it was before.
+        branches: by which joint each link is placed, nearest the frame first.
+        cuts: the joints that close the loops.
+    """
+
+    mechanism: Mechanism
+    original: Mechanism
+    branches: tuple[TreeJoint, ...]
+    cuts: tuple[Joint, ...]
+
+    @cached_property
+    def links(self) -> dict[str, int]:
+        """Moving link of the mechanism as it was given -> index."""
+        return {link.name: self.index[link.name] for link in self.original.links}
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Moving link -> index, also of links that split joints led to."""
+        return {link.name: i for i, link in enumerate(self.mechanism.links)}
+
+    @cached_property
+    def constants(self) -> dict[int, JointSides]:
+        """Index of a link -> the sides of the branch that places it."""
+        sides: dict[int, JointSides] = {}
+        for branch in self.branches:
+            a, b = branch.joint.a, branch.joint.b
+            parent_end, child_end = (a, b) if branch.forward else (b, a)
+            sides[branch.child] = JointSides(
+                parent_end.frame, np.array(parent_end.point), child_end.frame, np.array(child_end.point)
+            )
+        return sides
+
+    @cached_property
+    def layout(self) -> Layout:
+        """What its links are placed by, all poses at once."""
+        return layout(self.branches, self.constants)
+
+    @cached_property
+    def size(self) -> float:
+        """The mechanism's, in [m]."""
+        return self.mechanism.size
+
+    @cached_property
+    def count(self) -> int:
+        """How many coordinates there are."""
+        return sum(branch.kind.freedoms for branch in self.branches)
+
+    @cached_property
+    def balls(self) -> tuple[TreeJoint, ...]:
+        """The branches that turn about every axis."""
+        return tuple(branch for branch in self.branches if branch.kind.ball)
+
+    @cached_property
+    def ball_indices(self) -> list[int]:
+        """Indices of the turns of balls, which are no angles."""
+        return [ball.first_angle + i for ball in self.balls for i in range(3)]
+
+    @cached_property
+    def moved_by(self) -> Array:
+        """Which coordinates move which link, (links, count), 1 or 0."""
+        moved = np.zeros((len(self.mechanism.links), self.count))
+        for branch in self.branches:
+            if branch.parent >= 0:
+                moved[branch.child] = moved[branch.parent]
+            moved[branch.child, branch.first : branch.first + branch.kind.freedoms] = 1.0
+        return moved
+
+    @cached_property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which coordinates are displacements, (count,)."""
+        slides = np.zeros(self.count, dtype=np.bool_)
+        for branch in self.branches:
+            slides[branch.first : branch.first + len(branch.kind.slides)] = True
+        return slides
+
+    @cached_property
+    def units(self) -> Array:
+        """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
+        return np.where(self.slides, self.size, 1.0)
+
+    def first_index(self, joint: str) -> int | None:
+        """Return the index of the first coordinate of a joint; None where it closes a loop."""
+        return next((branch.first for branch in self.branches if branch.joint.name == joint), None)
+
+    @cached_property
+    def index_of(self) -> dict[str, int]:
+        """Coordinate of a branch -> its index."""
+        return {
+            name: branch.first + i
+            for branch in self.branches
+            for i, name in enumerate(branch.joint.coordinates)
+        }
+
+    def coupled(self, terms: Mapping[str, float]) -> Array:
+        """Return the weights of all coordinates in one side of a coupling, (count,)."""
+        weights = np.zeros(self.count, np.result_type(float, *terms.values()))
+        for name, weight in terms.items():
+            weights[self.index_of[name]] += weight
+        return weights
+
+
+def spanning_tree(mechanism: Mechanism) -> SpanningTree:
+    """Return a tree whose cuts leave few equations: driven and coupled joints stay, then counted ones.
+
+    Where those alone close a loop, some are split, and it is cut beside them.
+
+    Raises:
+        AssemblyError: for links that no chain of joints leads to.
+    """
+    first = {
+        *mechanism.drivers,
+        *mechanism.locked,
+        *(name for law in mechanism.laws for name in law.coordinates),
+    }
+    # turns of a joint that closes a loop are not counted
+    counted = {*mechanism.counted}
+
+    def cost(joint: Joint) -> tuple[bool, bool, int]:
+        names = {*joint.coordinates}
+        return not first & names, not counted & names, KINDS[joint.kind].freedoms
+
+    ordered = sorted(mechanism.joints, key=cost)
+    chosen = _forest(ordered)
+    closing = {
+        joint.name
+        for joint in mechanism.joints
+        if joint.name not in chosen and not first.isdisjoint(joint.coordinates)
+    }
+    if closing:
+        return replace(spanning_tree(split(mechanism, closing)), original=mechanism)
+    index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
+    cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
+    branches: list[TreeJoint] = []
+    placed, waiting, count = {GROUND}, [j for j in mechanism.joints if j.name in chosen], 0
+    while waiting:
+        joint = next((j for j in waiting if (j.a.link in placed) != (j.b.link in placed)), None)
+        if joint is None:
+            unreached = sorted({end.link for j in waiting for end in (j.a, j.b)} - placed)
+            raise AssemblyError(
+                f"{mechanism.name}: no chain of joints leads from the frame to "
+                f"{', '.join(unreached)}; add one"
+            )
+        waiting.remove(joint)
+        forward = joint.a.link in placed
+        parent_end, child_end = (joint.a, joint.b) if forward else (joint.b, joint.a)
+        branches.append(TreeJoint(joint, forward, index[parent_end.link], index[child_end.link], count))
+        count += KINDS[joint.kind].freedoms
+        placed.add(child_end.link)
+    return SpanningTree(mechanism, mechanism, tuple(branches), cuts)
+
+
+def _forest(joints: Sequence[Joint]) -> set[str]:
+    """Return the names of the joints that join links not joined yet, taken in order."""
+    group: dict[str, str] = {}
+
+    def root(link: str) -> str:
+        while group.get(link, link) != link:
+            link = group[link]
+        return link
+
+    chosen: set[str] = set()
+    for joint in joints:
+        a, b = root(joint.a.link), root(joint.b.link)
+        if a != b:
+            group[a] = b
+            chosen.add(joint.name)
+    return chosen

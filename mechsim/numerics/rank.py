@@ -1,0 +1,59 @@
+"""Numerical rank: nonzero singular values, null spaces, pseudo-inverses and least-norm solutions.
+
+Matrices are scaled so that rows and unknowns have no units. Leading axes stack several matrices.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.numerics.arrays import Array
+
+# singular values below this fraction of the largest are zero: between rounding (1e-16) and the 1e-6 of a
+# configuration that is merely near a singular one
+RANK_TOLERANCE = 1e-9
+# singular values below this are zero too, 450 times the spacing of doubles at 1: a ball joint at the common
+# point of all axes of its loop leaves equations that consist of rounding
+FLOOR = 1e-13
+
+
+def significant(
+    values: NDArray[np.floating[Any]], tolerance: float = RANK_TOLERANCE, floor: float = FLOOR
+) -> NDArray[np.bool_]:
+    """Return which singular values, (..., k) in descending order, are nonzero.
+
+    Args:
+        values: of scaled matrices.
+        tolerance: those below this fraction of the largest are zero.
+        floor: so are those below it.
+    """
+    return values > np.maximum(tolerance * values[..., :1], floor)
+
+
+def rank(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> int:
+    """Return the rank of a matrix, (m, k)."""
+    return int(significant(np.linalg.svd(matrix, compute_uv=False), tolerance, floor).sum())
+
+
+def null_spaces(
+    matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR
+) -> tuple[Array, Array]:
+    """Return orthonormal bases of the left and right null spaces of (m, k): (m, m - r) and (k - r, k)."""
+    u, values, vh = np.linalg.svd(matrix)
+    r = int(significant(values, tolerance, floor).sum())
+    return u[:, r:], vh[r:]
+
+
+def pseudo_inverse(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
+    """Return the pseudo-inverses, (..., k, m), of matrices, (..., m, k)."""
+    u, values, vh = np.linalg.svd(matrix, full_matrices=False)
+    nonzero = significant(values, tolerance, floor)
+    inverse = np.where(nonzero, 1.0 / np.where(nonzero, values, 1.0), 0.0)
+    result = np.swapaxes(vh, -1, -2) @ (inverse[..., None] * np.swapaxes(u, -1, -2))
+    return np.asarray(result, dtype=np.float64)
+
+
+def least_norm(matrix: Array, right: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
+    """Return the least-squares solutions of least norm, (..., k), of (..., m, k) x = (..., m)."""
+    return (pseudo_inverse(matrix, tolerance, floor) @ right[..., None])[..., 0]
