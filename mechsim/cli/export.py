@@ -31,7 +31,7 @@ from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.mjcf.changes import set_drive_inertia
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS
-from mechsim.studies.tuning import turning_model
+from mechsim.studies.scene import turning_model
 from mechsim.subjects.toml_writer import to_toml
 
 # level of a model where none is asked for

@@ -14,7 +14,7 @@ from mechsim.cli.progress import Tick, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.studies.reduction import By, LeftOut, ReducedErrors, Reduction, reduced, with_comment
-from mechsim.studies.scenes import spec_of
+from mechsim.studies.scene import spec_of
 
 UNITS: dict[By, units.Unit] = {"trajectory": "m", "torque": "N m"}
 

@@ -15,8 +15,8 @@ from mechsim.model.links import Vector
 from mechsim.model.motion_laws import State, steady
 from mechsim.numerics.angles import TURN
 from mechsim.simulation import Settings
-from mechsim.studies.scenes import UserScene, scene_of
-from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.studies.scene import UserScene, scene_of
+from mechsim.studies.scene.settings import PlainSettings
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.prescription import duration_of

@@ -41,10 +41,10 @@ from mechsim.model.motion_laws import arc_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
-from mechsim.studies.scenes import SceneErrors, SceneRun, UserScene, start_error
-from mechsim.studies.scenes.plain_settings import PlainSettings
-from mechsim.studies.scenes.why_broken import why_broken
-from mechsim.studies.tuning.finer_steps import finer
+from mechsim.studies.scene import SceneErrors, SceneRun, UserScene, start_error
+from mechsim.studies.scene.errors import why_broken
+from mechsim.studies.scene.settings import PlainSettings
+from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path
 from mechsim.units import option, parse_angle, parse_length, parse_time
 

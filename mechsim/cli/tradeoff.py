@@ -14,7 +14,9 @@ from mechsim.cli.progress import Tick, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.pictures import plots
-from mechsim.studies.scenes import spec_of
+from mechsim.studies.budget import BEYOND
+from mechsim.studies.reduction.scene_costs import SceneCost, scene_costs
+from mechsim.studies.scene import spec_of
 from mechsim.studies.tradeoff import (
     BOUNDS,
     COMPARED,
@@ -28,10 +30,8 @@ from mechsim.studies.tradeoff import (
     subject_of_model,
     write_csv,
 )
-from mechsim.studies.tradeoff.advice import advice
-from mechsim.studies.tradeoff.pace import BEYOND
 from mechsim.studies.tradeoff.plot import work_precision
-from mechsim.studies.tradeoff.scene_costs import SceneCost, scene_costs
+from mechsim.studies.tradeoff.work_precision import advice
 
 # in [s], kept of the budget for the table, and for a plot
 TOLD, DRAWN = 0.1, 0.7

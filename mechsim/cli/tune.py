@@ -17,13 +17,11 @@ from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
 from mechsim.files import written_beside
-from mechsim.studies.scenes import MEASURES, UserScene, begun_closed, errors_of, start_error, stepped
-from mechsim.studies.scenes.plain_settings import FREEABLE, PlainSettings, settings_of
-from mechsim.studies.scenes.why_broken import why_broken
-from mechsim.studies.tuning.run_lines import feeding, python_of
-from mechsim.studies.tuning.search import AIM, SECONDS, SceneTrial, Tuned, errors_at, tuned
-from mechsim.studies.tuning.tuned_file import KEY, changes, tuned_text, written
-from mechsim.studies.tuning.tuning_report import TuningReport
+from mechsim.studies.scene import MEASURES, UserScene, begun_closed, errors_of, start_error, stepped
+from mechsim.studies.scene.errors import why_broken
+from mechsim.studies.scene.settings import FREEABLE, PlainSettings, settings_of
+from mechsim.studies.scene.tune import AIM, SECONDS, SceneTrial, Tuned, TuningReport, errors_at, tuned
+from mechsim.studies.scene.write_tuned import KEY, changes, feeding, python_of, tuned_text, written
 
 # rows of the table of what was tried
 ROWS = 14

@@ -24,7 +24,7 @@ from mechsim.simulation import Run, Settings
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.agreement.agreement import Agreement, held
 from mechsim.studies.motion_source import profile_of, simulated
-from mechsim.studies.scenes.published_run import PublishedRun, published_run
+from mechsim.studies.scene.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.verdict.checks import Verdict, check_of, checks_of, combined, concluded, tolerances_of

@@ -13,7 +13,7 @@ from strategies import CASES, CLOSED, angles_of, longest
 
 from mechsim import catalog
 from mechsim.errors import AssemblyError
-from mechsim.studies.extremes.scaled import resized
+from mechsim.studies.extremes.axes import resized
 
 # mechanism -> the point that is known to fifty digits, and by what
 DIGITS = {

@@ -10,7 +10,7 @@ from drawing import draws
 
 from mechsim.cli.schema import output_schema
 from mechsim.report import plot_table
-from mechsim.studies.extremes import scaled, stability_map
+from mechsim.studies.extremes import axes, stability_map
 from mechsim.theory.continuation import trace
 
 SMALL = ("--size", "96x72")
@@ -156,7 +156,7 @@ def test_a_torque_plot_carries_both_roads(mechsim, tmp_path):
 
 def test_studies_are_drawn_as_they_are_measured(mechsim, tmp_path, monkeypatch):
     monkeypatch.setattr(plot_table, "BUDGET", 0.5)
-    few = [("steps", scaled.steps, [100.0, 50.0])]
+    few = [("steps", axes.steps, [100.0, 50.0])]
     monkeypatch.setattr(stability_map, "pushes_of", lambda drive, quick: few)
     for kind in ("precision", "stability"):
         code, _, err = mechsim("plot", "slider_crank", "--kind", kind, "-o", f"{kind}.svg")

@@ -10,7 +10,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.simulation.closed_model import assembled, from_mechanism
 from mechsim.studies.tradeoff import Build, Family, Point
-from mechsim.studies.tradeoff.advice import command, exporting
+from mechsim.studies.tradeoff.work_precision import command, exporting
 from mechsim.subjects.readers import load
 
 SPEED = 20.0

@@ -11,7 +11,7 @@ import pytest
 from scene_texts import FINGER, FLOATING, scene
 
 from mechsim import files
-from mechsim.studies.scenes import stepped
+from mechsim.studies.scene import stepped
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.simulation import simulate
 from mechsim.simulation.closed_model import assembled
-from mechsim.studies.extremes import long_runs, scaled, towards_singular
+from mechsim.studies.extremes import axes
 from mechsim.studies.extremes.stability_map import StabilityMap
 from mechsim.studies.extremes.trial import Trial, pushed
 
@@ -21,7 +21,7 @@ SWINGING = [name for name, drive in catalog.DRIVES.items() if drive.swinging]
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett")))
 def test_the_same_problem_has_the_same_error_at_every_size(name):
     drive = catalog.make(name)
-    trials = [scaled.size(drive, value) for value in (1e-5, 1e-1, 1e3)]
+    trials = [axes.size(drive, value) for value in (1e-5, 1e-1, 1e3)]
     assert all(trial.passed for trial in trials)
     errors = np.array([trial.error for trial in trials])
     assert errors.max() <= 1.1 * errors.min()
@@ -29,14 +29,14 @@ def test_the_same_problem_has_the_same_error_at_every_size(name):
 
 @pytest.mark.parametrize("name", ["slider_crank", "rrsrr"])
 def test_the_same_problem_has_the_same_error_at_every_speed(name):
-    trials = [scaled.speed(catalog.make(name), value) for value in (1.0, 1e5)]
+    trials = [axes.speed(catalog.make(name), value) for value in (1.0, 1e5)]
     assert all(trial.passed for trial in trials)
     errors = np.array([trial.error for trial in trials])
     assert errors.max() <= 1.05 * errors.min()
 
 
 def test_points_within_a_micrometre_of_a_bodys_origin_stay_where_they_are():
-    drive = scaled.resized(catalog.make("rssr"), 1e-6)
+    drive = axes.resized(catalog.make("rssr"), 1e-6)
     run = simulate(drive.mechanism, speed=10.0, method="pose")
     exact = drive.positions(run.motion.angle)["P3"]
     assert np.abs(run.motion.points["P3"].position - exact).max() <= 1e-12 * drive.rocker
@@ -44,19 +44,19 @@ def test_points_within_a_micrometre_of_a_bodys_origin_stay_where_they_are():
 
 @pytest.mark.parametrize("ratio", [1e-6, 1e6])
 def test_a_coupler_a_million_times_lighter_or_heavier_moves_the_same(ratio):
-    trial = scaled.mass_ratio(catalog.make("rssr"), ratio)
+    trial = axes.mass_ratio(catalog.make("rssr"), ratio)
     assert trial.passed
     assert trial.error < 1e-7
 
 
 def test_a_hinge_put_together_the_other_way_round_is_told_by_the_links_though_no_point_differs():
-    trial = towards_singular.far_start(catalog.make("rrsrr"), 1.32, seed=2)
+    trial = axes.far_start(catalog.make("rrsrr"), 1.32, seed=2)
     assert trial.error < 1e-9
     assert trial.outcome == trial.right == "failed"
 
 
 def test_a_massless_rod_is_refused_in_one_line():
-    assert scaled.mass_ratio(catalog.make("rssr"), 0.0).outcome == "cannot assemble"
+    assert axes.mass_ratio(catalog.make("rssr"), 0.0).outcome == "cannot assemble"
     spec = assembled(catalog.make("rssr").mechanism, Scene())
     body = spec.body("coupler")
     body.mass, body.inertia = 0.0, np.zeros(3)
@@ -68,31 +68,31 @@ def test_a_massless_rod_is_refused_in_one_line():
 def test_poses_come_to_a_dead_centre_and_are_refused_as_little_beyond(name):
     drive = catalog.make(name)
     for value in (1e-3, 1e-12):
-        assert towards_singular.dead_centre(drive, value, "pose", False).passed
-        assert towards_singular.dead_centre(drive, 10.0 * value, "pose", True).outcome == "cannot assemble"
+        assert axes.dead_centre(drive, value, "pose", False).passed
+        assert axes.dead_centre(drive, 10.0 * value, "pose", True).outcome == "cannot assemble"
 
 
 @pytest.mark.parametrize("name", grid(SWINGING))
 def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
-    trial = towards_singular.tangent(catalog.make(name), 1e-10, "pose")
+    trial = axes.tangent(catalog.make(name), 1e-10, "pose")
     assert trial.outcome == trial.right == "passed"
 
 
 @pytest.mark.parametrize("which", catalog.make("four_bar").laid_flat)
 def test_beside_a_change_point_it_is_met_and_through_it_true(which):
     drive = catalog.make("four_bar")
-    assert towards_singular.change_point(drive, which, True).outcome == "passed"
-    assert towards_singular.change_point(drive, which, False).passed
+    assert axes.change_point(drive, which, True).outcome == "passed"
+    assert axes.change_point(drive, which, False).passed
 
 
 @pytest.mark.parametrize("value", [1e-2, 0.3, 3.0])
 def test_a_far_start_is_told_for_what_it_leads_to(value):
-    assert all(towards_singular.far_start(catalog.make("four_bar"), value, seed).passed for seed in range(4))
+    assert all(axes.far_start(catalog.make("four_bar"), value, seed).passed for seed in range(4))
 
 
 def test_gears_and_many_turns():
-    assert long_runs.gears(catalog.make("warp_knitter"), 8.0).outcome == "passed"
-    drift = long_runs.drift(catalog.make("four_bar"), 200.0)
+    assert axes.gears(catalog.make("warp_knitter"), 8.0).outcome == "passed"
+    drift = axes.drift(catalog.make("four_bar"), 200.0)
     assert drift.passed
     assert drift.last == pytest.approx(drift.first, rel=0.05)
 
@@ -102,8 +102,8 @@ def test_a_run_that_says_what_is_not_so_fails_the_study():
     assert StabilityMap([honest]).passed
     assert not StabilityMap([replace(honest, outcome="passed")]).passed
     assert not StabilityMap([replace(honest, foretold="passed")]).passed
-    assert not StabilityMap([], [], [long_runs.Drift("rssr", 1e4, 1e-7, 3e-7)]).passed
-    assert not StabilityMap([], [], [long_runs.Drift("rssr", 1e4, 1e-7, np.nan)]).passed
+    assert not StabilityMap([], [], [axes.Drift("rssr", 1e4, 1e-7, 3e-7)]).passed
+    assert not StabilityMap([], [], [axes.Drift("rssr", 1e4, 1e-7, np.nan)]).passed
 
 
 def test_bisection_finds_a_border_that_is_known():

@@ -4,26 +4,17 @@ import pytest
 from scene_texts import FINGER
 
 from mechsim.errors import InputError
-from mechsim.studies.reduction import (
-    contacts,
-    disconnected_bodies,
-    limits,
-    locked_joints,
-    reduced,
-    springs,
-    stepping,
-    visual_only,
-    with_comment,
-)
-from mechsim.studies.reduction import refit as refitting
-from mechsim.studies.reduction.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction import fit_parameters as refitting
+from mechsim.studies.reduction import reduced, with_comment
+from mechsim.studies.reduction.candidates import bodies, stepping
+from mechsim.studies.reduction.candidates.bodies import disconnected_bodies
+from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
 from mechsim.studies.reduction.evaluator import Evaluator
-from mechsim.studies.reduction.evidence import observe
-from mechsim.studies.reduction.model_parameters import Parameter, set_in_spec
-from mechsim.studies.reduction.normalised import normalised
-from mechsim.studies.reduction.other_motions import RANGE_RATIO, motion_to_fit, second_motion
-from mechsim.studies.reduction.refit import refit
-from mechsim.studies.scenes import scene_of, step_time
+from mechsim.studies.reduction.fit_parameters import Parameter, refit, set_in_spec
+from mechsim.studies.reduction.observations import observe
+from mechsim.studies.reduction.reduced_scene import RANGE_RATIO, motion_to_fit, normalised, second_motion
+from mechsim.studies.scene import evaluator, scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.readers import load
 
@@ -63,7 +54,7 @@ def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0
 def few_trials(patch):
     """Let a search try few steps and time them roughly."""
     patch.setattr(stepping, "STEP_RATIOS", (1, 2, 4))
-    patch.setattr(step_time, "LEAST", 1e-4)
+    patch.setattr(evaluator, "LEAST", 1e-4)
     patch.setattr(refitting, "SECONDS", 0.0)
 
 
@@ -135,10 +126,10 @@ def test_geoms_that_touch_stay_and_others_go_with_their_mass_kept(cluttered):
     _, _, evaluator = cluttered
     found = observed(evaluator)
     assert found.touched == {"table", "ball"}
-    (away,) = contacts.propose(found)
+    (away,) = contacts(found)
     spec = changed(evaluator.spec, away)
     assert (spec.geom("blade").contype, spec.geom("ball").contype) == (0, 1)
-    geoms = next(c for c in visual_only.propose(found) if "geoms" in c.what)
+    geoms = next(c for c in visual_elements(found) if "geoms" in c.what)
     reduced_model = changed(evaluator.spec, geoms).compile()
     assert {reduced_model.geom(g).name for g in range(reduced_model.ngeom)} == {"table", "ball"}
     whole = evaluator.spec.copy().compile()
@@ -147,7 +138,7 @@ def test_geoms_that_touch_stay_and_others_go_with_their_mass_kept(cluttered):
 
 def test_only_what_nothing_joins_is_apart(cluttered):
     _, _, evaluator = cluttered
-    (away,) = disconnected_bodies.propose(observed(evaluator))
+    (away,) = disconnected_bodies(observed(evaluator))
     reduced_model = changed(evaluator.spec, away).compile()
     left = {reduced_model.body(b).name for b in range(reduced_model.nbody)}
     assert left == {"world", "crank", "rod", "lever", "pad", "shelf"}
@@ -156,7 +147,7 @@ def test_only_what_nothing_joins_is_apart(cluttered):
 def test_a_limit_that_is_reached_stays(tmp_path):
     text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
     evaluator = evaluator_of(*scene(tmp_path, text))
-    away, reached = limits.propose(observed(evaluator))
+    away, reached = limits(observed(evaluator))
     assert "knuckle" in reached.what
     reduced_model = changed(evaluator.spec, away).compile()
     assert reduced_model.jnt_limited[reduced_model.joint("knuckle").id]
@@ -178,7 +169,7 @@ def test_a_spelled_out_scene_is_the_same_scene(cluttered):
 def test_the_bench_condemns_a_scene_that_lacks_what_it_needs(cluttered):
     _, _, evaluator = cluttered
     assert evaluator.errors(evaluator.scene(evaluator.spec)).trajectory == 0.0
-    spring = next(c for c in springs.propose(observed(evaluator)) if c.what == "spring of swing")
+    spring = next(c for c in springs(observed(evaluator)) if c.what == "spring of swing")
     assert evaluator.errors(evaluator.scene(changed(evaluator.spec, spring))).trajectory > BOUND
     heavy = Candidate("wrong", "a mass", lambda spec: setattr(spec.body("lever"), "mass", 0.3))
     wrong = evaluator.errors(evaluator.scene(changed(evaluator.spec, heavy)))
@@ -194,7 +185,7 @@ def test_what_the_motion_needs_cannot_be_left_out(cluttered):
     with pytest.raises(ValueError, match="servo has a motion law"):
         evaluator.scene(spec)
     with pytest.raises(NotApplicable, match="servo acts on joint knuckle"):
-        locked_joints.fuse(evaluator.spec.copy(), "knuckle", 0.0)
+        bodies.fuse(evaluator.spec.copy(), "knuckle", 0.0)
 
 
 def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
@@ -204,7 +195,7 @@ def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
     data.joint("swing").qpos[0] = 0.3
     mujoco.mj_kinematics(model, data)
     pad = data.body("pad").xpos.copy(), data.body("pad").xquat.copy()
-    locked_joints.fuse(spec, "swing", 0.3)
+    bodies.fuse(spec, "swing", 0.3)
     reduced_model = spec.compile()
     data = mujoco.MjData(reduced_model)
     mujoco.mj_kinematics(reduced_model, data)
@@ -285,7 +276,7 @@ def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_no
     )
     found = refit((evaluator, to_fit), observed(evaluator), 2, {})
     plain = evaluator.spec.copy()
-    stepping.stepped_so(plain, 2, int(stepping.EULER))
+    stepping.set_longer_steps(plain, 2, int(stepping.EULER))
     fitted = changed(evaluator.spec, found.candidate)
     errors = {
         kind: held_back.errors(held_back.scene(of)).trajectory

@@ -6,15 +6,16 @@ import pytest
 from scene_texts import FINGER
 from studies.test_reduction import BOUND, evaluator_of, observed, scene
 
-from mechsim.studies.reduction import (
-    fused_bodies,
-    joint_polynomials,
-    mirrored_mechanisms,
+from mechsim.studies.reduction.candidates import joint_polynomials
+from mechsim.studies.reduction.candidates.bodies import fused_bodies
+from mechsim.studies.reduction.candidates.candidate import changed
+from mechsim.studies.reduction.candidates.mirrored_mechanisms import mirrored_mechanisms
+from mechsim.studies.reduction.candidates.rods import (
+    add_weight,
+    loose_chains,
     passive_chains,
-    rod_lengths,
+    rods_as_lengths,
 )
-from mechsim.studies.reduction.candidate import changed
-from mechsim.studies.reduction.rods import add_weight, loose_chains
 
 SIDE = """<body name="{0}" pos="0 {1} 0"><inertial mass="{2}" pos="0.03 0 0" diaginertia="1e-5 1e-5 1e-5"/>
 <joint name="{0}" axis="0 0 1" damping="0.01" armature="1e-4"/></body>"""
@@ -34,7 +35,7 @@ def hands(masses=(0.1, 0.1)):
 def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path):
     for masses, same in (((0.1, 0.1), True), ((0.1, 0.3), False)):
         evaluator = evaluator_of(*scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",)))
-        (away,) = mirrored_mechanisms.propose(observed(evaluator))
+        (away,) = mirrored_mechanisms(observed(evaluator))
         reduced_model = evaluator.scene(changed(evaluator.spec, away))
         assert [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)] == ["left"]
         assert (evaluator.errors(reduced_model).trajectory < 1e-12) is same
@@ -45,7 +46,7 @@ def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
     evaluator = evaluator_of(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
     found = observed(evaluator)
     assert [(chain.joints, chain.closing) for chain in loose_chains(found)] == [(("elbow",), "closing")]
-    specs = [changed(evaluator.spec, rod) for rod in rod_lengths.propose(found)]
+    specs = [changed(evaluator.spec, rod) for rod in rods_as_lengths(found)]
     whole, reduced_model = evaluator.spec.copy().compile(), specs[0].copy().compile()
     assert reduced_model.nv == whole.nv - 1
     assert reduced_model.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-14)
@@ -60,7 +61,7 @@ def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
 
 def test_a_leaf_of_which_nothing_is_tracked_is_fused_halfway(tmp_path):
     evaluator = evaluator_of(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
-    ways = {way.what: way for way in passive_chains.propose(observed(evaluator))}
+    ways = {way.what: way for way in passive_chains(observed(evaluator))}
     leaf = next(way for what, way in ways.items() if "pad" in what)
     reduced_model = evaluator.scene(changed(evaluator.spec, leaf))
     assert "swing" not in [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)]
@@ -75,11 +76,11 @@ def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
         '<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>',
     )
     evaluator = evaluator_of(*scene(tmp_path, text, track=("nail",)))
-    assert [len(fused_bodies.propose(observed(evaluator)))] == [1]
-    reduced_model = changed(evaluator.spec, fused_bodies.propose(observed(evaluator))[0]).compile()
+    assert [len(fused_bodies(observed(evaluator)))] == [1]
+    reduced_model = changed(evaluator.spec, fused_bodies(observed(evaluator))[0]).compile()
     assert (
         evaluator.errors(
-            evaluator.scene(changed(evaluator.spec, fused_bodies.propose(observed(evaluator))[0]))
+            evaluator.scene(changed(evaluator.spec, fused_bodies(observed(evaluator))[0]))
         ).trajectory
         < BOUND
     )
@@ -120,7 +121,7 @@ def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_th
         'solref="0.005 1" solimp="0.95 0.99 0.001"', 'solref="0.004 1" solimp="0.9999 0.9999"'
     )
     evaluator = evaluator_of(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
-    needed, all_of_them = joint_polynomials.propose(observed(evaluator))
+    needed, all_of_them = joint_polynomials.loops_as_polynomials(observed(evaluator))
     reduced_model = evaluator.scene(changed(evaluator.spec, all_of_them))
     assert (reduced_model.model.nv, reduced_model.model.neq) == (3, 2)
     assert evaluator.errors(reduced_model).trajectory < 2 * BOUND

@@ -4,7 +4,7 @@ import pytest
 from studies.test_reduction import CLUTTER, few_trials, scene
 
 from mechsim.errors import InputError
-from mechsim.studies.tradeoff.scene_costs import scene_costs
+from mechsim.studies.reduction.scene_costs import scene_costs
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def test_each_thing_is_turned_on_or_off_alone_and_judged_against_the_scene_as_it
     own = costs["as it is"]
     assert (own.error, own.ratio) == (0.0, 1.0)
     model = mujoco.MjModel.from_xml_string(CLUTTER)
-    assert own.freedoms == model.nv
+    assert own.dofs == model.nv
     for what in (
         "contacts off",
         "sensors off",

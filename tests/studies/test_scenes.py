@@ -6,8 +6,8 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.scenes import errors_of, limit_of, step_times, stepped
-from mechsim.studies.scenes.scene_limit import hardened, interpolated
+from mechsim.studies.scene import errors_of, limit_of, step_times, stepped
+from mechsim.studies.scene.converged_reference import hardened, interpolated
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 

@@ -16,6 +16,7 @@ from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation import closed_model
 from mechsim.simulation.mjcf.alternatives import rod_of
 from mechsim.simulation.settings import INTEGRATORS, Settings
+from mechsim.studies import budget as clock
 from mechsim.studies.tradeoff import (
     BOUNDS,
     COMPARED,
@@ -29,12 +30,11 @@ from mechsim.studies.tradeoff import (
     build_model,
     families,
     measure,
-    pace,
     subject_of,
     subject_of_model,
     trials,
 )
-from mechsim.studies.tradeoff.ladder import HARD, cuts_of
+from mechsim.studies.tradeoff.families import HARD, cuts_of
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)
@@ -273,9 +273,9 @@ class Machine:
 
     def __init__(self, monkeypatch, share: float, step: float, building: float) -> None:
         self.processor, self.share, self.step, self.building = 0.0, share, step, building
-        for module in (pace, trials):
+        for module in (clock, trials):
             monkeypatch.setattr(module, "process_time", lambda: self.processor)
-        monkeypatch.setattr(pace, "perf_counter", lambda: self.share * self.processor)
+        monkeypatch.setattr(clock, "perf_counter", lambda: self.share * self.processor)
         monkeypatch.setattr(BuiltModel, "motion", self.motion)
         monkeypatch.setattr(BuiltModel, "stepped", lambda _, settings: (None, Spent(self.stepped(settings))))
         monkeypatch.setattr(trials, "build_model", self.built)
@@ -334,8 +334,10 @@ def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_noth
     from mechsim.simulation.closed_model import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(pace.Pace, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn)
-    monkeypatch.setattr(pace, "perf_counter", lambda: 0.0)
+    monkeypatch.setattr(
+        clock.TrialTimes, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn
+    )
+    monkeypatch.setattr(clock, "perf_counter", lambda: 0.0)
     # 25.2 s for the finest, and 12 s to be had
     own = subject_of_model(spec, "own", SPEED, Budget(30.0, began=0.0))
     assert own.reference.what == "a run of 2880 steps a turn"
@@ -374,8 +376,10 @@ def stiff_beside_a_four_bar():
     ],
 )
 def test_a_reference_that_diverges_says_at_which_steps_and_what_may_help(monkeypatch, budget, advice):
-    monkeypatch.setattr(pace.Pace, "trial", lambda _, build, settings, turns: 1e-5 * settings.steps_per_turn)
-    monkeypatch.setattr(pace, "perf_counter", lambda: 0.0)
+    monkeypatch.setattr(
+        clock.TrialTimes, "trial", lambda _, build, settings, turns: 1e-5 * settings.steps_per_turn
+    )
+    monkeypatch.setattr(clock, "perf_counter", lambda: 0.0)
     most = "14,400" if budget is None else "7,200"
     with pytest.raises(InputError, match=rf"own diverges at {most} steps a turn with RK4, so .* {advice}"):
         subject_of_model(
@@ -387,8 +391,10 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
     from mechsim.simulation.closed_model import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(pace.Pace, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn)
-    monkeypatch.setattr(pace, "perf_counter", lambda: 0.0)
+    monkeypatch.setattr(
+        clock.TrialTimes, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn
+    )
+    monkeypatch.setattr(clock, "perf_counter", lambda: 0.0)
     whole = BuiltModel.motion
     monkeypatch.setattr(
         BuiltModel, "motion", lambda self, s: (None, 0.1) if s.steps_per_turn == 1440 else whole(self, s)
@@ -403,7 +409,7 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
 def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials_made):
     """A clock on which reading, compiling, starting and each trial take so long."""
     from mechsim.simulation.closed_model import assembled
-    from mechsim.studies.tradeoff import built_model
+    from mechsim.studies.tradeoff import models
 
     now, made, compiled = [0.0], [], []
 
@@ -415,9 +421,9 @@ def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials
 
         return slow
 
-    monkeypatch.setattr(pace, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(clock, "perf_counter", lambda: now[0])
     monkeypatch.setattr(Build, "made", taking(reading, [], Build.made))
-    monkeypatch.setattr(built_model.closed_model, "from_spec", taking(5.0, compiled, closed_model.from_spec))
+    monkeypatch.setattr(models.closed_model, "from_spec", taking(5.0, compiled, closed_model.from_spec))
     monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):

@@ -6,7 +6,7 @@ import pytest
 
 from mechsim.simulation import Settings
 from mechsim.studies.tradeoff import Build, Family, Point, build_model
-from mechsim.studies.tradeoff.advice import advice, fragment, snippet
+from mechsim.studies.tradeoff.work_precision import advice, fragment, snippet
 from mechsim.subjects.readers import load
 
 SPEED = 20.0

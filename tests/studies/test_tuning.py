@@ -7,12 +7,11 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import InputError
-from mechsim.studies.scenes import errors_of, stepped
-from mechsim.studies.scenes.plain_settings import PlainSettings, settings_of
-from mechsim.studies.tuning.run_lines import python_of
-from mechsim.studies.tuning.search import AIM, tuned
-from mechsim.studies.tuning.step_ladder import freed, quickest, steps_of
-from mechsim.studies.tuning.tuned_file import KEY, differing, tuned_text, written
+from mechsim.studies.scene import errors_of, stepped
+from mechsim.studies.scene.settings import PlainSettings, settings_of
+from mechsim.studies.scene.step_sizes import freed, quickest, steps_of
+from mechsim.studies.scene.tune import AIM, tuned
+from mechsim.studies.scene.write_tuned import KEY, differing, python_of, tuned_text, written
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 HARD = PlainSettings(

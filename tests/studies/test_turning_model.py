@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation.mjcf.exact_text import to_xml
-from mechsim.studies.tuning import turning_model
+from mechsim.studies.scene import turning_model
 from mechsim.subjects.readers import load
 
 SPEED = 60.0

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from scene_texts import FINGER, scene
 
-from mechsim.studies.scenes import stepped
-from mechsim.studies.scenes.plain_settings import PlainSettings
-from mechsim.studies.scenes.why_broken import why_broken
-from mechsim.studies.tuning.finer_steps import finer
+from mechsim.studies.scene import stepped
+from mechsim.studies.scene.errors import why_broken
+from mechsim.studies.scene.settings import PlainSettings
+from mechsim.studies.scene.step_sizes import finer
 
 FED = {"servo": "0.5*sin(2*pi*t)"}
 RINGING = PlainSettings(integrator="RK4", solref=(-1e9, -1.0), solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0))

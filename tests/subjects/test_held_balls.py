@@ -9,9 +9,9 @@ import pytest
 from mechsim import simulate
 from mechsim.cli.scene_options import LockOptions, SceneOptions, user_scene
 from mechsim.errors import InputError
-from mechsim.studies.scenes.plain_settings import PlainSettings
-from mechsim.studies.scenes.user_scene import spec_of
-from mechsim.studies.tuning.tuned_file import tuned_text
+from mechsim.studies.scene.scene import spec_of
+from mechsim.studies.scene.settings import PlainSettings
+from mechsim.studies.scene.write_tuned import tuned_text
 from mechsim.subjects.readers import load
 
 # a post on a hinge, a ball and a slide, all of them askew; an arm on it; and a body that floats beside

@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 from scene_texts import scene
 
-from mechsim.studies.scenes import errors_of, limit_of, stepped
-from mechsim.studies.scenes.plain_settings import PlainSettings
-from mechsim.studies.scenes.scene_limit import HARDEST
-from mechsim.studies.tuning.run_lines import python_of
-from mechsim.studies.tuning.tuned_file import tuned_text, written
+from mechsim.studies.scene import errors_of, limit_of, stepped
+from mechsim.studies.scene.converged_reference import HARDEST
+from mechsim.studies.scene.settings import PlainSettings
+from mechsim.studies.scene.write_tuned import python_of, tuned_text, written
 
 MOTION = "0.5*sin(2*pi*t)"
 HARD = PlainSettings(timestep=0.001, integrator="implicitfast", solref=(0.003, 1.0), solimp=HARDEST)

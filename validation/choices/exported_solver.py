@@ -25,8 +25,8 @@ from mechsim.model.scene import Scene
 from mechsim.pictures.render.exported_scene import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.scenes import errors_of, step_times, stepped
-from mechsim.studies.scenes.plain_settings import PlainSettings
+from mechsim.studies.scene import errors_of, step_times, stepped
+from mechsim.studies.scene.settings import PlainSettings
 from mechsim.subjects.readers import load
 
 SETTINGS = {

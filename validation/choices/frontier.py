@@ -31,7 +31,7 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States, evaluate
 from mechsim.studies.tradeoff import Subject, build_model, families, subject_of
-from mechsim.studies.tradeoff.built_model import SAMPLES
+from mechsim.studies.tradeoff.models import SAMPLES
 
 SPEED = 20.0 * np.pi
 STEPS = (72, 144, 288, 720, 1440, 2880, 5760, 11520, 23040)

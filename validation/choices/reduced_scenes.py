@@ -28,9 +28,8 @@ from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.reduction import reduced
 from mechsim.studies.reduction.evaluator import Evaluator
-from mechsim.studies.reduction.normalised import normalised
-from mechsim.studies.reduction.other_motions import other_motion
-from mechsim.studies.scenes import UserScene
+from mechsim.studies.reduction.reduced_scene import normalised, other_motion
+from mechsim.studies.scene import UserScene
 
 Array = NDArray[np.float64]
 PART, FASTER = 1e-4, 2.0
@@ -46,7 +45,7 @@ def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
     if scene.drive:
         evaluator = Evaluator(moved, full, tracked)
         return evaluator.errors(
-            evaluator.scene(mujoco.MjSpec.from_string(text)), all_of_them=False
+            evaluator.scene(mujoco.MjSpec.from_string(text)), compare_forces=False
         ).trajectory
     lean = mujoco.MjModel.from_xml_string(text)
     stride = round(float(lean.opt.timestep / named.opt.timestep))

@@ -27,8 +27,8 @@ from mechsim.simulation import mjcf
 from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.recorded_motion import add_sensors
-from mechsim.studies.scenes import scene_of
-from mechsim.studies.tradeoff.scene_costs import scene_costs
+from mechsim.studies.reduction.scene_costs import scene_costs
+from mechsim.studies.scene import scene_of
 from mechsim.subjects.readers import load
 
 STEPS, ROUNDS = 720, 41

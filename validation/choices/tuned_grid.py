@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.studies.scenes import SceneRun, UserScene, errors_of, step_times, stepped
-from mechsim.studies.scenes.plain_settings import PlainSettings
-from mechsim.studies.scenes.scene_limit import HARDEST
-from mechsim.studies.tuning.step_ladder import quickest
+from mechsim.studies.scene import SceneRun, UserScene, errors_of, step_times, stepped
+from mechsim.studies.scene.converged_reference import HARDEST
+from mechsim.studies.scene.settings import PlainSettings
+from mechsim.studies.scene.step_sizes import quickest
 
 # steps in those of the file's own, each so many times shorter than the one before
 LONGEST, SHORTER, SHORTEST = 20.0, 1.2, 0.01

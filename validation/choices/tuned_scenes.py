@@ -27,11 +27,16 @@ from tuned_grid import quickest_kept
 from mechsim.cli.scene_options import expressions, user_scene
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.scenes import UserScene, begun_closed, scene_limit, start_error, step_times
-from mechsim.studies.tuning import search
-from mechsim.studies.tuning.run_lines import python_of
-from mechsim.studies.tuning.search import SECONDS, SceneTrial, Tuned, tuned
-from mechsim.studies.tuning.tuned_file import tuned_text, written
+from mechsim.studies.scene import (
+    UserScene,
+    begun_closed,
+    converged_reference,
+    search,
+    start_error,
+    step_times,
+)
+from mechsim.studies.scene.tune import SECONDS, SceneTrial, Tuned, tuned
+from mechsim.studies.scene.write_tuned import python_of, tuned_text, written
 
 # how much longer the run from outside is; the most that is paid over the best, and a search may take, in [s]
 LONGER, DEARER, SLOWEST = 1.5, 1.5, 60.0
@@ -106,7 +111,7 @@ def main() -> int:
     asked.add_argument("--exhaustive", action="store_true")
     told = asked.parse_args()
     # searches are counted in processor time, of which other programs take none
-    search.perf_counter = scene_limit.perf_counter = process_time  # pyright: ignore[reportPrivateImportUsage]
+    search.perf_counter = converged_reference.perf_counter = process_time  # pyright: ignore[reportPrivateImportUsage]
     print("scene".ljust(20), *(name.rjust(width) for name, width in zip(HEAD, WIDTHS, strict=True)))
     count = Count()
     with tempfile.TemporaryDirectory() as folder:

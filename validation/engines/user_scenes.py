@@ -21,8 +21,8 @@ import sheet
 from engines import Engine, installed
 
 from mechsim.simulation import mjcf
-from mechsim.studies.scenes import UserScene, scene_of
-from mechsim.studies.scenes.scene_run import SceneRun
+from mechsim.studies.scene import UserScene, scene_of
+from mechsim.studies.scene.evaluator import SceneRun
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.readers import load
 

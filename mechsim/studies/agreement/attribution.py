@@ -18,10 +18,10 @@ from mechsim.studies.agreement.discrepancy import Scales, errors
 from mechsim.studies.agreement.evaluation_points import Comparand
 from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of, simulated
-from mechsim.studies.scenes.published_run import published_scene
-from mechsim.studies.scenes.scene_limit import interpolated
-from mechsim.studies.scenes.scene_run import SceneRun, stepped
-from mechsim.studies.scenes.user_scene import UserScene
+from mechsim.studies.scene.converged_reference import interpolated
+from mechsim.studies.scene.evaluator import SceneRun, stepped
+from mechsim.studies.scene.published_run import published_scene
+from mechsim.studies.scene.scene import UserScene
 from mechsim.subjects.mjcf_source import MjcfForm
 
 # steps a turn of a mechanism's own model, and how much finer the second run is

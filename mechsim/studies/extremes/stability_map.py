@@ -9,8 +9,8 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.studies.extremes import long_runs, scaled, towards_singular
-from mechsim.studies.extremes.long_runs import Drift
+from mechsim.studies.extremes import axes
+from mechsim.studies.extremes.axes import Drift
 from mechsim.studies.extremes.trial import Border, Trial, pushed
 
 # name of an axis -> what it is, with its unit
@@ -81,18 +81,18 @@ def pushes_of(drive: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[
     coarse = 2 if quick else 1
     most = 4 if quick else 5
     pushes: list[tuple[str, Push, Sequence[float]]] = [
-        ("steps", scaled.steps, [10.0**most, *([1e4] if most > 4 else []), 1e3, 100.0, 50.0, 20.0, 10.0]),
-        ("speed", scaled.speed, [1.0, 1e3, 1e5, 1e6, 1e7]),
-        ("size", scaled.size, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
-        ("size", scaled.size, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
-        ("mass ratio", scaled.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
-        ("mass ratio", scaled.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
+        ("steps", axes.steps, [10.0**most, *([1e4] if most > 4 else []), 1e3, 100.0, 50.0, 20.0, 10.0]),
+        ("speed", axes.speed, [1.0, 1e3, 1e5, 1e6, 1e7]),
+        ("size", axes.size, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
+        ("size", axes.size, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
+        ("mass ratio", axes.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
+        ("mass ratio", axes.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
     ]
     if drive.swinging:
         near = _decades(1e-12, 1e-1, 3 if quick else 1)[::-1]
         for method in ("pose", "step"):
             pushes.append(("dead centre", partial(_dead_centre, method=method, beyond=False), near))
-            pushes.append(("near tangent", partial(towards_singular.tangent, method=method), near))
+            pushes.append(("near tangent", partial(axes.tangent, method=method), near))
         pushes.append(
             (
                 "beyond dead centre",
@@ -102,12 +102,12 @@ def pushes_of(drive: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[
         )
     for seed in range(2 if quick else 6):
         far = [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0]
-        pushes.append(("far start", partial(towards_singular.far_start, seed=seed), far))
+        pushes.append(("far start", partial(axes.far_start, seed=seed), far))
     return pushes
 
 
 def _dead_centre(drive: ClosedForm, value: float, method: str, beyond: bool) -> Trial:
-    return towards_singular.dead_centre(drive, value, method, beyond)
+    return axes.dead_centre(drive, value, method, beyond)
 
 
 def study(
@@ -132,14 +132,12 @@ def study(
             found.borders += borders if axis != "far start" else []
             done(f"{name}: {axis}")
         found.trials += [
-            towards_singular.change_point(drive, which, on)
-            for which in drive.laid_flat
-            for on in (True, False)
+            axes.change_point(drive, which, on) for which in drive.laid_flat for on in (True, False)
         ]
         if drive.gear:
-            found.trials += [long_runs.gears(drive, ratio) for ratio in _ratios(RATIOS[0 if quick else 1])]
+            found.trials += [axes.gears(drive, ratio) for ratio in _ratios(RATIOS[0 if quick else 1])]
         if drive.long_runs:
-            found.drifts.append(long_runs.drift(drive, TURNS[0 if quick else 1]))
+            found.drifts.append(axes.drift(drive, TURNS[0 if quick else 1]))
             done(f"{name}: {found.drifts[-1].turns:g} turns")
     return found
 

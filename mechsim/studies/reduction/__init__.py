@@ -2,7 +2,6 @@
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.studies.reduction.evaluator import ReducedErrors
-from mechsim.studies.reduction.report_comment import with_comment
-from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduced
+from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduced, with_comment
 
 __all__ = ["By", "LeftOut", "ReducedErrors", "Reduction", "reduced", "with_comment"]

@@ -11,11 +11,10 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.reduction.reduced_scene import ReducedScene, reduced_scene
-from mechsim.studies.scenes.scene_errors import worst_distance
-from mechsim.studies.scenes.scene_limit import interpolated
-from mechsim.studies.scenes.scene_run import SceneRun, stepped
-from mechsim.studies.scenes.step_time import step_times
-from mechsim.studies.scenes.user_scene import UserScene
+from mechsim.studies.scene.converged_reference import interpolated
+from mechsim.studies.scene.errors import worst_distance
+from mechsim.studies.scene.evaluator import SceneRun, step_times, stepped
+from mechsim.studies.scene.scene import UserScene
 
 Tracked = Mapping[str, tuple[str, Array]]
 # number of instants at which energies are compared

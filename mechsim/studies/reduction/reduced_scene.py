@@ -1,16 +1,20 @@
-"""A reduced scene, which lacks elements of the full one, over the same motion."""
+"""Reduced scenes: the normalised full scene, scenes without some of its elements, and other motions."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.studies.scenes.user_scene import UserScene, as_exact
+from mechsim.simulation.mjcf_reader.element_names import name_elements
+from mechsim.studies.scene.scene import UserScene, as_exact
 
 
 @dataclass(frozen=True)
@@ -109,3 +113,133 @@ def _body(model: mujoco.MjModel, name: str) -> int:
     if index < 0:
         raise ValueError(f"body {name} carries a tracked point and cannot be removed")
     return index
+
+
+CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
+BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
+
+
+def normalised(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return a copy in which every element has a name and connects and welds join sites.
+
+    Between bodies the compiler would compute the anchors anew from the pose of the reduced scene. The
+    simulation of the copy is the same.
+    """
+    copy = spec.copy()
+    for key in list(copy.keys):  # they do not fit a scene without all joints
+        copy.delete(key)
+    name_elements(copy)
+    for elements, what in (
+        (copy.geoms, "geom"),
+        (copy.sites, "site"),
+        (copy.actuators, "actuator"),
+        (copy.tendons, "tendon"),
+        (copy.sensors, "sensor"),
+    ):
+        _name_elements(elements, what)
+    _close_between_sites(copy)
+    return copy
+
+
+def _name_elements(elements: Sequence[Any], what: str) -> None:
+    """Name unnamed elements by their numbers, as MuJoCo's own programs do."""
+    used = {element.name for element in elements}
+    for number, element in enumerate(elements, 1):
+        if not element.name:
+            names = (f"{what}{number}" if i == 1 else f"{what}{number}_{i}" for i in count(1))
+            element.name = next(name for name in names if name not in used)
+            used.add(element.name)
+
+
+def _close_between_sites(spec: mujoco.MjSpec) -> None:
+    model = plainly_compiled(spec)
+    bodies = {body.name: body for body in spec.bodies}
+    for number, equality in enumerate(list(spec.equalities)):
+        if equality.type not in (CONNECT, WELD) or equality.objtype != BODY:
+            continue
+        data, weld = model.eq_data[number], equality.type == WELD
+        # of a weld the anchor comes first, in body 2; then where body 2 is in body 1
+        positions = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
+        rotations = (data[6:10] if weld else _identity(), _identity())
+        ends = (model.eq_obj1id[number], max(int(model.eq_obj2id[number]), 0))
+        names: list[str] = []
+        for end, position, rotation in zip(ends, positions, rotations, strict=True):
+            body = bodies[model.body(int(end)).name]
+            name = f"{equality.name}@{body.name}"
+            while spec.site(name) is not None:
+                name += "'"
+            body.add_site(name=name, pos=position, quat=rotation, group=5)
+            names.append(name)
+        equality.name1, equality.name2 = names
+        equality.objtype = SITE
+        equality.data = np.concatenate([np.zeros(10), data[10:]]) if weld else np.zeros(len(data))
+
+
+def _identity() -> Array:
+    return np.array([1.0, 0.0, 0.0, 0.0])
+
+
+# range of the second motion relative to the user's, and the relative variation of its speed
+RANGE_RATIO, SPEED_VARIATION = 0.9, 0.3
+# the same for the second motion to which longer steps are fitted
+FITTED_RANGE_RATIO, FITTED_SPEED_VARIATION = 0.6, -0.3
+
+
+def second_motion(scene: UserScene) -> UserScene:
+    """Return a scene over a second motion from the same start; only the final check uses it."""
+    return other_motion(scene, RANGE_RATIO, SPEED_VARIATION)
+
+
+def motion_to_fit(scene: UserScene) -> UserScene:
+    """Return a scene over another motion from the same start, for fitting."""
+    return other_motion(scene, FITTED_RANGE_RATIO, FITTED_SPEED_VARIATION)
+
+
+def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -> UserScene:
+    """Return a scene over its motion with another range and speed, from the same start.
+
+    Args:
+        scene: with its motion.
+        range_ratio: range relative to that of the motion.
+        speed_variation: largest relative change of the speed.
+    """
+    count = len(scene.drive)
+    motion_laws = [
+        {
+            name: _warped_law(state, scene.duration, number, range_ratio, speed_variation)
+            for number, (name, state) in enumerate(states.items(), first)
+        }
+        for states, first in ((scene.drive, 0), (scene.ctrl, count))
+    ]
+    qpos, qvel = scene.start
+    # rates that keep loops closed are proportional to the driver speeds
+    return replace(
+        scene,
+        drive=motion_laws[0],
+        ctrl=motion_laws[1],
+        start=(qpos, range_ratio * qvel if scene.drive else qvel),
+    )
+
+
+def _warped_law(
+    state: State, duration: float, number: int, range_ratio: float, speed_variation: float
+) -> State:
+    """Return a motion law whose time runs at 1 - speed_variation sin(w t) and ends at the same value.
+
+    The number selects the frequency w.
+    """
+    w = 2.0 * np.pi * (1 + number % 3) / duration
+
+    def other(time: Array) -> tuple[Array, Array, Array]:
+        time = np.asarray(time, dtype=np.float64)
+        warped = time - speed_variation / w * (1.0 - np.cos(w * time))
+        speed, speed_rate = 1.0 - speed_variation * np.sin(w * time), -speed_variation * w * np.cos(w * time)
+        value, rate, acceleration = (np.broadcast_to(values, time.shape) for values in state(warped))
+        start = state(np.zeros(1))[0][0]
+        return (
+            start + range_ratio * (value - start),
+            range_ratio * rate * speed,
+            range_ratio * (acceleration * speed**2 + rate * speed_rate),
+        )
+
+    return other

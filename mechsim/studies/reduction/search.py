@@ -11,17 +11,14 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
-from mechsim.studies.reduction import stepping, table
-from mechsim.studies.reduction.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction.candidates import CATEGORIES
+from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps
 from mechsim.studies.reduction.evaluator import DIVERGED, Evaluator, ReducedErrors, time_ratios
-from mechsim.studies.reduction.evidence import Evidence, observe
-from mechsim.studies.reduction.model_parameters import Parameter
-from mechsim.studies.reduction.normalised import normalised
-from mechsim.studies.reduction.other_motions import motion_to_fit, second_motion
-from mechsim.studies.reduction.reduced_scene import ReducedScene
-from mechsim.studies.reduction.refit import refit
-from mechsim.studies.reduction.stepping import LONGER_STEPS
-from mechsim.studies.scenes import UserScene
+from mechsim.studies.reduction.fit_parameters import Parameter, refit
+from mechsim.studies.reduction.observations import Evidence, observe
+from mechsim.studies.reduction.reduced_scene import ReducedScene, motion_to_fit, normalised, second_motion
+from mechsim.studies.scene import UserScene
 
 By = Literal["trajectory", "torque"]
 # fraction of the tolerance that the reduced scene may use on the user's motion
@@ -185,10 +182,10 @@ class _Search:
     def categories(self, start: float, *, costly: bool) -> None:
         """Try all categories; with `costly` also candidates that cost accuracy."""
         self.costly = costly
-        for number, propose in enumerate(table.CATEGORIES):
+        for number, propose in enumerate(CATEGORIES):
             self.progress(
                 propose.__module__.rpartition(".")[2].replace("_", " "),
-                start + 0.2 * number / len(table.CATEGORIES),
+                start + 0.2 * number / len(CATEGORIES),
             )
             for candidate in propose(self.observe(self.spec)):
                 self.together(candidate)
@@ -226,7 +223,7 @@ class _Search:
     def coarser(self, start: float) -> None:
         """Take the cheapest steps within the tolerance; keep the next ones in case verification fails."""
         kept: list[_Kept] = []
-        options = table.STEPPING(self.observe(self.spec))
+        options = longer_steps(self.observe(self.spec))
         for number, candidate in enumerate(options):
             self.progress(candidate.what, start + 0.2 * number / len(options))
             if (tried := self.trial(candidate)) is not None:
@@ -275,7 +272,7 @@ class _Search:
         to_fit = Evaluator(motion_to_fit(evaluator.motion), evaluator.spec, evaluator.tracked)
         observed, values = self.observe(self.spec), dict[Parameter, float]()
         step = float(self.spec.option.timestep)
-        for times in (times for times in stepping.STEP_RATIOS if times > 1 and times * step >= longest):
+        for times in (times for times in STEP_RATIOS if times > 1 and times * step >= longest):
             self.progress(f"{step * times:g} s, parameters fitted", start)
             fit = None if to_fit.run.broken else refit((evaluator, to_fit), observed, times, values)
             tried = None if fit is None else self.trial(fit.candidate)
@@ -361,3 +358,38 @@ class _Search:
             return evaluator.errors(evaluator.scene(spec))
         except ValueError:
             return DIVERGED
+
+
+def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -> str:
+    """Return the MJCF of a reduced scene below a comment that lists what was removed and its cost.
+
+    Args:
+        reduction: the reduced scene.
+        name: of the full scene's file.
+        tolerance: that is satisfied.
+        unit: of it.
+    """
+    first, second = (errors.by(reduction.by) for errors in reduction.errors)
+    lines = [
+        f"Reduced from {name}: {reduction.speedup:.3g} times as fast as it.",
+        f"After each of its steps within {first:.2g} {unit} of it over the motion it was reduced for, "
+        f"{second:.2g} {unit} over another; the tolerance is {tolerance:.3g} {unit}.",
+        f"Over these motions forces differ by up to {max(errors.torque for errors in reduction.errors):.2g} "
+        f"(N m, N), changes of energy by up to {max(errors.energy for errors in reduction.errors):.2g} J.",
+        "Left out, with the error of each alone and its time relative to the full scene's:"
+        if reduction.left_out
+        else "Nothing was left out: no candidate kept the tolerance and saved time.",
+    ]
+    lines += [f"  {line(item, reduction.by, unit)}" for item in reduction.left_out]
+    lines += [f"Taken back, since the result exceeded the tolerance: {what}" for what in reduction.undone]
+    # a comment must not hold two dashes in a row
+    text = "\n".join(f"  {item}" for item in lines).replace("--", "- -")
+    return f"<!--\n{text}\n-->\n{reduction.text}"
+
+
+def line(item: LeftOut, by: str, unit: str) -> str:
+    """Return the line of an applied candidate."""
+    error, ratio = item.alone_errors.by(by), item.time_ratio
+    if not error < float("inf"):
+        return f"{item.candidate.what}; alone it does not apply, together {item.error:.2g} {unit}"
+    return f"{item.candidate.what}; {error:.2g} {unit}, {ratio:.3g}"

@@ -1,10 +1,9 @@
 """Speed against accuracy, measured: the ladder of settings, the trials, and what they recommend."""
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
-from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
-from mechsim.studies.tradeoff.ladder import DEFAULTS, STEPS, Family, families
-from mechsim.studies.tradeoff.model_builds import Build
-from mechsim.studies.tradeoff.pace import Budget
+from mechsim.studies.budget import Budget
+from mechsim.studies.tradeoff.families import DEFAULTS, STEPS, Build, Family, families
+from mechsim.studies.tradeoff.models import BuiltModel, build_model
 from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
 from mechsim.studies.tradeoff.trials import measure
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff, write_csv

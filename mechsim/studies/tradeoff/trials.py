@@ -11,10 +11,9 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf import quiet
-from mechsim.studies.tradeoff.built_model import BuiltModel, build_model
-from mechsim.studies.tradeoff.ladder import DEFAULTS, HARD, STEPS, Family, families
-from mechsim.studies.tradeoff.model_builds import Build
-from mechsim.studies.tradeoff.pace import Budget, Pace
+from mechsim.studies.budget import Budget, TrialTimes
+from mechsim.studies.tradeoff.families import DEFAULTS, HARD, STEPS, Build, Family, families
+from mechsim.studies.tradeoff.models import BuiltModel, build_model
 from mechsim.studies.tradeoff.subject import Subject
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff
 
@@ -75,7 +74,7 @@ class _Trials:
         self.turns = subject.built.profile.turns
         self.models: dict[Build, BuiltModel | None] = {subject.built.build: subject.built}
         self.points: dict[int, Point] = {}
-        self.pace = Pace()
+        self.pace = TrialTimes()
         self.pace.built(subject.built.seconds)
 
     def named(self, name: str) -> list[Family]:
@@ -92,7 +91,7 @@ class _Trials:
         if n > self.subject.reference.most_steps:
             return False
         expected = self.pace.trial(family.build, family.at(n, self.subject.speed), self.turns)
-        return expected <= self.budget.left - kept
+        return expected <= self.budget.remaining - kept
 
     def trial(self, i: int) -> None:
         """Make a trial, if its model can be made."""
@@ -106,7 +105,7 @@ class _Trials:
         errors = self.subject.errors(motion)
         self.pace.learn(family.build, settings, self.turns, seconds, process_time() - begun)
         self.points[i] = Point(family, settings, errors, [seconds / self.turns])
-        self.tell(self.budget.part, f"{family.name}, {n} steps")
+        self.tell(self.budget.fraction, f"{family.name}, {n} steps")
 
     def time_again(self, random: np.random.Generator) -> None:
         """Time the points that matter again, each round in a new order, as long as there is time left."""
@@ -115,10 +114,10 @@ class _Trials:
             for i in random.permutation(len(near)):
                 point = near[i]
                 model = self.models[point.family.build]
-                if model is None or self._expected(point) > self.budget.left:
+                if model is None or self._expected(point) > self.budget.remaining:
                     continue
                 point.times.append(model.stepped(point.settings)[1].processor / self.turns)
-                self.tell(self.budget.part, f"timing, round {number + 1}")
+                self.tell(self.budget.fraction, f"timing, round {number + 1}")
 
     def found(self) -> Tradeoff:
         """Return what was measured, and how much was not."""

@@ -1,0 +1,38 @@
+"""Candidates for removal by category, in the order in which the search tries them."""
+
+from collections.abc import Callable
+
+from mechsim.studies.reduction.candidates.bodies import disconnected_bodies, fused_bodies, locked_joints
+from mechsim.studies.reduction.candidates.candidate import Candidate
+from mechsim.studies.reduction.candidates.elements import (
+    actuators,
+    contacts,
+    limits,
+    redundant_equalities,
+    springs,
+    visual_elements,
+)
+from mechsim.studies.reduction.candidates.joint_polynomials import loops_as_polynomials
+from mechsim.studies.reduction.candidates.mirrored_mechanisms import mirrored_mechanisms
+from mechsim.studies.reduction.candidates.rods import passive_chains, rods_as_lengths
+from mechsim.studies.reduction.candidates.stepping import cheaper_steps
+from mechsim.studies.reduction.observations import Evidence
+
+CATEGORIES: tuple[Callable[[Evidence], list[Candidate]], ...] = (
+    contacts,
+    visual_elements,
+    limits,
+    actuators,
+    disconnected_bodies,
+    mirrored_mechanisms,
+    redundant_equalities,
+    locked_joints,
+    passive_chains,
+    loops_as_polynomials,
+    rods_as_lengths,
+    fused_bodies,
+    springs,
+    cheaper_steps,
+)
+# elements that cost time and act on nothing
+VISUAL_ONLY = (visual_elements, limits, redundant_equalities, fused_bodies)

@@ -1,0 +1,260 @@
+"""Candidates among bodies: joints that hardly move, disconnected bodies, bodies without joints."""
+
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text, name_list
+from mechsim.studies.reduction.observations import Evidence
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+LOCKED = "locked joints"
+SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+# largest displacement of a joint that is proposed, in [rad] or characteristic lengths
+MAX_DISPLACEMENT = 0.02
+
+
+def locked_joints(observed: Evidence) -> list[Candidate]:
+    """Propose to lock each hinge and slide that hardly moves, the smallest displacement first."""
+    candidates: list[tuple[float, Candidate]] = []
+    for joint in observed.spec.joints:
+        if joint.type not in SINGLE or joint.name in observed.scene.drive:
+            continue
+        values = observed.values(joint.name)
+        unit = observed.length if joint.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
+        displacement = float(np.ptp(values)) / unit
+        if displacement > MAX_DISPLACEMENT:
+            continue
+        middle = 0.5 * float(values.min() + values.max())
+        distance = f"{displacement * unit:.2g} {'rad' if unit == 1.0 else 'm'}"
+        what = f"joint {joint.name}, which moved by {distance}: locked"
+        edit = lambda spec, name=joint.name, value=middle: fuse(spec, name, value)  # noqa: E731
+        candidates.append((displacement, Candidate(LOCKED, what, edit)))
+    return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
+
+
+def fuse(spec: mujoco.MjSpec, name: str, value: float) -> None:
+    """Remove a hinge or slide that nothing acts on; its body keeps the pose of a joint value.
+
+    Raises:
+        NotApplicable: if there is no such joint, something acts on it, or its body has other joints, which
+            would move with the body.
+    """
+    if spec.joint(name) is None:
+        raise NotApplicable(f"joint {name} is removed already")
+    require_unused(spec, name)
+    fuse_joint_at(spec, name, np.array([value]))
+
+
+def fuse_joint_at(spec: mujoco.MjSpec, name: str, value: Array) -> None:
+    """Remove a joint; its body keeps the pose of joint coordinates, (1,) or of a ball (4,).
+
+    Raises:
+        NotApplicable: if its body has other joints, which would move with the body.
+    """
+    joint = spec.joint(name)
+    model = plainly_compiled(spec)
+    data, own = mujoco.MjData(model), model.joint(name)
+    address = slice(int(own.qposadr[0]), int(own.qposadr[0]) + len(value))
+    body = int(own.bodyid[0])
+    if model.body_jntnum[body] > 1 and not np.array_equal(value, model.qpos0[address]):
+        raise NotApplicable(f"joint {name} is one of several of a body, and not where it is at rest")
+    data.qpos[address] = value
+    mujoco.mj_kinematics(model, data)
+    parent = int(model.body_parentid[body])
+    rotation = data.xmat[parent].reshape(3, 3)
+    model.body_pos[body] = rotation.T @ (data.xpos[body] - data.xpos[parent])
+    inverse = np.empty(4)
+    mujoco.mju_negQuat(inverse, data.xquat[parent])
+    mujoco.mju_mulQuat(model.body_quat[body], inverse, data.xquat[body])
+    spec.copy_back(model)
+    spec.delete(joint)
+
+
+def require_unused(spec: mujoco.MjSpec, name: str) -> None:
+    """Reject a joint that an actuator, a tendon or a joint equality uses.
+
+    Raises:
+        NotApplicable: naming what uses it.
+    """
+    for actuator in spec.actuators:
+        if actuator.trntype != mujoco.mjtTrn.mjTRN_TENDON and actuator.target == name:
+            raise NotApplicable(f"actuator {actuator.name} acts on joint {name}")
+    for tendon in spec.tendons:
+        if name in joints_of(tendon):
+            raise NotApplicable(f"tendon {tendon.name} acts on joint {name}")
+    for equality in spec.equalities:
+        if equality.type == mujoco.mjtEq.mjEQ_JOINT and name in (equality.name1, equality.name2):
+            raise NotApplicable(f"equality {equality.name} couples joint {name}")
+
+
+def joints_of(tendon: mujoco.MjsTendon) -> dict[str, float]:
+    """Return the joints of a fixed tendon and their coefficients; none for a spatial tendon."""
+    return {
+        wrap.target.name: float(wrap.coef) for wrap in tendon.path if wrap.type == mujoco.mjtWrap.mjWRAP_JOINT
+    }
+
+
+DISCONNECTED = "disconnected bodies"
+TENDON, JOINT = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtEq.mjEQ_JOINT
+
+
+def disconnected_bodies(observed: Evidence) -> list[Candidate]:
+    """Propose to remove all bodies that only the world connects to the tracked or driven bodies."""
+    import networkx as nx
+
+    graph = ties(observed)
+    kept = set[str]()
+    for name in (*observed.tracked, *needed_bodies(observed)):
+        if name in graph:
+            kept |= nx.node_connected_component(graph, name)
+    roots = [
+        body.name
+        for body in observed.spec.worldbody.bodies
+        if body.name not in kept and not _below(body) & kept
+    ]
+    roots += [
+        body.name
+        for above in _fixed(observed)
+        for body in above.bodies
+        if body.name not in kept and not _below(body) & kept and body.name not in roots
+    ]
+    moving = [name for name in roots if _moves(observed, name)]
+    if not moving:
+        return []
+    what = f"{count_text(len(moving), 'part')} that nothing connects to what is tracked: {name_list(moving)}"
+    return [Candidate(DISCONNECTED, what, lambda spec: _without(spec, moving))]
+
+
+def ties(observed: Evidence) -> "nx.Graph[str]":
+    """Return the graph of bodies that interact, bodies that cannot move left out."""
+    import networkx as nx
+
+    model = observed.model
+    graph: nx.Graph[str] = nx.Graph()
+    still = {0}
+    for body in range(1, model.nbody):
+        above = int(model.body_parentid[body])
+        if above in still and not model.body_jntnum[body]:
+            still.add(body)
+            continue
+        graph.add_node(model.body(body).name)
+        if above not in still:
+            graph.add_edge(model.body(body).name, model.body(above).name)
+    for group in (*_equalities(observed.spec), *_tendons(observed.spec)):
+        inside = [name for name in group if name in graph]
+        nx.add_path(graph, inside)
+    touching = [
+        body_of(observed.spec.geom(name)) for name in observed.touched if observed.spec.geom(name) is not None
+    ]
+    nx.add_path(graph, [name for name in touching if name in graph])
+    return graph
+
+
+def needed_bodies(observed: Evidence) -> set[str]:
+    """Return the bodies of driven joints and of actuators that have a motion law."""
+    spec, bodies = observed.spec, set[str]()
+    for name in observed.scene.drive:
+        bodies.add(body_of(spec.joint(name)))
+    for name in observed.scene.ctrl:
+        bodies |= bodies_of(spec, spec.actuator(name))
+    return bodies
+
+
+def bodies_of(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> set[str]:
+    """Return the bodies on which an actuator acts."""
+    kind = actuator.trntype
+    if kind == mujoco.mjtTrn.mjTRN_TENDON:
+        return set(_tendon_bodies(spec.tendon(actuator.target)))
+    if kind == mujoco.mjtTrn.mjTRN_BODY:
+        return {actuator.target}
+    if kind in (mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK):
+        return {body_of(spec.site(actuator.target))}
+    return {body_of(spec.joint(actuator.target))}
+
+
+def _equalities(spec: mujoco.MjSpec) -> list[list[str]]:
+    """Return the bodies that each equality couples."""
+    groups: list[list[str]] = []
+    for equality in spec.equalities:
+        names = [name for name in (equality.name1, equality.name2) if name]
+        if equality.type == JOINT:
+            groups.append([body_of(spec.joint(name)) for name in names])
+        elif equality.type == TENDON:
+            groups.append([body for name in names for body in _tendon_bodies(spec.tendon(name))])
+        elif equality.objtype == mujoco.mjtObj.mjOBJ_SITE:
+            groups.append([body_of(spec.site(name)) for name in names])
+        else:
+            groups.append(names)
+    return groups
+
+
+def _tendons(spec: mujoco.MjSpec) -> list[list[str]]:
+    return [_tendon_bodies(tendon) for tendon in spec.tendons]
+
+
+def _tendon_bodies(tendon: mujoco.MjsTendon) -> list[str]:
+    """Return the bodies that a tendon acts on."""
+    if joints_of(tendon):
+        return [body_of(wrap.target) for wrap in tendon.path]
+    return [body_of(wrap.target) for wrap in tendon.path if hasattr(wrap.target, "parent")]
+
+
+def body_of(element: "mujoco.MjsJoint | mujoco.MjsSite | mujoco.MjsGeom") -> str:
+    """Return the body of a joint, a site or a geom."""
+    return str(element.parent.name)
+
+
+def _below(body: mujoco.MjsBody) -> set[str]:
+    return {child.name for child in body.find_all("body")}
+
+
+def _fixed(observed: Evidence) -> list[mujoco.MjsBody]:
+    """Return the bodies that cannot move."""
+    model = observed.model
+    still = {0}
+    for body in range(1, model.nbody):
+        if int(model.body_parentid[body]) in still and not model.body_jntnum[body]:
+            still.add(body)
+    return [observed.spec.body(model.body(body).name) for body in sorted(still) if body]
+
+
+def _moves(observed: Evidence, name: str) -> bool:
+    body = observed.spec.body(name)
+    return bool(body.joints) or any(child.joints for child in body.find_all("body"))
+
+
+def _without(spec: mujoco.MjSpec, names: list[str]) -> None:
+    for name in names:
+        body = spec.body(name)
+        if body is None:
+            raise NotApplicable(f"body {name} is removed already")
+        spec.delete(body)
+
+
+FUSED = "fused bodies"
+
+
+def fused_bodies(observed: Evidence) -> list[Candidate]:
+    """Propose to fuse all bodies without joints with their parents, except tracked bodies."""
+    bodies = [
+        body
+        for body in list(observed.spec.bodies)[1:]
+        if not body.joints and body.name not in observed.tracked
+    ]
+    if not bodies:
+        return []
+    what = f"{count_text(len(bodies), 'body', 'bodies')} without joints, fused with their parents"
+    return [Candidate(FUSED, what, lambda spec: _fused(spec, observed.tracked))]
+
+
+def _fused(spec: mujoco.MjSpec, tracked: frozenset[str]) -> None:
+    for name in tracked:
+        spec.body(name).fuse = 0
+    if not spec.fuse_static():
+        raise NotApplicable("no body can be fused")

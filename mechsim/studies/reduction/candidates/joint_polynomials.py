@@ -1,0 +1,230 @@
+"""Loops replaced by joint equalities: each joint as a minimax polynomial of one joint.
+
+Removed bodies are compensated at that joint: reflected inertia by armature, weight and springs by a joint
+spring, dampers by joint damping.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import mujoco
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.studies.reduction.candidates.bodies import body_of, joints_of
+from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text
+from mechsim.studies.reduction.candidates.rods import kept_bodies
+from mechsim.studies.reduction.observations import Evidence
+
+POLYNOMIALS = "loops as polynomials"
+# highest degree that a joint equality of MJCF takes
+DEGREE = 4
+SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+# hardest impedance, and time constant in steps, of the equalities that replace loops
+HARDEST, CONSTANT = (0.9999, 0.9999, 0.001, 0.5, 2.0), 2.0
+# samples by which reflected inertia and springs are fitted
+FIT_SAMPLES = 41
+
+
+@dataclass(frozen=True)
+class JointPolynomials:
+    """Polynomials of all joints of a scene in one leading joint.
+
+    Attributes:
+        joint: the leading joint.
+        others: joint -> polynomial of the leading coordinate, degree 0 to 4, both relative to `qpos0`.
+        low: smallest coordinate of the leading joint in the motion.
+        high: largest.
+    """
+
+    joint: str
+    others: dict[str, Polynomial]
+    low: float
+    high: float
+
+
+def loops_as_polynomials(observed: Evidence) -> list[Candidate]:
+    """Propose to replace all loops by polynomials of one joint, with all bodies or only those needed."""
+    if not any(relations.type != mujoco.mjtEq.mjEQ_JOINT for relations in observed.spec.equalities):
+        return []
+    candidates: list[Candidate] = []
+    for joint in _leaders(observed):
+        relations = joint_polynomials_of(observed, joint)
+        if relations is None:
+            continue
+        needed = _needed(observed, relations)
+        for kept in dict.fromkeys((needed, frozenset(relations.others))):
+            degrees = sorted(
+                {polynomial.degree() for name, polynomial in relations.others.items() if name in kept}
+            )
+            text = f"{count_text(len(kept), 'joint')} by polynomials of {joint} of degrees {degrees}"
+            what = f"{count_text(len(observed.spec.equalities), 'loop or tie', 'loops and ties')}: {text}"
+            candidates.append(
+                Candidate(POLYNOMIALS, what, partial(_replaced, relations=relations, kept=kept))
+            )
+    return candidates
+
+
+def _leaders(observed: Evidence) -> list[str]:
+    """Return the possible leading joints: the prescribed one, or those of the only actuator."""
+    spec, joints = observed.spec, list(observed.scene.drive)
+    for name in observed.scene.ctrl:
+        actuator = spec.actuator(name)
+        if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
+            joints += joints_of(spec.tendon(actuator.target))
+        elif actuator.trntype in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+            joints.append(actuator.target)
+    if len(observed.scene.drive) + len(observed.scene.ctrl) != 1:
+        return []
+    return joints
+
+
+def joint_polynomials_of(observed: Evidence, joint: str) -> JointPolynomials | None:
+    """Return all joints as polynomials of one; None if one is no hinge or slide, or no polynomial fits."""
+    spec, model = observed.spec, observed.model
+    if any(other.type not in SINGLE for other in spec.joints):
+        return None
+    zero = {other.name: float(model.qpos0[model.joint(other.name).qposadr[0]]) for other in spec.joints}
+    values = observed.values(joint) - zero[joint]
+    low, high = float(values.min()), float(values.max())
+    if not high - low > 0.0:
+        return None
+    others: dict[str, Polynomial] = {}
+    for other in spec.joints:
+        if other.name == joint:
+            continue
+        unit = observed.length if other.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
+        fit = best_polynomial(
+            values,
+            observed.values(other.name) - zero[other.name],
+            observed.tolerance / observed.length * unit,
+        )
+        if fit is None:
+            return None
+        others[other.name] = fit
+    return JointPolynomials(joint, others, low + zero[joint], high + zero[joint])
+
+
+def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
+    """Return the polynomial of least degree, 0 to 4, whose worst error over samples is near the least.
+
+    It is fitted in Chebyshev polynomials with weights that grow where the error is largest (Lawson), until
+    the worst error is that of the minimax polynomial to a few per cent.
+
+    Args:
+        x: samples, (n,).
+        y: values, (n,).
+        tolerance: the lowest degree with a tenth of this error is returned, otherwise the best.
+
+    Returns:
+        None if the best error exceeds a hundred tolerances.
+    """
+    domain = [float(x.min()), float(x.max())]
+    best: tuple[float, Polynomial] | None = None
+    for degree in range(DEGREE + 1):
+        weights = np.full(len(x), 1.0 / len(x))
+        for _ in range(20):
+            fit = Chebyshev.fit(x, y, degree, domain=domain, w=np.sqrt(weights))
+            error = np.abs(fit(x) - y)
+            worst = float(error.max())
+            if best is None or worst < best[0]:
+                best = worst, fit.convert(kind=Polynomial)
+            if not worst > 0.1 * tolerance:
+                break
+            weights *= error + 1e-3 * worst
+            weights /= weights.sum()
+        assert best is not None
+        if best[0] <= 0.1 * tolerance:
+            break
+    assert best is not None
+    return best[1] if best[0] <= 100.0 * tolerance else None
+
+
+def _needed(observed: Evidence, relations: JointPolynomials) -> frozenset[str]:
+    """Return the joints between the world and the tracked or actuated bodies."""
+    above: set[str] = set()
+    for name in kept_bodies(observed):
+        body = observed.spec.body(name)
+        while body is not None and body.name != "world":
+            above |= {joint.name for joint in body.joints}
+            body = body.parent
+    return frozenset(above & set(relations.others))
+
+
+def _replaced(spec: mujoco.MjSpec, relations: JointPolynomials, kept: frozenset[str]) -> None:
+    """Replace all loops by joint equalities; remove the other joints with their subtrees."""
+    if spec.joint(relations.joint) is None or any(spec.joint(name) is None for name in relations.others):
+        raise NotApplicable("a joint is removed already")
+    whole = plainly_compiled(spec)
+    before = [
+        reflected(whole, relations, value)
+        for value in np.linspace(relations.low, relations.high, FIT_SAMPLES)
+    ]
+    for equality in list(spec.equalities):
+        spec.delete(equality)
+    removed = [name for name in relations.others if name not in kept]
+    for name in removed:
+        joint = spec.joint(name)
+        if joint is not None:
+            if any(name in joints_of(tendon) for tendon in spec.tendons):
+                raise NotApplicable(f"a tendon acts on {name}")
+            spec.delete(spec.body(body_of(joint)))
+    for name in sorted(kept):
+        constraint = spec.add_equality(
+            name=f"{name}_of_{relations.joint}",
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            name1=name,
+            name2=relations.joint,
+            active=True,
+        )
+        data = np.zeros(len(constraint.data))
+        coefficients = relations.others[name].coef
+        data[: len(coefficients)] = coefficients
+        constraint.data = data
+        constraint.solref, constraint.solimp = (
+            np.array([CONSTANT * spec.option.timestep, 1.0]),
+            np.array(HARDEST),
+        )
+    if removed:
+        _compensate_losses(spec, relations, before)
+
+
+def _compensate_losses(spec: mujoco.MjSpec, relations: JointPolynomials, before: list[Array]) -> None:
+    """Add the removed inertia and damping to the leading joint, and a spring for weights and springs."""
+    reduced_model = plainly_compiled(spec)
+    values = np.linspace(relations.low, relations.high, FIT_SAMPLES)
+    lost = np.array(before) - [reflected(reduced_model, relations, value) for value in values]
+    joint = spec.joint(relations.joint)
+    joint.armature = max(0.0, float(joint.armature) + float(lost[:, 0].mean()))
+    damping = np.array(joint.damping, dtype=np.float64)
+    damping[0] = max(0.0, damping[0] + float(lost[:, 1].mean()))
+    joint.damping = damping
+    if np.any(joint.stiffness):
+        raise NotApplicable(f"joint {relations.joint} has a spring of its own")
+    # a spring's force is -k (q - springref)
+    rate, offset = np.polyfit(values, lost[:, 2], 1)
+    if abs(rate) > 1e-12 * max(1.0, abs(offset)):
+        stiffness = np.array(joint.stiffness, dtype=np.float64)
+        stiffness[0] = -float(rate)
+        joint.stiffness, joint.springref = stiffness, float(-offset / rate)
+
+
+def reflected(model: mujoco.MjModel, relations: JointPolynomials, value: float) -> Array:
+    """Return inertia, damping and force (weights, springs) reflected to the leading joint, (3,)."""
+    data, rates = mujoco.MjData(model), np.zeros(model.nv)
+    lead = model.joint(relations.joint)
+    x = value - float(model.qpos0[lead.qposadr[0]])
+    data.qpos[lead.qposadr[0]], rates[lead.dofadr[0]] = value, 1.0
+    for name, polynomial in relations.others.items():
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
+            continue
+        joint = model.joint(name)
+        data.qpos[joint.qposadr[0]] = float(model.qpos0[joint.qposadr[0]]) + float(polynomial(x))
+        rates[joint.dofadr[0]] = float(polynomial.deriv()(x))
+    mujoco.mj_forward(model, data)
+    moved = np.zeros(model.nv)
+    mujoco.mj_mulM(model, data, moved, rates)
+    damped = float(rates @ (model.dof_damping * rates))
+    return np.array([float(rates @ moved), damped, float(rates @ (data.qfrc_spring - data.qfrc_bias))])

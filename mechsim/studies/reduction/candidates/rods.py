@@ -1,0 +1,283 @@
+"""Candidates among passive chains: rods kept as lengths, chains and leaf bodies fused."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.studies.reduction.candidates.bodies import (
+    bodies_of,
+    fuse_joint_at,
+    joints_of,
+    needed_bodies,
+    require_unused,
+)
+from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text, name_list
+from mechsim.studies.reduction.observations import Evidence
+
+CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
+
+
+@dataclass(frozen=True, slots=True)
+class LooseChain:
+    """Passive bodies between a body that remains and an equality that closes a loop.
+
+    Attributes:
+        closing: name of the equality.
+        chain_site: site at which the chain is closed, on its last body.
+        other_site: site of the equality on the body that remains.
+        bodies: names, the first attached to a body that remains.
+        joints: names, all of the bodies.
+    """
+
+    closing: str
+    chain_site: str
+    other_site: str
+    bodies: tuple[str, ...]
+    joints: tuple[str, ...]
+
+
+def loose_chains(observed: Evidence) -> list[LooseChain]:
+    """Return the passive chains of a scene that close loops, the shortest first."""
+    spec, chains = observed.spec, list[LooseChain]()
+    kept = kept_bodies(observed)
+    for equality in spec.equalities:
+        if equality.type not in (CONNECT, WELD) or not equality.name2:
+            continue
+        ends = (equality.name1, equality.name2)
+        for chain_site, other_site in (ends, ends[::-1]):
+            chain = _chain(spec, chain_site, other_site, kept)
+            if chain:
+                joints = tuple(joint.name for body in chain for joint in body.joints)
+                names = tuple(body.name for body in chain)
+                if not _used(spec, names, joints, equality.name):
+                    chains.append(LooseChain(equality.name, chain_site, other_site, names, joints))
+    return sorted(chains, key=lambda chain: len(chain.joints))
+
+
+def kept_bodies(observed: Evidence) -> set[str]:
+    """Return the bodies that are tracked, driven, actuated or in contact."""
+    touching = {
+        observed.spec.geom(name).parent.name
+        for name in observed.touched
+        if observed.spec.geom(name) is not None
+    }
+    return set(observed.tracked) | needed_bodies(observed) | touching
+
+
+def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]) -> list[mujoco.MjsBody]:
+    """Return the bodies from the one that remains to the site's; none if one is needed or branches."""
+    above = set[str]()
+    body = spec.site(other_site).parent
+    while body is not None and body.name != "world":
+        above.add(body.name)
+        body = body.parent
+    chain: list[mujoco.MjsBody] = []
+    body = spec.site(chain_site).parent
+    while body.name != "world" and body.name not in above:
+        below = {child.name for child in body.find_all("body")} - {child.name for child in chain}
+        if body.name in kept or below:
+            # its children remain, so it remains too
+            break
+        chain.insert(0, body)
+        body = body.parent
+    return chain if any(child.joints for child in chain) else []
+
+
+def _used(spec: mujoco.MjSpec, bodies: tuple[str, ...], joints: tuple[str, ...], closing: str) -> bool:
+    """Return whether anything but its closing equality acts on a chain."""
+    sites = {site.name for site in spec.sites if site.parent.name in bodies}
+    for equality in spec.equalities:
+        names = {equality.name1, equality.name2}
+        if equality.name != closing and names & ({*bodies, *joints} | sites):
+            return True
+    for tendon in spec.tendons:
+        if set(joints_of(tendon)) & set(joints) or any(
+            getattr(wrap.target, "name", "") in sites for wrap in tendon.path
+        ):
+            return True
+    return any(bodies_of(spec, actuator) & set(bodies) for actuator in spec.actuators)
+
+
+def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, moments: Array) -> None:
+    """Add a mass to a body, in place.
+
+    Args:
+        model: changed.
+        body: to which it is added; nothing is added to the world.
+        mass: in [kg].
+        centre: of it in the body's frame, (3,) in [m].
+        moments: about its centre, in the body's frame, (3, 3) in [kg m2].
+    """
+    if body == 0 or not mass > 0.0:
+        return
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
+    axes = rotation.reshape(3, 3)
+    own_mass, total_mass = float(model.body_mass[body]), float(model.body_mass[body]) + mass
+    total_centre = (own_mass * model.body_ipos[body] + mass * centre) / total_mass
+    inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T + moments
+    for component_mass, component_centre in ((own_mass, model.body_ipos[body]), (mass, centre)):
+        arm = component_centre - total_centre
+        inertia += component_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    values, vectors = np.linalg.eigh(inertia)
+    if np.linalg.det(vectors) < 0.0:
+        vectors[:, 0] *= -1.0
+    model.body_mass[body], model.body_ipos[body], model.body_inertia[body] = total_mass, total_centre, values
+    mujoco.mju_mat2Quat(model.body_iquat[body], vectors.ravel())
+
+
+RODS = "rods as lengths"
+SITE, TENDON = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_TENDON
+# distance of joint anchors, relative to the rod length, below which they count as one point
+ANCHOR_TOLERANCE = 1e-6
+# time constants in steps, tried in addition to the loop's own compliance
+CONSTANTS = (2.0, 4.0)
+
+
+def rods_as_lengths(observed: Evidence) -> list[Candidate]:
+    """Propose to replace each rod by its length, with the loop's own compliance and with smaller ones."""
+    candidates: list[Candidate] = []
+    step = float(observed.spec.option.timestep)
+    for chain in loose_chains(observed):
+        if observed.spec.equality(chain.closing).type != CONNECT or rod_of(observed.spec, chain) is None:
+            continue
+        for constant in (None, *CONSTANTS):
+            stiffness = (
+                "as soft as its loop was" if constant is None else f"time constant {constant * step:g} s"
+            )
+            rod = f"rod {name_list(list(chain.bodies))}"
+            what = f"{rod} with loop {chain.closing}: kept as a length, {stiffness}"
+            seconds = None if constant is None else constant * step
+            candidates.append(Candidate(RODS, what, partial(_as_length, chain=chain, constant=seconds)))
+    return candidates
+
+
+def rod_of(spec: mujoco.MjSpec, chain: LooseChain) -> tuple[Array, float] | None:
+    """Return the common anchor of a chain's joints, (3,), and the distance to its end; None if there is none.
+
+    The hinge axes must pass through one point, so that the rod can follow the direction of the force.
+    """
+    model = plainly_compiled(spec)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    anchors = np.array([data.joint(name).xanchor for name in chain.joints])
+    end = data.site(chain.chain_site).xpos
+    length = float(np.linalg.norm(end - anchors[0]))
+    slides = any(int(model.joint(name).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE) for name in chain.joints)
+    if slides or not length > 0.0 or np.abs(anchors - anchors[0]).max() > ANCHOR_TOLERANCE * length:
+        return None
+    return anchors[0].copy(), length
+
+
+def _as_length(spec: mujoco.MjSpec, chain: LooseChain, constant: float | None) -> None:
+    equality = spec.equality(chain.closing)
+    if equality is None or any(spec.body(name) is None for name in chain.bodies):
+        raise NotApplicable(f"loop {chain.closing} is removed already")
+    rod = rod_of(spec, chain)
+    if rod is None:
+        raise NotApplicable(f"{chain.bodies[0]} is no rod")
+    anchor, length = rod
+    solref, solimp = equality.solref.copy(), equality.solimp.copy()
+    parent = spec.body(chain.bodies[0]).parent
+    local = _shared(spec, chain, parent.name, anchor)
+    start_site = parent.add_site(name=f"{chain.closing}@{parent.name}", pos=local, group=5).name
+    spec.delete(spec.equality(chain.closing))
+    spec.delete(spec.body(chain.bodies[0]))
+    tendon = spec.add_tendon(name=f"{chain.closing}_length")
+    tendon.wrap_site(start_site)
+    tendon.wrap_site(chain.other_site)
+    constraint = spec.add_equality(
+        name=chain.closing, type=mujoco.mjtEq.mjEQ_TENDON, objtype=TENDON, name1=tendon.name, active=True
+    )
+    constraint.solref = solref if constant is None else np.array([constant, 1.0])
+    constraint.solimp = solimp if constant is None else np.array([0.9999, 0.9999, 0.001, 0.5, 2.0])
+    model = plainly_compiled(spec)
+    constraint.data = np.zeros(len(constraint.data))
+    constraint.data[0] = length - float(model.tendon_length0[model.tendon(tendon.name).id])
+
+
+def _shared(spec: mujoco.MjSpec, chain: LooseChain, parent: str, anchor: Array) -> Array:
+    """Distribute a rod's mass to the bodies at its ends; return its first end in the parent's frame."""
+    model = plainly_compiled(spec)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    other_site = model.site(chain.other_site)
+    parent_body, other_body = int(model.body(parent).id), int(other_site.bodyid[0])
+    end = data.site(chain.chain_site).xpos
+    along = (end - anchor) / float((end - anchor) @ (end - anchor))
+    none = np.zeros((3, 3))
+    local_anchor = data.xmat[parent_body].reshape(3, 3).T @ (anchor - data.xpos[parent_body])
+    masses = [(float(model.body(name).mass[0]), data.body(name).xipos.copy()) for name in chain.bodies]
+    to_end = sum(mass * float(np.clip((centre - anchor) @ along, 0.0, 1.0)) for mass, centre in masses)
+    add_weight(model, parent_body, sum(mass for mass, _ in masses) - to_end, local_anchor, none)
+    add_weight(model, other_body, to_end, np.array(other_site.pos), none)
+    spec.copy_back(model)
+    return local_anchor
+
+
+CHAINS = "passive chains"
+
+
+def passive_chains(observed: Evidence) -> list[Candidate]:
+    """Propose to fuse each passive chain and each passive leaf body."""
+    candidates = [
+        Candidate(
+            CHAINS,
+            f"loop {chain.closing} with {count_text(len(chain.joints), 'joint')}, "
+            f"{name_list(list(chain.joints))}: fused",
+            partial(_fused, chain=chain, coordinates=_coordinates(observed, chain.joints)),
+        )
+        for chain in loose_chains(observed)
+    ]
+    for name in _leaves(observed):
+        joints = tuple(joint.name for joint in observed.spec.body(name).joints)
+        what = f"{count_text(len(joints), 'joint')} of {name}, of which nothing is tracked: fused"
+        chain = LooseChain("", "", "", (name,), joints)
+        candidates.append(
+            Candidate(CHAINS, what, partial(_fused, chain=chain, coordinates=_coordinates(observed, joints)))
+        )
+    return candidates
+
+
+def _leaves(observed: Evidence) -> list[str]:
+    """Return the leaf bodies that close no loop and that nothing else needs."""
+    spec, kept = observed.spec, kept_bodies(observed)
+    ends = {name for equality in spec.equalities for name in (equality.name1, equality.name2) if name}
+    closed = {site.parent.name for site in spec.sites if site.name in ends}
+    return [
+        body.name
+        for body in spec.bodies
+        if body.joints
+        and body.name not in kept | closed | ends
+        and not body.find_all("body")
+        and all(joint.type != mujoco.mjtJoint.mjJNT_FREE for joint in body.joints)
+    ]
+
+
+def _coordinates(observed: Evidence, joints: tuple[str, ...]) -> dict[str, Array]:
+    """Return the coordinates of joints halfway through the motion."""
+    model, state = observed.model, observed.qpos[len(observed.qpos) // 2]
+    coordinates: dict[str, Array] = {}
+    for name in joints:
+        address = int(model.joint(name).qposadr[0])
+        width = 4 if int(model.joint(name).type[0]) == int(mujoco.mjtJoint.mjJNT_BALL) else 1
+        coordinates[name] = state[address : address + width].copy()
+    return coordinates
+
+
+def _fused(spec: mujoco.MjSpec, chain: LooseChain, coordinates: dict[str, Array]) -> None:
+    equality = spec.equality(chain.closing) if chain.closing else None
+    if chain.closing and equality is None:
+        raise NotApplicable(f"loop {chain.closing} is removed already")
+    if any(spec.joint(name) is None for name in chain.joints):
+        raise NotApplicable(f"{name_list(list(chain.joints))} are removed already")
+    if equality is not None:
+        spec.delete(equality)
+    for name in chain.joints:
+        require_unused(spec, name)
+    for name, value in coordinates.items():
+        fuse_joint_at(spec, name, value)

@@ -1,0 +1,219 @@
+"""Time stepping of a scene: solver, matrices, integrator and step, with compensation for longer steps."""
+
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from mechsim.numerics.arrays import Array
+from mechsim.studies.reduction.candidates.bodies import joints_of
+from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable
+from mechsim.studies.reduction.observations import Evidence
+
+# categories: cheaper steps; longer steps
+CHEAPER_STEPS, LONGER_STEPS = "stepping", "steps"
+EULER, RK4, IMPLICIT, IMPLICITFAST = (
+    mujoco.mjtIntegrator.mjINT_EULER,
+    mujoco.mjtIntegrator.mjINT_RK4,
+    mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+)
+INTEGRATOR_NAMES = {
+    int(EULER): "Euler",
+    int(RK4): "RK4",
+    int(IMPLICIT): "implicit",
+    int(IMPLICITFAST): "implicitfast",
+}
+# steps tried, relative to the scene's own
+STEP_RATIOS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50, 64, 80, 100)
+# fraction of a step by which velocity-dependent forces come early (+) or late (-): dampers, actuators
+FORCE_DELAYS = {
+    int(EULER): (0.5, -0.5),
+    int(IMPLICIT): (0.5, 0.5),
+    int(IMPLICITFAST): (0.5, 0.5),
+    int(RK4): (0.0, 0.0),
+}
+# cost of a step of RK4 relative to the other integrators
+RK4_COST = 3.3
+# largest stiffness of a constraint times step squared, and damping times step, that stay stable
+MAX_STIFFNESS, MAX_DAMPING = 1.0, 1.0
+# range of impedances that MuJoCo accepts
+IMPEDANCES = (1e-4, 0.9999)
+
+
+def cheaper_steps(observed: Evidence) -> list[Candidate]:
+    """Propose settings that make a step cheaper and do not change its result."""
+    candidates: list[Candidate] = []
+    option = observed.spec.option
+    if option.solver != mujoco.mjtSolver.mjSOL_NEWTON:
+        candidates.append(Candidate(CHEAPER_STEPS, "the solver: Newton", _newton))
+    if mujoco.mj_isSparse(observed.model):
+        candidates.append(Candidate(CHEAPER_STEPS, "sparse matrices: dense", _dense))
+    if option.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY):
+        candidates.append(Candidate(CHEAPER_STEPS, "the energy flag", _no_energy))
+    if not option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND):
+        candidates.append(Candidate(CHEAPER_STEPS, "looking for islands", _no_islands))
+    if option.iterations > 1:
+        candidates.append(
+            Candidate(CHEAPER_STEPS, "iterations of the solver after the first", _once, only_if_faster=True)
+        )
+    return candidates
+
+
+def longer_steps(observed: Evidence) -> list[Candidate]:
+    """Propose longer steps and other integrators, the cheapest first."""
+    own = int(observed.spec.option.integrator)
+    candidates: list[tuple[float, Candidate]] = []
+    for times in STEP_RATIOS:
+        for integrator in (int(IMPLICITFAST), int(EULER), int(RK4)):
+            if times == 1 and integrator in (own, int(RK4)):
+                continue
+            for compensated in (True, False):
+                change = partial(set_stepping, times=times, integrator=integrator, compensated=compensated)
+                cost = (RK4_COST if integrator == int(RK4) else 1.0) / times
+                what = _step_text(observed, times, integrator, compensated)
+                candidates.append((cost, Candidate(LONGER_STEPS, what, change)))
+    return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
+
+
+def set_longer_steps(spec: mujoco.MjSpec, times: int, integrator: int) -> None:
+    """Multiply the step, with compensation of dampers if there are any."""
+    try:
+        set_stepping(spec, times, integrator, compensated=True)
+    except NotApplicable:
+        set_stepping(spec, times, integrator, compensated=False)
+
+
+def _step_text(observed: Evidence, times: int, integrator: int, compensated: bool) -> str:
+    step = float(observed.spec.option.timestep)
+    text = (
+        f"steps of {step:g} s, {INTEGRATOR_NAMES[int(observed.spec.option.integrator)]}: {step * times:g} s, "
+    )
+    return (
+        text + INTEGRATOR_NAMES[integrator] + (", its damping compensated by armature" if compensated else "")
+    )
+
+
+def _newton(spec: mujoco.MjSpec) -> None:
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+
+
+def _dense(spec: mujoco.MjSpec) -> None:
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+
+
+def _no_energy(spec: mujoco.MjSpec) -> None:
+    spec.option.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+
+
+def _once(spec: mujoco.MjSpec) -> None:
+    spec.option.iterations = 1
+
+
+def _no_islands(spec: mujoco.MjSpec) -> None:
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+
+
+def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, compensated: bool) -> None:
+    """Multiply the step; loops and limits keep their compliance.
+
+    Args:
+        spec: changed in place.
+        times: ratio of the new step to the old.
+        integrator: of them.
+        compensated: whether armature compensates for dampers that act a fraction of a step early or late.
+    """
+    before, after = float(spec.option.timestep), times * float(spec.option.timestep)
+    if compensated:
+        _compensate_damping(spec, int(spec.option.integrator), integrator, before, after)
+    if times > 1:
+        keep_stiffness(spec, before, after)
+    spec.option.timestep, spec.option.integrator = after, integrator
+
+
+def _compensate_damping(spec: mujoco.MjSpec, old: int, new: int, before: float, after: float) -> None:
+    """Add armature that compensates for dampers acting a fraction of a step early or late.
+
+    A force -c v taken a time s late is -c v + c s a, as if the inertia were less by c s; where
+    there is not so much armature, what there is.
+    """
+    delay = [
+        old_shift * before - new_shift * after
+        for old_shift, new_shift in zip(FORCE_DELAYS[old], FORCE_DELAYS[new], strict=True)
+    ]
+    changed = False
+    for element in (*spec.joints, *spec.tendons):
+        damping = float(np.atleast_1d(element.damping)[0])
+        if damping:
+            element.armature += damping * delay[0]
+            changed = True
+    for actuator in spec.actuators:
+        strength = -float(actuator.biasprm[2]) if actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE else 0.0
+        for joint, share in _targets(spec, actuator).items() if strength else ():
+            joint.armature += strength * float(actuator.gear[0]) ** 2 * share * delay[1]
+            changed = True
+    if not changed:
+        raise NotApplicable("there is no damper")
+    for element in (*spec.joints, *spec.tendons):
+        element.armature = max(0.0, element.armature)
+
+
+def _targets(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> dict[mujoco.MjsJoint, float]:
+    """Return the joints that an actuator acts on, and the share of a tendon's inertia of each.
+
+    A tendon's own armature acts only between joints of one branch of the tree; joints of several that it
+    drives move alike, as the fingers of a gripper.
+    """
+    if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
+        weights = joints_of(spec.tendon(actuator.target))
+        total = sum(weights.values())
+        return {spec.joint(name): weight * total for name, weight in weights.items()}
+    if actuator.trntype in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+        return {spec.joint(actuator.target): 1.0}
+    return {}
+
+
+def keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
+    """Keep the compliance of loops and limits with another step.
+
+    Left alone MuJoCo softens rows with the step. A row with stiffness s and impedance d gives
+    (1 - d) dmax^2 / (d^2 s) times the acceleration it holds back (computation chapter of MuJoCo's
+    documentation): where a step carries less stiffness, more impedance makes up for it.
+    """
+    safe = not spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+    for equality in spec.equalities:
+        # loop-closure errors are smaller than the width over which impedance changes
+        equality.solref, equality.solimp = _limited_reference(
+            equality.solref, equality.solimp, equality.solimp[0], before, after, safe
+        )
+    for element in (*spec.joints, *spec.tendons):
+        element.solref_limit, element.solimp_limit = _limited_reference(
+            element.solref_limit, element.solimp_limit, element.solimp_limit[1], before, after, safe
+        )
+
+
+def _limited_reference(
+    solref: Array, solimp: Array, impedance: float, before: float, after: float, safe: bool
+) -> tuple[Array, Array]:
+    """Return `solref` as negative stiffness and damping, which MuJoCo does not scale, and `solimp`.
+
+    Args:
+        solref: as the scene has it, (2,).
+        solimp: likewise, (5,).
+        impedance: typical impedance of the constraint.
+        before: the step of the scene in [s].
+        after: the new step, in [s].
+        safe: whether the scene's references are kept from being shorter than two steps.
+    """
+    if solref[0] <= 0.0:
+        stiffness, damping = -float(solref[0]), -float(solref[1])
+    else:
+        constant = max(float(solref[0]), 2.0 * before) if safe else float(solref[0])
+        stiffness, damping = 1.0 / (constant * float(solref[1])) ** 2, 2.0 / constant
+    carried = min(stiffness, MAX_STIFFNESS / after**2)
+    reference = np.array([-carried, -min(damping, MAX_DAMPING / after)])
+    if carried == stiffness:
+        return reference, solimp
+    compliance = (1.0 - impedance) * float(solimp[1]) ** 2 / (impedance**2 * stiffness)
+    hard = float(np.clip(1.0 - compliance * carried, *IMPEDANCES))
+    return reference, np.array([hard, hard, *solimp[2:]])

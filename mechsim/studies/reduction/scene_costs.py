@@ -1,0 +1,153 @@
+"""What each thing in a user's scene costs: turned on or off alone, timed, and how the motion changes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.studies.reduction.candidates import VISUAL_ONLY
+from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed, count_text
+from mechsim.studies.reduction.evaluator import Evaluator
+from mechsim.studies.reduction.observations import Evidence, observe
+from mechsim.studies.reduction.reduced_scene import normalised
+from mechsim.studies.scene import UserScene, step_times
+
+OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
+INTEGRATORS = ("EULER", "IMPLICITFAST", "IMPLICIT", "RK4")
+SOLVERS = ("NEWTON", "CG", "PGS")
+ROUNDS = 11
+
+
+@dataclass(frozen=True, slots=True)
+class SceneCost:
+    """What one thing costs.
+
+    Attributes:
+        what: is changed, in words; the first of a table is the scene as it is.
+        dofs: of the model.
+        rows: of constraints at the start.
+        step: processor time of a step, in [us].
+        ratio: of the time to that of the scene as it is.
+        error: worst distance of a tracked point from the scene as it is, in [m].
+    """
+
+    what: str
+    dofs: int
+    rows: int
+    step: float
+    ratio: float
+    error: float
+
+
+@quiet()
+def scene_costs(
+    scene: UserScene,
+    spec: mujoco.MjSpec,
+    rounds: int = ROUNDS,
+    progress: Callable[[float], None] = lambda _: None,
+) -> list[SceneCost]:
+    """Return what each thing in a scene costs over its motion, the scene as it is first.
+
+    Args:
+        scene: and its motion.
+        spec: of its file; not changed.
+        rounds: of timing; each runs everything once.
+        progress: called with the finished fraction of the timing.
+
+    Raises:
+        InputError: for a scene that diverges.
+    """
+    full = normalised(spec)
+    named = plainly_compiled(full.copy())
+    tracked = {name: (named.body(body).name, position) for name, (body, position) in scene.places.items()}
+    evaluator = Evaluator(scene, full, tracked)
+    if evaluator.run.broken:
+        raise InputError(f"{scene.path} diverges: {evaluator.run.broken}; repair the scene, or ask for less")
+    observed = observe(full, evaluator.full, frozenset(body for body, _ in tracked.values()), 0.0)
+    tried = {"as it is": evaluator.full}
+    for candidate in _candidates(observed):
+        try:
+            tried[candidate.what] = evaluator.scene(changed(full, candidate))
+        except (NotApplicable, ValueError):
+            continue
+    times = step_times([(candidate, candidate.model) for candidate in tried.values()], rounds, progress)
+    return [
+        SceneCost(
+            what,
+            int(candidate.model.nv),
+            _rows(candidate.model, candidate.start[0]),
+            1e6 * float(seconds * candidate.model.opt.timestep),
+            float(seconds / times[0]),
+            evaluator.errors(candidate, compare_forces=False).trajectory,
+        )
+        for (what, candidate), seconds in zip(tried.items(), times, strict=True)
+    ]
+
+
+def _candidates(observed: Evidence) -> list[Candidate]:
+    """Return all that can be turned on or off, or left out, in a scene."""
+    option = observed.spec.option
+    candidates = [
+        _flag("contacts", "disableflags", int(OFF.mjDSBL_CONTACT), option.disableflags, off=True),
+        _flag("islands", "disableflags", int(OFF.mjDSBL_ISLAND), option.disableflags, off=True),
+        _flag("energy", "enableflags", int(ON.mjENBL_ENERGY), option.enableflags, off=False),
+    ]
+    if observed.spec.sensors:
+        candidates.append(
+            _flag("sensors", "disableflags", int(OFF.mjDSBL_SENSOR), option.disableflags, off=True)
+        )
+    for propose in VISUAL_ONLY:
+        candidates += [
+            replace(candidate, what=f"without {candidate.what}") for candidate in propose(observed)
+        ]
+    sparse = mujoco.mj_isSparse(observed.model)
+    kind = mujoco.mjtJacobian.mjJAC_DENSE if sparse else mujoco.mjtJacobian.mjJAC_SPARSE
+    candidates.append(_set(f"{'dense' if sparse else 'sparse'} matrices", "jacobian", kind))
+    for field, names, kinds, prefix in (
+        ("integrator", INTEGRATORS, mujoco.mjtIntegrator, "mjINT_"),
+        ("solver", SOLVERS, mujoco.mjtSolver, "mjSOL_"),
+    ):
+        for name in names:
+            value = getattr(kinds, prefix + name)
+            if int(getattr(option, field)) != int(value):
+                candidates.append(_set(f"{field} {name}", field, value))
+    loops = [candidate.name for candidate in observed.spec.equalities if candidate.active]
+    if loops:
+        what = f"without {count_text(len(loops), 'loop')}: none of their rows"
+        candidates.append(Candidate("rows", what, _no_loops))
+    return candidates
+
+
+def _flag(what: str, field: str, bit: int, flags: int, *, off: bool) -> Candidate:
+    """Return the turning of a flag; `off` where it is one that disables."""
+    enabled = bool(flags & bit) != off
+
+    def with_parameters(spec: mujoco.MjSpec) -> None:
+        setattr(spec.option, field, getattr(spec.option, field) ^ bit)
+
+    return Candidate("flags", f"{what} {'off' if enabled else 'on'}", with_parameters)
+
+
+def _set(what: str, field: str, value: object) -> Candidate:
+    return Candidate("options", what, partial(_put, field=field, value=value))
+
+
+def _put(spec: mujoco.MjSpec, field: str, value: object) -> None:
+    setattr(spec.option, field, value)
+
+
+def _no_loops(spec: mujoco.MjSpec) -> None:
+    for equality in list(spec.equalities):
+        spec.delete(equality)
+
+
+def _rows(model: mujoco.MjModel, qpos: np.ndarray) -> int:
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return int(data.nefc)

@@ -1,0 +1,109 @@
+"""A mechanism as an MJCF file that turns by itself in plain MuJoCo, and keeps a tolerance while it does."""
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+
+from mechsim.errors import InputError
+from mechsim.files import stem_of
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import constant
+from mechsim.numerics.angles import TURN
+from mechsim.simulation.closed_model import from_mechanism
+from mechsim.simulation.driven_run import first_state
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.mjcf.exact_text import to_xml
+from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_text.edited_text import EditedText
+from mechsim.simulation.mjcf_text.setting_edits import put_comment
+from mechsim.studies.scene import errors_of, scene_of, stepped
+from mechsim.studies.scene.scene import UserScene
+from mechsim.studies.scene.tune import SECONDS, Tell, tuned
+from mechsim.studies.scene.write_tuned import plain_model, tuned_text
+
+MOTOR, KEY = "motor", "turning"
+# turns over which a tolerance is kept by the search, which runs what it chooses over twice as many
+TURNS = 2.0
+# a servo brings a crank without a flywheel to its speed in a tenth of a radian, beside the links' inertia
+STIFF = 10.0
+
+
+def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.MjSpec:
+    """Return a model with a motor on its crank and a keyframe, closed and moving, in which it turns.
+
+    Args:
+        spec: of the mechanism, as the generator makes it: whatever the crank's name, its hinge is "crank".
+        mechanism: with one crank that turns.
+        speed: of the crank, in [rad/s].
+
+    Raises:
+        InputError: for a mechanism without a crank.
+        AssemblyError: where the crank cannot turn.
+    """
+    if not mechanism.has_crank:
+        raise InputError(
+            f"{mechanism.name} has no single crank that could turn at a speed; leave out --speed and "
+            "--tolerance"
+        )
+    spec = spec.copy()
+    closed = from_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
+    qpos, qvel = first_state(closed, constant(speed, TURNS, mechanism.start))
+    model, joint = plainly_compiled(spec.copy()), spec.joint(CRANK)
+    weight = float(joint.armature) or STIFF * float(model.body_mass.sum()) * mechanism.size**2
+    motor = spec.add_actuator(name=MOTOR, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
+    motor.set_to_velocity(kv=weight * abs(speed))
+    spec.add_key(name=KEY, qpos=qpos, qvel=qvel, ctrl=[speed])
+    return spec
+
+
+def turning_scene(path: str, mechanism: Mechanism, speed: float) -> UserScene:
+    """Return the scene of a file written of `turning`, whose points are tracked over whole turns."""
+    read = read_model(path, drivers=[CRANK], key=KEY)
+    duration = TURNS * TURN / abs(speed)
+    points = {name: place for name, place in mechanism.points.items() if name in read.mechanism.points}
+    return scene_of(read, read.mechanism, duration=duration, points=points or None, key=KEY)
+
+
+@quiet()
+def kept(
+    spec: mujoco.MjSpec,
+    mechanism: Mechanism,
+    speed: float,
+    tolerance: float,
+    *,
+    seconds: float = SECONDS,
+    tell: Tell = lambda _part, _done: None,
+) -> tuple[str, float]:
+    """Return the text of a model that turns and keeps a tolerance, and its error as read back.
+
+    Args:
+        spec: as of `turning`.
+        mechanism: as of `turning`.
+        speed: of the crank, in [rad/s].
+        tolerance: on tracked points beside the exact closure at the crank's own angle, in [m].
+        seconds: about which the search takes.
+        tell: told what part is done, and what.
+    """
+    with TemporaryDirectory() as folder:
+        path = Path(folder, f"{stem_of(mechanism.name)}.xml")
+        path.write_text(to_xml(turning(spec, mechanism, speed)))
+        found = tuned(
+            turning_scene(str(path), mechanism, speed), tolerance, "closure", seconds=seconds, tell=tell
+        )
+        best = found.chosen or found.closest
+        text = tuned_text(found.scene, best.settings, [], path.parent).after
+        path.write_text(text)
+        outside = replace(found.scene, model=plain_model(str(path)))
+        error = errors_of(stepped(outside, records=None), None).closure
+        said = [
+            f"mechsim export: {'keeps' if error <= tolerance else 'does not keep'} {tolerance:g} m at "
+            f"{speed:g} rad/s over {TURNS:g} turns, errs by {error:.2g};",
+            f"to be stepped from keyframe {KEY} (mj_resetDataKeyframe(model, data, 0)), nothing else.",
+        ]
+        edited = EditedText(text)
+        put_comment(edited, said)
+    return edited.result, error

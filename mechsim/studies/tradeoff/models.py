@@ -1,0 +1,183 @@
+"""A model made in one of the ways that are compared, stepped once through its crank motion for each trial."""
+
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
+from mechsim.simulation import CrankProfile, Settings, closed_model, constant
+from mechsim.simulation.closed_model import ClosedModel, Model
+from mechsim.simulation.driven_run import first_state
+from mechsim.simulation.mjcf import compiled
+from mechsim.simulation.mjcf.alternatives import LENGTH, MOTOR, inertia_at_crank
+from mechsim.simulation.mjcf_reader.driven_joints import driven
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.recorded_motion import evaluate
+from mechsim.simulation.stepping import Steps, step
+from mechsim.studies.tradeoff.families import Build
+
+SAMPLES = 72
+# inertia left on a crank that no flywheel drives, in [kg m2]: nothing beside the links'
+NO_FLYWHEEL = 1e-12
+NO_VARIANTS: Mapping[str, Mechanism] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Servo:
+    """A velocity servo on the crank: torque = inertia x gain / step x (speed wanted - speed)."""
+
+    actuator: int
+    inertia: float
+    gain: float
+
+    def torque(self, speed: Array, timestep: float) -> Array:
+        """Return the torque in [N m] at a speed in [rad/s]."""
+        return self.inertia * self.gain / timestep * speed
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltModel:
+    """A model made in one of the ways that are compared, and the crank motion it is put through.
+
+    Attributes:
+        build: how it was made.
+        closed: the model; stepped as a copy in each trial.
+        profile: of the crank.
+        start: state and rates at time zero, (nq,) and (nv,).
+        servo: what turns the crank; None for a flywheel.
+        seconds: processor time of building it.
+    """
+
+    build: Build
+    closed: ClosedModel
+    profile: CrankProfile
+    start: tuple[Array, Array]
+    servo: Servo | None
+    seconds: float
+
+    def stepped(self, settings: Settings) -> tuple[ModelLoops, Steps]:
+        """Step through the crank motion once."""
+        loops = self.closed.loops.with_model_copy()
+        samples = min(SAMPLES, settings.steps_per_turn)
+        stride = max(1, settings.steps_per_turn // samples)
+        total = max(1, round(self.profile.turns * samples)) * stride
+        controls = None
+        if self.build.rod is not None:
+            loops.model.eq_active0[:] = 1
+            loops.model.tendon_invweight0[:] *= settings.compliance_used
+        if self.build.drive != "drive_inertia":
+            settings = replace(settings, drive_inertia=NO_FLYWHEEL)
+        if self.servo is not None:
+            timestep = self.profile.duration / total
+            gain = float(self.servo.torque(np.ones(1), timestep)[0])
+            loops.model.actuator_gainprm[self.servo.actuator, 0] = gain
+            loops.model.actuator_biasprm[self.servo.actuator, 2] = -gain
+            # held over a step: right in its middle
+            controls = np.zeros((total, loops.model.nu))
+            controls[:, self.servo.actuator] = self.profile.state(timestep * np.arange(0.5, total))[1]
+        return loops, step(loops, settings, self.profile, self.start, total, stride, controls)
+
+    def motion(self, settings: Settings) -> tuple[Motion | None, float]:
+        """Return the motion, None if it diverged, and the processor time of stepping in [s]."""
+        loops, steps = self.stepped(settings)
+        if steps.diverged:
+            return None, steps.processor
+        states, force = steps.states, steps.force
+        if self.servo is not None:
+            # where the motion is evaluated no control is given
+            force = self.servo.torque(self.profile.state(states.time)[1], steps.timestep)
+        motion = evaluate(loops, self.closed.track, states, "step", force=force)
+        if self.build.rod is not None:
+            motion = replace(motion, closure=self._stretched(loops, states.qpos))
+        return motion, steps.processor
+
+    def _stretched(self, loops: ModelLoops, qpos: Array) -> Array:
+        """Return by how much a rod that is only a length is longer or shorter than it was, (n,) in [m]."""
+        ends = [i for i in range(self.closed.model.nsite) if self.closed.model.site(i).name.endswith(LENGTH)]
+        first, second = np.moveaxis(
+            loops.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0
+        )
+        lengths = np.linalg.norm(second - first, axis=1)
+        return np.abs(lengths[1:] - lengths[0])
+
+
+def build_model(
+    source: Model,
+    profile: CrankProfile | None,
+    speed: float,
+    build: Build | None = None,
+    variants: Mapping[str, Mechanism] = NO_VARIANTS,
+    going_on: Callable[[], None] = lambda: None,
+) -> BuiltModel:
+    """Generate or load a model and close its loops.
+
+    Args:
+        source: mechanism, or a model of one's own.
+        profile: of the crank; None makes one turn at the speed.
+        speed: in [rad/s].
+        build: how the model is made.
+        variants: of the mechanism, by name.
+        going_on: called between reading the model, compiling it and starting it; may raise.
+
+    Raises:
+        AssemblyError: where the crank cannot make all of its motion.
+    """
+    began = clock.process_time()
+    build = build or Build()
+    spec = build.made(source, variants)
+    going_on()
+    points = closed_model.tracked_points(source, spec)
+    closed = closed_model.from_spec(spec, points, _crank(source, spec))
+    going_on()
+    profile = profile or constant(speed, 1.0, closed.angle)
+    if build.rod is None:
+        start = first_state(closed, profile)
+    else:
+        start = _started_as(build_model(source, profile, speed), closed)
+    servo = _servo(closed, start, build.gain) if build.drive == "servo" else None
+    return BuiltModel(build, closed, profile, start, servo, clock.process_time() - began)
+
+
+def _crank(source: Model, spec: mujoco.MjSpec) -> str:
+    """Return the driven hinge of a model.
+
+    Raises:
+        InputError: for a model of one's own in which several joints are driven.
+    """
+    if isinstance(source, Mechanism):
+        return closed_model.CRANK
+    if any(joint.name == closed_model.CRANK for joint in spec.joints):
+        return closed_model.CRANK
+    names = driven(compiled(spec.copy()), (), (), describe_only=False)
+    if len(names) > 1:
+        raise InputError(
+            f"{', '.join(names)} are driven by the file's actuators, and a trade-off is measured under one "
+            "crank; leave it one actuator"
+        )
+    return next(iter(names))
+
+
+def _started_as(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:
+    """Return state and rates at time zero by those of the same joints of the model with every body."""
+    model = closed.model
+    qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
+    for i in range(model.njnt):
+        joint = model.joint(i)
+        same = whole.closed.model.joint(joint.name)
+        for state, index, other in ((qpos, "qposadr", 0), (qvel, "dofadr", 1)):
+            count = len(joint.qpos0) if other == 0 else len(joint.damping)
+            here, there = int(getattr(joint, index)[0]), int(getattr(same, index)[0])
+            state[here : here + count] = whole.start[other][there : there + count]
+    return qpos, qvel
+
+
+def _servo(closed: ClosedModel, start: tuple[Array, Array], gain: float) -> Servo:
+    tangent = start[1] / start[1][closed.loops.crank]
+    inertia = inertia_at_crank(closed.model, start[0], tangent)
+    return Servo(closed.model.actuator(MOTOR).id, inertia, gain)
