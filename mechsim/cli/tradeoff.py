@@ -210,7 +210,7 @@ def print_costs(model: str, asked: SceneOptions, *, as_json: bool) -> None:
     rows = [
         (
             one.what,
-            str(one.freedoms),
+            str(one.dofs),
             str(one.rows),
             f"{one.step:.3g}",
             f"{one.ratio:.3g}",
@@ -226,7 +226,7 @@ def _rows(found: list[SceneCost]) -> list[dict[str, object]]:
     return [
         {
             "what": one.what,
-            "freedoms": one.freedoms,
+            "freedoms": one.dofs,
             "rows": one.rows,
             "us_per_step": one.step,
             "time_ratio": one.ratio,

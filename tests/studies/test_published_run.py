@@ -6,10 +6,10 @@ import jsonschema
 import mujoco
 import numpy as np
 import pytest
-from mechsim.cli.json_outputs import output_schema
 
 import mechsim as ms
 from mechsim.cli import main
+from mechsim.cli.schema import output_schema
 from mechsim.studies.scene.published_run import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
 from mechsim.verdict.quantities import stroke_of

@@ -9,7 +9,7 @@ from studies.test_reduction import BOUND, evaluator_of, observed, scene
 from mechsim.studies.reduction.candidates import joint_polynomials
 from mechsim.studies.reduction.candidates.bodies import fused_bodies
 from mechsim.studies.reduction.candidates.candidate import changed
-from mechsim.studies.reduction.candidates.mirrored_mechanisms import mirrored_mechanisms
+from mechsim.studies.reduction.candidates.mirrors import mirrored_mechanisms
 from mechsim.studies.reduction.candidates.rods import (
     add_weight,
     loose_chains,

@@ -34,7 +34,7 @@ from mechsim.studies.tradeoff import (
     subject_of_model,
     trials,
 )
-from mechsim.studies.tradeoff.families import HARD, cuts_of
+from mechsim.studies.tradeoff.setting_families import HARD, cuts_of
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)

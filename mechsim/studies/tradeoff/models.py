@@ -20,7 +20,7 @@ from mechsim.simulation.mjcf_reader.driven_joints import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recorded_motion import evaluate
 from mechsim.simulation.stepping import Steps, step
-from mechsim.studies.tradeoff.families import Build
+from mechsim.studies.tradeoff.setting_families import Build
 
 SAMPLES = 72
 # inertia left on a crank that no flywheel drives, in [kg m2]: nothing beside the links'

@@ -12,8 +12,8 @@ import numpy as np
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf import quiet
 from mechsim.studies.budget import Budget, TrialTimes
-from mechsim.studies.tradeoff.families import DEFAULTS, HARD, STEPS, Build, Family, families
 from mechsim.studies.tradeoff.models import BuiltModel, build_model
+from mechsim.studies.tradeoff.setting_families import DEFAULTS, HARD, STEPS, Build, Family, families
 from mechsim.studies.tradeoff.subject import Subject
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff
 

@@ -13,7 +13,7 @@ from mechsim.files import written_beside
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
-from mechsim.studies.tradeoff.families import DEFAULTS, Build, Family
+from mechsim.studies.tradeoff.setting_families import DEFAULTS, Build, Family
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
 BOUNDS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)

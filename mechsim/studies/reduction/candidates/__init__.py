@@ -13,7 +13,7 @@ from mechsim.studies.reduction.candidates.elements import (
     visual_elements,
 )
 from mechsim.studies.reduction.candidates.joint_polynomials import loops_as_polynomials
-from mechsim.studies.reduction.candidates.mirrored_mechanisms import mirrored_mechanisms
+from mechsim.studies.reduction.candidates.mirrors import mirrored_mechanisms
 from mechsim.studies.reduction.candidates.rods import passive_chains, rods_as_lengths
 from mechsim.studies.reduction.candidates.stepping import cheaper_steps
 from mechsim.studies.reduction.observations import Evidence
