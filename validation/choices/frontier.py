@@ -30,7 +30,7 @@ from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recorded_motion import States, evaluate
-from mechsim.studies.tradeoff import Subject, build_model, setting_families, subject_of
+from mechsim.studies.tradeoff import Subject, build_model, families, subject_of
 from mechsim.studies.tradeoff.models import SAMPLES
 
 SPEED = 20.0 * np.pi
