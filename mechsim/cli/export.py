@@ -27,7 +27,7 @@ from mechsim.cli.scene_options import plain_settings
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.exported_scene import exported
+from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.mjcf.changes import set_drive_inertia
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS

@@ -43,9 +43,8 @@ from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding
 from mechsim.numerics.angles import TURN
 from mechsim.pictures import plots
-from mechsim.pictures.plots.agreement import agreement_plot
-from mechsim.report.agreement import worst_first, write_agreement_report
-from mechsim.report.validation import write_validation_report
+from mechsim.pictures.plots.motion import agreement_plot
+from mechsim.report.validation import worst_first, write_agreement_report, write_validation_report
 from mechsim.studies.agreement.agreement import held
 from mechsim.studies.reference import by_reference
 from mechsim.studies.validate import BUDGET, Case, validate_all

@@ -4,12 +4,9 @@ Sizes follow from the size of the mechanism, so that a needle drive of millimetr
 metres look alike. Nothing here is physics: the shapes carry no mass and meet nothing.
 """
 
-from mechsim.shapes.body import link_colours, point_colours, rod_radius, span
-from mechsim.shapes.draw import link_shapes
-from mechsim.shapes.facets import Facets
-from mechsim.shapes.planar import planar_normals
-from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Rgba, Shape
-from mechsim.shapes.sides import free_sides
+from mechsim.shapes.body import free_sides, link_colours, planar_normals, point_colours, rod_radius, span
+from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Facets, Kind, Rgba, Shape
 
 __all__ = [
     "HOUSING",

@@ -1,14 +1,18 @@
 """The body of a link: rods between the places where something happens, and how thick they are."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.link_poses import hinged_normals
+from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.shape import PALETTE, Rgba
+from mechsim.shapes.shape import PALETTE, Rgba, Shape
 
 
 def link_colours(mechanism: Mechanism) -> dict[str, Rgba]:
@@ -118,3 +122,120 @@ def _through(places: list[Array], pair: tuple[int, int]) -> bool:
     straight, (i, j) = _length(places, pair) * (1.0 + 1e-9), pair
     others = (k for k in range(len(places)) if k not in pair)
     return any(_length(places, (i, k)) + _length(places, (k, j)) < straight for k in others)
+
+
+def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]:
+    """Return balls that hold links in all their poses: centres (k, 3) and radii (k,) in [m].
+
+    Args:
+        drawn: pose or poses of a link, and its shapes.
+    """
+    centres, radii = [np.empty((0, 3))], [np.empty(0)]
+    for poses, shapes in drawn:
+        for shape in shapes:
+            points, radius = shape.bounds
+            for point in points:
+                placed = np.atleast_2d(poses.point(tuple(point)))
+                centres.append(placed)
+                radii.append(np.full(len(placed), radius))
+    return np.vstack(centres), np.concatenate(radii)
+
+
+def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:
+    """Return the least and greatest displacement of every joint that slides along or across its axis."""
+    found: dict[str, tuple[float, float]] = {}
+    for joint in mechanism.joints:
+        if 0 < len(KINDS[joint.kind].slides) < 3:
+            along = displacement(joint, poses[joint.a.link], poses[joint.b.link])
+            found[joint.name] = float(along.min()), float(along.max())
+    return found
+
+
+def displacement(joint: Joint, pose_a: Pose, pose_b: Pose) -> Array:
+    """Return how far a joint has slid along its axis, or how far off it in any direction, (...,) in [m]."""
+    coordinate = joint_coordinate(joint, pose_a, pose_b)
+    slides = len(KINDS[joint.kind].slides)
+    return coordinate[..., 0] if slides < 2 else np.linalg.norm(coordinate[..., :slides], axis=-1)
+
+
+def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
+    """Return the side of every ground joint where a shaft and its bearing are farthest from all rods.
+
+    Args:
+        mechanism: whose joints.
+        poses: link -> pose or poses; links left out do not count.
+
+    Returns:
+        Joint -> +1 or -1, along the axis of its end on the ground.
+    """
+    reach, share = 9.0 * rod_radius(mechanism), np.linspace(0.0, 1.0, 9)[:, None]
+    rods = {
+        link.name: np.array([a + share * (b - a) for a, b in edges(stations(mechanism, link.name))])
+        for link in mechanism.links
+        if link.name in poses
+    }
+    sides: dict[str, float] = {}
+    for joint in mechanism.joints:
+        for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
+            if not KINDS[joint.kind].pivot or KINDS[joint.kind].ball or ground.link != GROUND:
+                continue
+            gaps = {}
+            for side in (-1.0, 1.0):
+                along = np.linspace(0.25, 1.0, 5)[:, None] * reach * side
+                shaft = np.asarray(ground.point) + along * np.asarray(ground.axis)
+                gaps[side] = min(
+                    (_gap(shaft, poses[link], rod) for link, rod in rods.items() if link != moving.link),
+                    default=0.0,
+                )
+            inward = float((_middle(mechanism) - np.asarray(ground.point)) @ np.asarray(ground.axis))
+            # a clear difference decides; else the shaft leads off the mechanism
+            clear = abs(gaps[1.0] - gaps[-1.0]) > 2.0 * rod_radius(mechanism)
+            sides[joint.name] = (
+                max(gaps, key=gaps.__getitem__) if clear else (1.0 if inward < -reach / 90.0 else -1.0)
+            )
+    return sides
+
+
+def _gap(places: Array, pose: Pose, rods: Array) -> float:
+    """The least distance between places, (k, 3), and points of rods in all poses of their link."""
+    local = rods.reshape(-1, 3)
+    if not len(local):
+        local = np.zeros((1, 3))
+    rotation, position = np.atleast_3d(pose.rotation).reshape(-1, 3, 3), pose.position.reshape(-1, 1, 3)
+    moved = (position + local @ np.swapaxes(rotation, -1, -2)).reshape(-1, 1, 3)
+    return float(np.sqrt(((moved - places) ** 2).sum(-1)).min())
+
+
+def _middle(mechanism: Mechanism) -> Array:
+    """The middle of all joints on the ground."""
+    return np.array([end.point for end in mechanism.ends(GROUND)]).mean(0)
+
+
+def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
+    """Return the normal of the plane of motion in each link's frame, or None unless the links can be flat.
+
+    Besides moving in planes, as `model.motion_plane` says it, a flat link has all its joints in one plane.
+    """
+    if not all(KINDS[joint.kind].aligned for joint in mechanism.joints):
+        return None
+    normals = hinged_normals(mechanism)
+    for link, normal in (normals or {}).items():
+        heights = [float(normal @ end.point) for end in mechanism.ends(link)]
+        if heights and max(heights) - min(heights) > 1e-9 * span(mechanism):
+            return None
+    return normals
+
+
+def layers_of(mechanism: Mechanism) -> dict[str, float]:
+    """Return layers of a planar mechanism such that links which share a joint lie in different ones."""
+    layers: dict[str, int] = {}
+    for link in mechanism.links:
+        near = {
+            layers[other.link]
+            for joint in mechanism.joints
+            for here, other in ((joint.a, joint.b), (joint.b, joint.a))
+            if here.link == link.name and other.link in layers
+        }
+        layers[link.name] = next(i for i in range(len(near) + 1) if i not in near)
+    middle = max(layers.values(), default=0) / 2.0
+    return {link: layer - middle for link, layer in layers.items()}

@@ -12,9 +12,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import link_colours, rod_radius
-from mechsim.shapes.extent import displacement
-from mechsim.shapes.planar import layers_of, planar_normals
+from mechsim.shapes.body import displacement, layers_of, link_colours, planar_normals, rod_radius
 from mechsim.shapes.shape import HOUSING, STEEL, Kind, Rgba, Shape, vector
 
 

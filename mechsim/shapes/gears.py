@@ -1,19 +1,164 @@
 """Gears: pairs of toothed wheels that mesh, on the frame or on an arm that carries them, and racks."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.model.couplings import Gear
+from mechsim.model.couplings import Coupling, Gear
+from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.bevel_gears import bevel_pair
 from mechsim.shapes.body import rod_radius
-from mechsim.shapes.canvas import Canvas
-from mechsim.shapes.racks import draw_racks
-from mechsim.shapes.wheels import Place, Wheel, angle_in, draw_wheel, teeth_on
+from mechsim.shapes.canvas import Canvas, upright_end
+from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
+
+Place = tuple[str, float]
+# part of a bevel gear's slant that its teeth take
+FACE = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Cone:
+    """On what cone the teeth of a bevel gear lie.
+
+    Attributes:
+        apex: height of its tip over the joint's point along the axis, in [m].
+        height: of the wheel's back over the tip, in [m].
+    """
+
+    apex: float
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wheel:
+    """A toothed wheel.
+
+    Attributes:
+        end: of the joint about whose axis it lies.
+        radius: of the circle on which it meshes, in [m].
+        teeth: how many it has.
+        first: angle of one of them from the joint's mark, in [rad].
+        way: +1, or -1 for the one of a pair that turns against the other, both about their own axes.
+        hollow: whether it is a ring with teeth inside.
+        cone: of a bevel gear, on what its teeth lie.
+    """
+
+    end: End
+    radius: float
+    teeth: int
+    first: float
+    way: float = 1.0
+    hollow: bool = False
+    cone: Cone | None = None
+
+    @property
+    def place(self) -> Place:
+        """Link and radius, to six digits: what tells wheels apart."""
+        return self.end.link, float(f"{self.radius:.5e}")
+
+
+def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
+    """Draw a toothed disc, or a ring with teeth inside, behind all links; a bevel gear where it lies.
+
+    What turns with a link hangs on it by a hub, a ring by a disc behind its teeth.
+    """
+    if wheel.cone is not None:
+        _bevel(canvas, wheel, wheel.cone)
+        return
+    end, radius, teeth = wheel.end, wheel.radius, wheel.teeth
+    colour, low = wheel_colour(canvas, end.link), wheel_height(canvas) - 0.6 * canvas.r
+    depth = 0.7 * np.pi * radius / teeth
+    upright = upright_end(end, canvas.normals[end.link]) if canvas.normals else end
+    centre = np.asarray(end.point) + wheel_height(canvas) * np.asarray(upright.axis)
+    inner, outer = radius - 1.3 * depth, radius + 0.8 * depth
+    if wheel.hollow:
+        inner, outer = radius - 0.8 * depth, radius + 1.3 * depth
+        _rim(canvas, end.link, centre, upright, (radius + depth, 0.6 * canvas.r, teeth), colour)
+    else:
+        canvas.disc(end.link, upright, low, low + 1.2 * canvas.r, radius - depth, colour)
+    if end.link != GROUND:
+        _hub(canvas, upright, (low, radius + depth), wheel.hollow, colour)
+    for angle in wheel.first + 2.0 * np.pi * np.arange(teeth) / teeth:
+        out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
+        # a shade thinner than the disc, so that the faces do not fight where they overlap
+        size = (0.42 * np.pi * radius / teeth, 0.57 * canvas.r)
+        ends = vector(centre + inner * out), vector(centre + outer * out)
+        canvas.out[end.link].append(Shape("box", *ends, size, colour, upright.axis))
+
+
+def _hub(canvas: Canvas, end: End, sizes: tuple[float, float], hollow: bool, colour: Rgba) -> None:
+    """Draw what joins a wheel to its link: from its back at a height, of a radius in [m]."""
+    low, radius = sizes
+    if hollow:
+        low -= 0.3 * canvas.r
+        canvas.disc(end.link, end, low, low + 0.6 * canvas.r, radius, colour)
+    canvas.disc(end.link, end, low, canvas.height(end.link), min(2.9 * canvas.r, 0.7 * radius), colour)
+
+
+def wheel_colour(canvas: Canvas, link: str) -> Rgba:
+    """Return the colour of the teeth of a link."""
+    return pale(canvas.colours[link]) if link in canvas.colours else HOUSING
+
+
+def wheel_height(canvas: Canvas) -> float:
+    """Return the height over a shaft's point at which wheels between parallel shafts mesh, in [m]."""
+    return (canvas.back if canvas.normals else -4.5 * canvas.r) + 1.6 * canvas.r
+
+
+def _bevel(canvas: Canvas, wheel: Wheel, cone: Cone) -> None:
+    """Draw a bevel gear: its back, its hub, a shaft to the joint, and teeth that point at the cone's tip."""
+    end, colour = wheel.end, wheel_colour(canvas, wheel.end.link)
+    axis, point = np.asarray(end.axis), np.asarray(end.point)
+    back, front = cone.apex + cone.height, cone.apex + (1.0 - FACE) * cone.height
+    depth, rear = 0.7 * np.pi * wheel.radius / wheel.teeth, back + np.copysign(0.8 * canvas.r, cone.height)
+    root = wheel.radius - depth
+    for one, other, radius in (
+        (back, rear, root),
+        (front, back, (1.0 - FACE) * root),
+        (0.0, rear, canvas.r),
+    ):
+        canvas.disc(end.link, end, min(one, other), max(one, other), radius, colour)
+    slant = float(np.hypot(wheel.radius, cone.height))
+    for angle in wheel.first + 2.0 * np.pi * np.arange(wheel.teeth) / wheel.teeth:
+        out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
+        heel = cone.height * axis + wheel.radius * out
+        across = vector((wheel.radius * axis - cone.height * out) / slant)
+        tip = point + cone.apex * axis
+        ends = vector(tip + (1.0 - FACE) * heel), vector(tip + heel)
+        size = (0.42 * np.pi * (1.0 - 0.5 * FACE) * wheel.radius / wheel.teeth, depth)
+        canvas.out[end.link].append(Shape("box", *ends, size, colour, across))
+
+
+def _rim(
+    canvas: Canvas, link: str, centre: Array, end: End, sizes: tuple[float, float, int], colour: Rgba
+) -> None:
+    """Draw a ring of so many bars: inner radius, half a thickness, bars."""
+    inner, thick, bars = sizes
+    half = 1.2 * canvas.r
+    for angle in 2.0 * np.pi * np.arange(bars) / bars:
+        c, s = np.cos(angle), np.sin(angle)
+        out, along = end.frame @ np.array([c, s, 0.0]), end.frame @ np.array([-s, c, 0.0])
+        # long enough that their outer corners meet
+        reach = (inner + 2.0 * half) * np.tan(np.pi / bars)
+        middle = centre + (inner + half) * out
+        ends = vector(middle - reach * along), vector(middle + reach * along)
+        canvas.out[link].append(Shape("box", *ends, (half, thick), colour, end.axis))
+
+
+def teeth_on(radius: float, pitch: float) -> int:
+    """Return how many teeth a wheel has of which each takes `pitch` of a radius."""
+    return max(1, round(radius / pitch))
+
+
+def angle_in(end: End, direction: Array) -> float:
+    """Return the angle of a direction about a joint's axis, from its mark."""
+    x, y, _ = end.frame.T @ direction
+    return float(np.arctan2(y, x))
+
 
 # teeth of the smallest wheel
 FEWEST = 18
@@ -118,3 +263,140 @@ def _apart(a: End, b: End) -> tuple[Array, float]:
 
 def _parallel(a: End, b: End) -> bool:
     return float(np.asarray(a.axis) @ np.asarray(b.axis)) > 1.0 - 1e-9
+
+
+# axes that pass each other at less than this part of a rod's radius meet
+MEETS = 1e-3
+# sine of the angle between axes below which they are parallel
+PARALLEL = 1e-6
+# slant of wheels whose joints both lie where the shafts meet, in radii of rods
+SLANT = 9.0
+Ends = tuple[End, End]
+
+
+def bevel_pair(
+    first: Ends, second: Ends, rates: tuple[float, float], phase: float, rod: float, pitch: float
+) -> list[Wheel]:
+    """Return two wheels whose shafts meet, none where these are parallel or pass each other.
+
+    Seen from the link that carries both, wheels of rates w1 and w2 about axes u1 and u2 roll on each other
+    along the direction of w1 u1 - w2 u2. The wheels lie where their joints do, as far as they can.
+
+    Args:
+        first: of the first wheel's joint, the end on the link that carries both, and the wheel's own.
+        second: of the second wheel's.
+        rates: of both wheels about their axes, seen from that link.
+        phase: angle of the second joint where the first is at zero, in [rad].
+        rod: radius of rods in [m].
+        pitch: part of a radius that a tooth takes, in [m].
+    """
+    carriers, own = zip(first, second, strict=True)
+    apex = _meeting(*carriers, MEETS * rod)
+    axes = np.array([end.axis for end in carriers])
+    along = rates[0] * axes[0] - rates[1] * axes[1]
+    length = float(np.linalg.norm(along))
+    if apex is None or not length > 0.0:
+        return []
+    along /= length
+    tips = np.array([(apex - end.point) @ axis for end, axis in zip(carriers, axes, strict=True)])
+    cosines = axes @ along
+    sines = np.linalg.norm(np.cross(axes, along), axis=1)
+    if not sines.min() > PARALLEL:
+        return []
+    along, cosines, slant = _side(along, cosines, -tips, SLANT * rod)
+    counts = [teeth_on(slant * sine, pitch) for sine in sines]
+    angles = [angle_in(end, along) for end in carriers]
+    # where the first joint is at zero a tooth of its wheel meets a gap of the other
+    starts = angles[0], angles[1] - phase + np.pi / counts[1]
+    ways = 1.0, float(np.sign(rates[0] * rates[1]))
+    cones = [Cone(tip, slant * cosine) for tip, cosine in zip(tips.tolist(), cosines.tolist(), strict=True)]
+    return [
+        Wheel(own[i], slant * float(sines[i]), counts[i], starts[i], ways[i], cone=cones[i]) for i in range(2)
+    ]
+
+
+def _side(along: Array, cosines: Array, heights: Array, least: float) -> tuple[Array, Array, float]:
+    """Return the line of contact to the side where the joints lie, its cosines, and its length in [m].
+
+    Heights are those of the joints over the point where the shafts meet; a wheel as flat as a plate may lie
+    anywhere.
+    """
+    bent = np.abs(cosines) > PARALLEL
+    slants = np.divide(heights, cosines, out=np.zeros(2), where=bent)
+    far, near = sorted(slants.tolist(), key=abs, reverse=True)
+    nearest = near if far * near > 0.0 else far
+    if abs(nearest) < least:
+        nearest = least if nearest >= 0.0 else -least
+    sense = float(np.sign(nearest))
+    return sense * along, sense * cosines, abs(nearest)
+
+
+def _meeting(a: End, b: End, far: float) -> Array | None:
+    """Return where the axes of two joints meet, (3,); None where they are parallel or farther apart."""
+    across = np.cross(a.axis, b.axis)
+    square = float(across @ across)
+    if not square > PARALLEL**2:
+        return None
+    off = np.subtract(b.point, a.point)
+    if abs(float(off @ across)) > far * square**0.5:
+        return None
+    return a.point + np.asarray(a.axis) * float(np.cross(off, b.axis) @ across / square)
+
+
+# cosine of the angle between slide and shaft below which they are square, and teeth of a rack at the most
+SQUARE, MOST = 1e-9, 400
+
+
+def draw_racks(canvas: Canvas, teeth: int) -> None:
+    """Draw pinions of so many teeth and their racks, as long as their way asks for."""
+    for coupling in canvas.mechanism.couplings:
+        if isinstance(coupling.left, str) and isinstance(coupling.right, str):
+            joints = {joint.name: joint for joint in canvas.mechanism.joints}
+            rack, pinion = joints.get(coupling.left), joints.get(coupling.right)
+            if rack and pinion and _meshes(coupling, rack, pinion):
+                _draw(canvas, coupling, rack, pinion, teeth)
+
+
+def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
+    square = abs(float(np.dot(rack.a.axis, pinion.a.axis))) < SQUARE
+    slide, hinge = KINDS[rack.kind], KINDS[pinion.kind]
+    kinds = slide.single and not slide.turns and hinge.hinge and rack.a.link == pinion.a.link
+    return kinds and square and len(coupling.coefficients) == 2 and coupling.slope != 0.0
+
+
+def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth: int) -> None:
+    """Draw a pinion and the teeth of its rack, a tooth of the one in a gap of the other.
+
+    A bracket joins the rack to the place of its slide.
+    """
+    radius = abs(coupling.slope)
+    step = 2.0 * np.pi * radius / teeth
+    way, axis = np.asarray(rack.a.axis), np.asarray(pinion.a.axis)
+    out = np.cross(way, axis) * np.sign(coupling.slope)
+    draw_wheel(canvas, Wheel(pinion.b, radius, teeth, angle_in(pinion.a, out) - coupling.zeros[1]))
+    own = pinion.a
+    up = np.asarray((upright_end(own, canvas.normals[own.link]) if canvas.normals else own).axis)
+    meet = own.point + wheel_height(canvas) * up + radius * out
+    # in the rack's frame, which goes along the slide
+    turned = rack.b.frame @ rack.a.frame.T
+    here = coupling.zeros[0] + coupling.coefficients[0]
+    base = rack.b.point + turned @ (meet - rack.a.point) - here * (turned @ way)
+    low, high = (here - end for end in canvas.travel_of(rack)[::-1])
+    depth, colour = 0.7 * np.pi * radius / teeth, wheel_colour(canvas, rack.b.link)
+    outward, forward, flat = turned @ out, turned @ way, vector(turned @ axis)
+    first, last = np.floor(low / step) - 2.0, np.ceil(high / step) + 2.0
+    if last - first > MOST:
+        return
+    shapes = canvas.out[rack.b.link]
+    for k in np.arange(first, last) + 0.5:
+        foot = base + k * step * forward
+        ends = vector(foot - 0.8 * depth * outward), vector(foot + 1.3 * depth * outward)
+        shapes.append(Shape("box", *ends, (0.21 * step, 0.57 * canvas.r), colour, flat))
+    bar = base + (depth + 1.2 * canvas.r) * outward
+    ends = vector(bar + first * step * forward), vector(bar + last * step * forward)
+    shapes.append(Shape("box", *ends, (1.2 * canvas.r, 0.6 * canvas.r), colour, flat))
+    if rack.b.link != GROUND:
+        own = rack.b.point + canvas.lift(rack.b)
+        along = np.clip(float((own - bar) @ forward), first * step, last * step)
+        under = bar + along * forward
+        canvas.join(rack.b.link, (own, under + float((own - under) @ flat) * np.asarray(flat), under))

@@ -9,7 +9,7 @@ from mechsim.errors import MissingToolError
 from mechsim.model.scene import Scene
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend
-from mechsim.pictures.render.exported_scene import CAMERA, exported
+from mechsim.pictures.render.scenery import CAMERA, exported
 from mechsim.shapes import link_colours
 from mechsim.simulation import Settings, mjcf, simulate
 from mechsim.simulation.closed_model import assembled

@@ -10,8 +10,8 @@ import mechsim as ms
 from mechsim.pictures.render.drawing import Source, named
 from mechsim.pictures.render.file_bodies import drawn_as, file_bodies
 from mechsim.pictures.render.look import Look
+from mechsim.pictures.render.overlays import Shadow
 from mechsim.pictures.render.scenery import PAPER
-from mechsim.pictures.render.shadow import Shadow
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 from mechsim.shapes import Facets

@@ -16,8 +16,8 @@ from mechsim.errors import InputError, OutputError
 from mechsim.model.forces import Forces
 from mechsim.pictures import plots
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.agreement import TwoCurves, agreement_plot
 from mechsim.pictures.plots.figure import round_numbers
+from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.report import plot_table
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.subjects.readers import load

@@ -12,7 +12,7 @@ from mechsim.errors import OutputError
 from mechsim.pictures import plots
 from mechsim.pictures.render import find_ffmpeg
 from mechsim.report import page as report
-from mechsim.report.studies import studies_in
+from mechsim.report.page import studies_in
 from mechsim.verdict.checks import Check
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)

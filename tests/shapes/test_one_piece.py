@@ -10,7 +10,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.pictures.render import scenery
-from mechsim.shapes import link_shapes, planar_normals, rod_radius, walls
+from mechsim.shapes import camera, link_shapes, planar_normals, rod_radius
 from mechsim.shapes.body import edges
 from mechsim.subjects import gallery
 
@@ -85,7 +85,7 @@ def test_what_stands_on_the_ground_reaches_its_floor_or_wall(kind):
             radius, floor, ground = rod_radius(mechanism), -0.2, shapes[GROUND]
             flat = planar_normals(mechanism)
             if not flat:
-                ground = [*ground, *walls.stands(ground, unit_vector("y"), floor, radius)]
+                ground = [*ground, *camera.stands(ground, unit_vector("y"), floor, radius)]
             lowest = np.array(
                 [shape.bounds[0][:, 2 if flat else 1].min() - shape.bounds[1] for shape in ground]
             )
@@ -99,7 +99,7 @@ def test_of_bearings_above_one_another_the_lowest_stands():
     mechanism, shapes = of_joints(SHAFT, sleeve, travel={"sleeve": (0.0, 0.1)})
     posts = [
         s
-        for s in walls.stands(shapes[GROUND], unit_vector("y"), -0.2, rod_radius(mechanism))
+        for s in camera.stands(shapes[GROUND], unit_vector("y"), -0.2, rod_radius(mechanism))
         if s.size[0] < 2.0 * rod_radius(mechanism)
     ]
     under = [post for post in posts if abs(post.frm[0]) < 1e-9 and abs(post.frm[2]) < 1e-9]

@@ -18,7 +18,6 @@ from mechsim.shapes import (
     link_shapes,
     planar_normals,
     rod_radius,
-    walls,
 )
 
 NAMES = list(catalog.DRIVES)
@@ -248,14 +247,14 @@ def test_floor_posts_and_camera_agree_on_what_points_up(axis, stated, expected):
     assert up @ vertical > 0.5
     low, high = np.full(3, -0.05), np.full(3, 0.05)
     view = camera.framed(back, up, np.array([low, high]), np.zeros(2), (320, 240))
-    floor = walls.backdrop(mechanism, view, vertical, low, high, 0.01)
+    floor = camera.backdrop(mechanism, view, vertical, low, high, 0.01)
     np.testing.assert_allclose(floor.normal, vertical)
     assert floor.point @ vertical == pytest.approx(-0.05)
-    low, high, height = walls.lowered(low, high, vertical, 0.02)
+    low, high, height = camera.lowered(low, high, vertical, 0.02)
     assert height == pytest.approx(-0.07)
     assert (high - low) @ np.abs(vertical) == pytest.approx(0.12)
     bearings = [shape for shape in link_shapes(mechanism)[GROUND] if shape.role == "bearing"]
-    post, foot = walls.stands(bearings, vertical, -0.07, rod_radius(mechanism))
+    post, foot = camera.stands(bearings, vertical, -0.07, rod_radius(mechanism))
     assert foot.to @ vertical == pytest.approx(-0.07)
     across = np.flatnonzero(vertical == 0.0)
     np.testing.assert_allclose(np.take(post.frm, across), np.take(foot.to, across))

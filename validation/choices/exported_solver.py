@@ -22,7 +22,7 @@ from tuned_cases import scene_files
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.exported_scene import exported
+from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.silence import quiet
 from mechsim.studies.scene import errors_of, step_times, stepped

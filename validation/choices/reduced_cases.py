@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.exported_scene import exported
+from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.scene import UserScene, scene_of

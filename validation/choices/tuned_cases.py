@@ -11,7 +11,7 @@ import numpy as np
 from mechsim.cli.scene_options import SceneOptions
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.exported_scene import exported
+from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.subjects.readers import load

@@ -4,7 +4,6 @@ A figure shows itself in a notebook; `write` puts it in a file by its extension,
 one. Axes carry units, colours stay apart for colour-blind eyes.
 """
 
-from mechsim.pictures.plots.assemblies import AssemblyTable, assembly_plot
 from mechsim.pictures.plots.dynamics import dynamics_sheet, energy_plot, free_plot, reaction_plot, torque_plot
 from mechsim.pictures.plots.figure import (
     COLOURS,
@@ -18,7 +17,14 @@ from mechsim.pictures.plots.figure import (
     write,
 )
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
-from mechsim.pictures.plots.paths import DrawablePlan, coupler_curve, space_curve, velocity_plan_plot
+from mechsim.pictures.plots.paths import (
+    AssemblyTable,
+    DrawablePlan,
+    assembly_plot,
+    coupler_curve,
+    space_curve,
+    velocity_plan_plot,
+)
 from mechsim.pictures.plots.sensitivity import (
     Band,
     PathBand,

@@ -18,8 +18,7 @@ from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
 from mechsim.pictures.render.frame_poses import FramePoses, frame_poses, mixed, places
 from mechsim.pictures.render.ghost import Ghost, errors, factor, magnified
-from mechsim.pictures.render.label_places import Place
-from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, written
+from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Place, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.overlays import Trace
 

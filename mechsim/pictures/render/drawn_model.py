@@ -15,22 +15,21 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.arrows import Arrows, arrows
-from mechsim.pictures.render.far_paths import far_paths
-from mechsim.pictures.render.frame_poses import FramePoses
+from mechsim.pictures.render.frame_poses import FramePoses, far_paths
 from mechsim.pictures.render.ghost import Ghost
 from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import Rgba, Shape, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.extent import extent, travels
-from mechsim.shapes.walls import Wall, backdrop, corner, lowered, stands
+from mechsim.shapes.body import extent, travels
+from mechsim.shapes.camera import Wall, backdrop, corner, lowered, stands
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 
 CAMERA = "view"
 GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
 # parallel projection shows a thing in the same place however deep it lies: a ghost stands this many rod
-# radii behind the solid links, so that it shows only where it differs, and arrows stand before them
-BEHIND, BEFORE = 1.5, 6.0
+# radii behind the solid links, so that it shows only where it differs; see also `overlays.BEFORE`
+BEHIND = 1.5
 
 
 class DrawnModel:

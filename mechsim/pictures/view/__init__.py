@@ -3,10 +3,21 @@
 All that moves was solved before: the page interpolates between dense samples and solves nothing.
 """
 
-from mechsim.pictures.view.gathering import between, ghost_of, motion_grid
-from mechsim.pictures.view.interpolation import interpolated, quaternions
 from mechsim.pictures.view.offline_page import page, three_js
-from mechsim.pictures.view.records import GhostTrack, Mark, PoseGrid, Readout, Slider, SliderUnit, View
+from mechsim.pictures.view.pose_grid import (
+    GhostTrack,
+    Mark,
+    PoseGrid,
+    Readout,
+    Slider,
+    SliderUnit,
+    View,
+    between,
+    ghost_of,
+    interpolated,
+    motion_grid,
+    quaternions,
+)
 
 __all__ = [
     "GhostTrack",

@@ -18,12 +18,11 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, Up
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.view.interpolation import quaternions
-from mechsim.pictures.view.records import GhostTrack, PoseGrid, Slider, View
+from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
 from mechsim.shapes import Shape, free_sides, link_shapes, point_colours, rod_radius
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.extent import extent, travels
-from mechsim.shapes.walls import stands
+from mechsim.shapes.body import extent, travels
+from mechsim.shapes.camera import stands
 
 TEMPLATES = Path(__file__).parent / "templates"
 LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"

@@ -51,7 +51,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         The specification. Bodies and joints are named like links and joints, the driven joint
         "crank", and each tracked point is a site of its name. A universal joint is two hinges NAME.1
         and NAME.2, a cylindrical one NAME.way and NAME.turn. Of level "picture" it holds all but the
-        picture, which `pictures.render.exported_scene` adds.
+        picture, which `pictures.render.scenery` adds.
     """
     if mechanism.has_crank and CRANK in {joint.name for joint in mechanism.joints} - {mechanism.crank.name}:
         raise InputError(

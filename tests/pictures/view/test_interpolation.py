@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mechsim.pictures.view.interpolation import interpolated, quaternions
-from mechsim.pictures.view.records import Slider
+from mechsim.pictures.view.pose_grid import Slider, interpolated, quaternions
 
 RANDOM = np.random.default_rng(5)
 

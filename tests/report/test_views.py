@@ -6,8 +6,8 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.loops.start import start_poses
 from mechsim.pictures.view import interpolated, quaternions
+from mechsim.report.driver_views import box_of, hand_grids, program_grid
 from mechsim.report.views import case_view, mechanism_view
-from mechsim.report.views.driver_grids import box_of, hand_grids, program_grid
 from mechsim.studies.validate import case_of
 
 SPEED = ms.units.rpm(600)
@@ -57,7 +57,7 @@ def test_programs_are_shown_over_their_time():
 
 
 def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatch):
-    monkeypatch.setattr("mechsim.report.views.driver_grids.NODES", {2: 9})
+    monkeypatch.setattr("mechsim.report.driver_views.NODES", {2: 9})
     form = ms.load("five_bar")
     (grid,) = hand_grids(form, box_of(form, {"left": (1.9, 2.3)}, start_poses(form.mechanism)[1]))
     left = grid.sliders[0]
@@ -79,7 +79,7 @@ def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatc
 
 
 def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
-    monkeypatch.setattr("mechsim.report.views.driver_grids.ALONE", 5)
+    monkeypatch.setattr("mechsim.report.driver_views.ALONE", 5)
     form = ms.load("stewart_gough")
     grids = hand_grids(form, box_of(form, {}, start_poses(form.mechanism)[1]))
     assert [grid.name for grid in grids] == [f"l{i} by hand" for i in range(1, 7)]

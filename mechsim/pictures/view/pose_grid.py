@@ -1,0 +1,304 @@
+"""What a page shows, as plain records: sliders, poses on the grid of their nodes, read-outs, marks."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mechsim.model.link_poses import moved_links
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism, Up
+from mechsim.model.motion import JointMotion, Motion
+from mechsim.numerics.arrays import Array
+from mechsim.pictures.render.frame_poses import comes_round
+from mechsim.pictures.render.ghost import errors, factor
+from mechsim.shapes import Shape
+
+# of a slider; "%" goes round a curve of assemblies
+SliderUnit = Literal["rad", "m", "s", "%"]
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A place on a slider that has a name: a dead centre, the least transmission angle.
+
+    Attributes:
+        at: in the unit of the slider.
+        said: what it is, in a few words.
+        kind: "dead" where the motion cannot go on, "meets" where assemblies meet, "note" else.
+    """
+
+    at: float
+    said: str
+    kind: Literal["dead", "meets", "note"] = "note"
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """A driver that is moved by hand.
+
+    Attributes:
+        name: of the driver, or "time".
+        unit: of its nodes.
+        nodes: rising values at which poses are known, (k,) in SI.
+        ring: whether the last node is the first again, a period later.
+        start: where it stands at first.
+        marks: places with a name.
+    """
+
+    name: str
+    unit: SliderUnit
+    nodes: Array
+    ring: bool
+    start: float
+    marks: tuple[Mark, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Readout:
+    """A quantity over the grid, of one or several parts: a point's place, a joint's coordinate.
+
+    Attributes:
+        name: of what.
+        unit: in SI, "rad", "m", "m/s", "".
+        parts: what a part is called -> its values, of the shape of the grid; "" where there is one.
+    """
+
+    name: str
+    unit: str
+    parts: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class GhostTrack:
+    """Where another road puts the links, as differences along the one slider.
+
+    Attributes:
+        name: of the road.
+        nodes: rising values of the slider, (k,).
+        shift: link -> displacement of its first joint, (k, 3) in [m].
+        turn: link -> turn as a vector, (k, 3) in [rad].
+        by: factor that makes the differences plain to see.
+    """
+
+    name: str
+    nodes: Array
+    shift: Mapping[str, Array]
+    turn: Mapping[str, Array]
+    by: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseGrid:
+    """One assembly, or one road: poses of all moving links at every node of its sliders.
+
+    Attributes:
+        name: as the page offers it.
+        sliders: one for each driver; the grid is the product of their nodes.
+        position: link -> place of its origin, (*shape, 3) in [m]; NaN where it cannot stand.
+        quaternion: link -> its orientation, (*shape, 4), scalar first.
+        readouts: what is written beside the picture and drawn as curves.
+        ghost: of another road; None where there is none.
+        error: largest error of a place between the nodes in [m], measured; NaN where it was not.
+        said: more on where it comes from.
+    """
+
+    name: str
+    sliders: tuple[Slider, ...]
+    position: Mapping[str, Array]
+    quaternion: Mapping[str, Array]
+    readouts: tuple[Readout, ...] = ()
+    ghost: GhostTrack | None = None
+    error: float = float("nan")
+    said: str = ""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Nodes along each slider."""
+        return tuple(len(slider.nodes) for slider in self.sliders)
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """All that a page shows.
+
+    Attributes:
+        mechanism: whose links are drawn.
+        grids: what can be chosen; the first is shown at first.
+        title: heading.
+        facts: lines that say what it is and where it comes from.
+        bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
+        up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
+    """
+
+    mechanism: Mechanism
+    grids: Sequence[PoseGrid]
+    title: str
+    facts: Sequence[str] = ()
+    bodies: Mapping[str, Sequence[Shape]] | None = None
+    up: Up | None = None
+
+
+# nodes that a cubic goes through
+STENCIL = 4
+
+
+def quaternions(rotation: Array) -> Array:
+    """Return unit quaternions of rotations, (..., 3, 3) -> (..., 4), scalar first and not negative."""
+    m = rotation
+    trace = np.trace(m, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(m, axis1=-2, axis2=-1)
+    # four times the square of each component; the largest is divided by
+    squares = np.concatenate([1.0 + trace[..., None], 1.0 - trace[..., None] + 2.0 * diagonal], -1)
+    table = np.empty((*m.shape[:-2], 4, 4))
+    table[..., range(4), range(4)] = squares
+    for (i, j), value in {
+        (0, 1): m[..., 2, 1] - m[..., 1, 2],
+        (0, 2): m[..., 0, 2] - m[..., 2, 0],
+        (0, 3): m[..., 1, 0] - m[..., 0, 1],
+        (1, 2): m[..., 0, 1] + m[..., 1, 0],
+        (1, 3): m[..., 0, 2] + m[..., 2, 0],
+        (2, 3): m[..., 1, 2] + m[..., 2, 1],
+    }.items():
+        table[..., i, j] = table[..., j, i] = value
+    row = np.argmax(squares, -1)[..., None, None]
+    found = np.take_along_axis(table, row, -2)[..., 0, :]
+    found = found / np.sqrt((found**2).sum(-1, keepdims=True))
+    return np.where(found[..., :1] < 0.0, -found, found)
+
+
+def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:
+    """Return the nodes of a slider about a value, four where there are so many, and their weights.
+
+    A ring goes on past its ends; its last node is its first.
+    """
+    nodes, n = slider.nodes, len(slider.nodes)
+    low = int(np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, max(n - 2, 0)))
+    count = min(STENCIL, n)
+    if slider.ring:
+        period, places = nodes[-1] - nodes[0], range(low - 1, low - 1 + count)
+        laps = [i // (n - 1) for i in places]
+        at = [i % (n - 1) for i in places]
+        where = [float(nodes[i] + period * lap) for i, lap in zip(at, laps, strict=True)]
+    else:
+        first = int(np.clip(low - 1, 0, n - count))
+        at = list(range(first, first + count))
+        where = [float(nodes[i]) for i in at]
+    weights = [
+        float(np.prod([(value - b) / (a - b) for k, b in enumerate(where) if k != j]))
+        for j, a in enumerate(where)
+    ]
+    return at, weights
+
+
+def interpolated(
+    sliders: Sequence[Slider], values: Array, at: Sequence[float], *, turns: bool = False
+) -> Array:
+    """Return values of a grid, (*shape, c), at a setting of its sliders, (c,).
+
+    Args:
+        sliders: of the grid.
+        values: at the nodes.
+        at: a value for each slider.
+        turns: whether the values are quaternions, of which both signs mean one turn.
+    """
+    places = [stencil(slider, value) for slider, value in zip(sliders, at, strict=True)]
+    block = values[np.ix_(*(nodes for nodes, _ in places))]
+    if turns:
+        first = block.reshape(-1, block.shape[-1])[0]
+        block = np.where((block @ first)[..., None] < 0.0, -block, block)
+    for _, weights in places:
+        block = np.tensordot(np.array(weights), block, axes=(0, 0))
+    return block / np.linalg.norm(block) if turns else block
+
+
+def motion_grid(
+    name: str,
+    mechanism: Mechanism,
+    motion: Motion,
+    *,
+    driver: str,
+    unit: SliderUnit = "rad",
+    nodes: Array | None = None,
+    marks: Sequence[Mark] = (),
+    extra: Sequence[Readout] = (),
+    ghost: GhostTrack | None = None,
+    speeds: bool = True,
+) -> PoseGrid:
+    """Return the grid of a motion along one slider.
+
+    Args:
+        name: as the page offers it.
+        mechanism: what moves.
+        motion: with links, at rising values of the slider.
+        driver: what the slider is called.
+        unit: of its values.
+        nodes: its values, (n,); None takes the crank angles.
+        marks: places with a name.
+        extra: quantities besides places, speeds and joints, (n,) each.
+        ghost: of another road.
+        speeds: whether the motion's rates are told.
+    """
+    nodes = motion.angle if nodes is None else nodes
+    poses = moved_links(mechanism, motion)
+    position = {name: pose.position for name, pose in poses.items()}
+    quaternion = {name: quaternions(pose.rotation) for name, pose in poses.items()}
+    slider = Slider(driver, unit, nodes, comes_round(mechanism, motion), float(nodes[0]), tuple(marks))
+    told = (*_readouts(mechanism, motion, speeds), *extra)
+    return PoseGrid(name, (slider,), position, quaternion, told, ghost)
+
+
+def ghost_of(
+    name: str, mechanism: Mechanism, shown: Motion, other: Motion, rows: slice = slice(None)
+) -> GhostTrack:
+    """Return where another road puts the links, given both motions at the same drivers.
+
+    Args:
+        name: of the road.
+        mechanism: what moves.
+        shown: the motion of the page's own road.
+        other: that of the other.
+        rows: instants over which the slider rises: all of a crank that turns, half of a swing.
+    """
+    spinning = shown.spinning | other.spinning
+    found = errors(mechanism, moved_links(mechanism, shown), moved_links(mechanism, other), spinning)
+    shift = {link: pair[0][rows] for link, pair in found.items()}
+    turn = {link: pair[1][rows] for link, pair in found.items()}
+    nodes = shown.time if shown.drivers and shown.time is not None else shown.angle
+    return GhostTrack(name, nodes[rows], shift, turn, factor(mechanism, found))
+
+
+def between(grid: PoseGrid, exact: Motion, at: Array) -> float:
+    """Return the largest error of a tracked or joint place between the nodes of a slider, in [m].
+
+    Args:
+        grid: with one slider.
+        exact: the motion solved at values of the slider.
+        at: these values, (n,).
+    """
+    worst = 0.0
+    for link, moved in exact.links.items():
+        for i, value in enumerate(at):
+            place = interpolated(grid.sliders, grid.position[link], [float(value)])
+            worst = max(worst, float(np.linalg.norm(place - moved.position[i])))
+    return worst
+
+
+def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readout]:
+    """Return places and speeds of the points that move, and the joints' coordinates."""
+    found: list[Readout] = []
+    for name, point in motion.points.items():
+        if name in mechanism.points and mechanism.points[name][0] == GROUND:
+            continue
+        found.append(Readout(name, "m", dict(zip("xyz", point.position.T, strict=True))))
+        if speeds:
+            speed = np.sqrt((point.velocity**2).sum(1))
+            found.append(Readout(f"{name} speed", "m/s", {"": speed}))
+    for name, joint in motion.joints.items():
+        found.append(Readout(f"joint {name}", joint.unit, {"": _unwound(joint)}))
+    return found
+
+
+def _unwound(joint: JointMotion) -> Array:
+    return np.unwrap(joint.value) if joint.unit == "rad" else joint.value
