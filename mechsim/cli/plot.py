@@ -56,12 +56,12 @@ def plot(
     plots.form_of(output)
     place = writable(output)
     if model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
-        require_taken("of a sweep", ("of",), asked)
+        require_taken("of a sweep", ("coordinates",), asked)
         if sets or speed != SPEED or driven != DriveOptions():
             raise InputError(
                 f"{model} is what a sweep wrote; leave out what sets, drives or holds a mechanism"
             )
-        plots.write(place, drawn_sweep(model, asked.of, None if kind == "motion" else kind))
+        plots.write(place, drawn_sweep(model, asked.coordinates, None if kind == "motion" else kind))
         _tell(model, kind, output, as_json)
         return
     if kind not in PLOTS:
@@ -75,7 +75,7 @@ def plot(
             f"plot {kind!r} is of a crank without a program; under programs known are {', '.join(TIMED)}"
         )
     with progress("plot", None) as tick:
-        source = PlotSource(drive=drive, speed=speed_of(speed), asked=asked, done=tick)
+        source = PlotSource(solver=drive, speed=speed_of(speed), options=asked, progress=tick)
         figure = PLOTS[kind].draw(source)
     plots.write(place, figure)
     _tell(drive.name, kind, output, as_json, source.masses)

@@ -135,7 +135,7 @@ PROMISE = record(
     margin=NUMBER,
     steps=WHOLE,
 )
-MOBILITY = record(freedoms=WHOLE, drivers=TEXTS, open=TEXTS, superfluous=TEXTS, redundant=WHOLE)
+MOBILITY = record(freedoms=WHOLE, drivers=TEXTS, open=TEXTS, redundant_drivers=TEXTS, redundant=WHOLE)
 LINE = record(frame=NUMBER, frame_angle=NUMBER, rocker=NUMBER, deviation=NUMBER)
 ADVICE = record(command=maybe(TEXT), export=maybe(TEXT), xml=maybe(TEXT), python=TEXT)
 POINT = record(
@@ -286,7 +286,7 @@ OUTPUTS: dict[str, Schema] = {
                 ),
             )
         ),
-        meetings=many(ANY),
+        branch_points=many(ANY),
         left_out=many(ANY),
         output=maybe(TEXT),
         plot=maybe(TEXT),

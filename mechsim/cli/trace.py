@@ -19,10 +19,10 @@ from mechsim.pictures import plots
 from mechsim.report.assemblies import (
     SAMPLES,
     assembly_table,
-    columns_asked,
     curve_tables,
     joined,
-    told,
+    requested_columns,
+    trace_record,
     usual_columns,
 )
 from mechsim.theory.continuation import AssemblyCurve, AssemblyTrace
@@ -73,7 +73,7 @@ def trace(
         raise InputError(f"{samples} samples of a curve; give 1 to {MOST_SAMPLES}")
     drive = form_of(model, sets, driven)
     shown = output_units(units, drive)
-    over = None if of is None else columns_asked(drive.mechanism, parse_names(of))
+    over = None if of is None else requested_columns(drive.mechanism, parse_names(of))
     with progress("trace", None, at_least=True) as tick:
         found = traced(drive, starts=starts, seed=seed, progress=tick)
     if place is not None or picture is not None:
@@ -85,7 +85,7 @@ def trace(
         if place is not None:
             files.write_table(place, _labelled(found, joined(tables), shown))
     if as_json:
-        print_json({**told(found), "output": output, "plot": plot})
+        print_json({**trace_record(found), "output": output, "plot": plot})
         return
     _print(found)
     for name in (output, plot):

@@ -1,1 +1,1 @@
-"""What is told of a mechanism or a study, on a page or in a notebook."""
+"""Reports of mechanisms and studies, as HTML pages and in notebooks."""

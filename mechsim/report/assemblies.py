@@ -1,4 +1,4 @@
-"""What is told of all assemblies of a mechanism: tables of their curves, what to plot of them, plain data."""
+"""All assemblies of a mechanism as tables of curves, as the data of a plot, and as plain data."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -37,35 +37,37 @@ def assembly_table(trace: AssemblyTrace, tables: Sequence[dict[str, Array]]) -> 
     first = trace.curves[0]
     units = dict.fromkeys(tables[0], "m") | {"arc": "", "angle": "rad"}
     units |= {column.name: column.unit for column in first.joints.columns}
-    dead = [(i, turn.arc) for i, curve in enumerate(trace.curves) for turn in curve.crank_turns]
-    met = [place for meeting in trace.branch_points for place in meeting.locations]
+    dead = [
+        (i, turning_point.arc) for i, curve in enumerate(trace.curves) for turning_point in curve.crank_turns
+    ]
+    branch_points = [location for branch_point in trace.branch_points for location in branch_point.locations]
     marked: list[dict[str, Array]] = []
-    for places in (dead, met):
-        rows = [dict(trace.curves[i].poses_at(arc).columns()) for i, arc in places]
+    for locations in (dead, branch_points):
+        rows = [dict(trace.curves[i].poses_at(arc).columns()) for i, arc in locations]
         names = tables[0] if rows else ()
         marked.append({name: np.concatenate([row[name] for row in rows]) for name in names})
     return AssemblyTable(tables, units, *marked)
 
 
-def columns_asked(mechanism: Mechanism, asked: Sequence[str]) -> list[str]:
+def requested_columns(mechanism: Mechanism, requested: Sequence[str]) -> list[str]:
     """Return the columns to plot over that are meant; a joint's name stands for its coordinate.
 
     Raises:
         InputError: for a name that is no column, with the nearest that is, or not two or three of them.
     """
-    known = ["angle", *(column.name for column in joint_columns(mechanism))]
+    columns = ["angle", *(column.name for column in joint_columns(mechanism))]
     moving = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
-    known += [f"{name}.{axis}" for name in moving for axis in "xyz"] + ["arc"]
-    found: list[str] = []
-    for name in asked:
-        if name not in known and f"{name}.q" not in known:
+    columns += [f"{name}.{axis}" for name in moving for axis in "xyz"] + ["arc"]
+    chosen: list[str] = []
+    for name in requested:
+        if name not in columns and f"{name}.q" not in columns:
             raise InputError(
-                f"{mechanism.name} has no coordinate {name!r} to plot over{catalog.nearest(name, known)}"
+                f"{mechanism.name} has no coordinate {name!r} to plot over{catalog.nearest(name, columns)}"
             )
-        found.append(name if name in known else f"{name}.q")
-    if len(found) not in (2, 3):
-        raise InputError(f"--of names {len(found)} coordinates ({', '.join(asked)}); name two or three")
-    return found
+        chosen.append(name if name in columns else f"{name}.q")
+    if len(chosen) not in (2, 3):
+        raise InputError(f"--of names {len(chosen)} coordinates ({', '.join(requested)}); name two or three")
+    return chosen
 
 
 def usual_columns(trace: AssemblyTrace, table: AssemblyTable) -> list[str]:
@@ -75,8 +77,8 @@ def usual_columns(trace: AssemblyTrace, table: AssemblyTable) -> list[str]:
     return [driver, moving[0] if moving else "arc"]
 
 
-def told(trace: AssemblyTrace) -> dict[str, Any]:
-    """Return what was found as plain data; components are counted from 1."""
+def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
+    """Return the trace as plain data; components are counted from 1."""
     return {
         "mechanism": trace.mechanism.name,
         "starts": trace.starts,
@@ -92,23 +94,23 @@ def told(trace: AssemblyTrace) -> dict[str, Any]:
                 "dead_centres": curve.dead_centres,
                 "turning_points": [
                     {
-                        "coordinate": turn.coordinate,
-                        "which": "highest" if turn.highest else "lowest",
-                        "value": turn.value,
-                        "arc": turn.arc,
-                        "angle": turn.angle,
+                        "coordinate": turning_point.coordinate,
+                        "which": "highest" if turning_point.highest else "lowest",
+                        "value": turning_point.value,
+                        "arc": turning_point.arc,
+                        "angle": turning_point.angle,
                     }
-                    for turn in curve.turning_points
+                    for turning_point in curve.turning_points
                 ],
             }
             for i, curve in enumerate(trace.curves)
         ],
-        "meetings": [
+        "branch_points": [
             {
-                "angle": meeting.angle,
-                "places": [{"component": i + 1, "arc": arc} for i, arc in meeting.locations],
+                "angle": branch_point.angle,
+                "places": [{"component": i + 1, "arc": arc} for i, arc in branch_point.locations],
             }
-            for meeting in trace.branch_points
+            for branch_point in trace.branch_points
         ],
         "left_out": list(trace.left_out),
     }
@@ -118,8 +120,10 @@ def _others(trace: AssemblyTrace, driver: str) -> list[str]:
     """Return the columns of joints but the driver's, those on the frame first."""
     joints = {joint.name: joint for joint in trace.mechanism.joints}
     columns = [column for column in trace.curves[0].joints.columns if column.name != driver]
-    on_frame = [GROUND in (joints[one.joint].a.link, joints[one.joint].b.link) for one in columns]
-    return [one.name for _, one in sorted(zip(on_frame, columns, strict=True), key=lambda pair: not pair[0])]
+    on_frame = [GROUND in (joints[column.joint].a.link, joints[column.joint].b.link) for column in columns]
+    return [
+        column.name for _, column in sorted(zip(on_frame, columns, strict=True), key=lambda pair: not pair[0])
+    ]
 
 
 def _moves(table: AssemblyTable, name: str) -> bool:

@@ -37,7 +37,7 @@ NODES: Mapping[int, int] = {1: 121, 2: 25, 3: 7}
 ALONE = 61
 # how far a driver may be moved by hand either way, where no file says: in [rad], and as a part of the size;
 # with three the whole box is to be far from singular, or following to its edges takes minutes
-FAR = {"rad": (np.deg2rad(45.0), np.deg2rad(20.0)), "m": (0.25, 0.1)}
+MANUAL_RANGE = {"rad": (np.deg2rad(45.0), np.deg2rad(20.0)), "m": (0.25, 0.1)}
 # settings between nodes at which the error is measured: of the last driver, and of the others
 PROBED = 6
 
@@ -57,57 +57,61 @@ class Box:
     high: Mapping[str, float]
 
 
-def program_grid(form: LoopForm) -> PoseGrid:
+def motion_law_grid(solver: LoopForm) -> PoseGrid:
     """Return the poses over the time of the programs of a mechanism.
 
     Raises:
         AssemblyError: where the loops do not close on the way.
     """
-    bound = form.motion_laws
-    assert bound is not None
-    times = np.linspace(0.0, bound.duration, SAMPLES + 1)
-    motion = form.solve(t=times)
-    grid = motion_grid("as programmed", form.mechanism, motion, driver="time", unit="s", nodes=times)
+    laws = solver.motion_laws
+    assert laws is not None
+    times = np.linspace(0.0, laws.duration, SAMPLES + 1)
+    motion = solver.solve(t=times)
+    grid = motion_grid("as programmed", solver.mechanism, motion, driver="time", unit="s", nodes=times)
     middles = 0.5 * (times[:-1] + times[1:])[:: SAMPLES // 60]
-    exact = form.solve(t=middles)
+    exact = solver.solve(t=middles)
     grid = replace(grid, error=between(grid, exact, middles))
     with suppress(MechsimError):
-        run = simulated(form, bound.clock, samples=SAMPLES // 2, method="step").motion
+        run = simulated(solver, laws.clock, samples=SAMPLES // 2, method="step").motion
         if not run.broken and run.time is not None:
-            grid = replace(grid, ghost=ghost_of("MuJoCo, stepped", form.mechanism, form.solve_as(run), run))
+            grid = replace(
+                grid, ghost=ghost_of("MuJoCo, stepped", solver.mechanism, solver.solve_as(run), run)
+            )
     return grid
 
 
-def hand_grids(form: LoopForm, box: Box) -> list[PoseGrid]:
+def hand_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
     """Return the poses over all drivers by hand: one grid of up to three, or one grid each of more."""
-    drivers = form.mechanism.drivers
+    drivers = solver.mechanism.drivers
     if len(drivers) <= max(NODES):
-        return [_hand_grid(form.mechanism, "by hand", drivers, box, NODES[len(drivers)])]
-    return [_hand_grid(form.mechanism, f"{name} by hand", (name,), box, ALONE) for name in drivers]
+        return [_hand_grid(solver.mechanism, "by hand", drivers, box, NODES[len(drivers)])]
+    return [_hand_grid(solver.mechanism, f"{name} by hand", (name,), box, ALONE) for name in drivers]
 
 
-def box_of(form: LoopForm, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]) -> Box:
+def box_of(solver: LoopForm, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]) -> Box:
     """Return how far the drivers of a mechanism may be moved by hand.
 
     Args:
         form: whose drivers.
-        limits: joint -> its range, where a file tells it.
+        limits: joint -> its range, where a file states it.
         start: driver -> where it stands, where nothing is programmed.
     """
     begin, low, high = dict(start), dict[str, float](), dict[str, float]()
     spans: dict[str, tuple[float, float]] = {}
-    if form.motion_laws is not None:
-        values = form.motion_laws.state(np.linspace(0.0, form.motion_laws.duration, 257))[0]
+    if solver.motion_laws is not None:
+        values = solver.motion_laws.state(np.linspace(0.0, solver.motion_laws.duration, 257))[0]
         spans = {
             name: (float(v.min()), float(v.max()))
-            for name, v in zip(form.motion_laws.drivers, values, strict=True)
+            for name, v in zip(solver.motion_laws.drivers, values, strict=True)
         }
-        begin |= form.motion_laws.first
-    for name in form.mechanism.drivers:
-        unit = form.mechanism.unit(name)
-        far = FAR[unit][len(form.mechanism.drivers) > 2] * (1.0 if unit == "rad" else form.mechanism.size)
+        begin |= solver.motion_laws.first
+    for name in solver.mechanism.drivers:
+        unit = solver.mechanism.unit(name)
+        least_range = MANUAL_RANGE[unit][len(solver.mechanism.drivers) > 2] * (
+            1.0 if unit == "rad" else solver.mechanism.size
+        )
         least, most = spans.get(name, (begin[name], begin[name]))
-        middle, reach = 0.5 * (least + most), max(0.75 * (most - least), far)
+        middle, reach = 0.5 * (least + most), max(0.75 * (most - least), least_range)
         if unit == "rad":
             reach = min(reach, np.pi)
         bounds = limits.get(name, (-np.inf, np.inf))
@@ -120,13 +124,13 @@ def _hand_grid(mechanism: Mechanism, name: str, moved: Sequence[str], box: Box, 
 
     Row by row the last driver goes either way from where it starts, as far as its assembly can be followed.
     """
-    nodes = [np.linspace(box.low[one], box.high[one], count) for one in moved]
+    nodes = [np.linspace(box.low[driver], box.high[driver], count) for driver in moved]
     shape, points = (count,) * len(moved), _moving(mechanism)
     position = {link.name: np.full((*shape, 3), np.nan) for link in mechanism.links}
     quaternion = {link.name: np.full((*shape, 4), np.nan) for link in mechanism.links}
-    places = {point: np.full((*shape, 3), np.nan) for point in points}
+    point_positions = {point: np.full((*shape, 3), np.nan) for point in points}
     for index in product(range(count), repeat=len(moved) - 1):
-        others = {one: float(nodes[k][i]) for k, (one, i) in enumerate(zip(moved, index, strict=False))}
+        others = {driver: float(nodes[k][i]) for k, (driver, i) in enumerate(zip(moved, index, strict=False))}
         stand, motion = _row(mechanism, {**box.start, **others}, moved[-1], nodes[-1])
         if motion is None:
             continue
@@ -134,14 +138,16 @@ def _hand_grid(mechanism: Mechanism, name: str, moved: Sequence[str], box: Box, 
             position[link][index][stand] = motion.links[link].position
             quaternion[link][index][stand] = quaternions(motion.links[link].rotation)
         for point in points:
-            places[point][index][stand] = motion.points[point].position
+            point_positions[point][index][stand] = motion.points[point].position
     sliders = tuple(
-        Slider(one, _unit(mechanism, one), nodes[k], False, box.start[one]) for k, one in enumerate(moved)
+        Slider(driver, _unit(mechanism, driver), nodes[k], False, box.start[driver])
+        for k, driver in enumerate(moved)
     )
-    parts = {
-        point: dict(zip("xyz", np.moveaxis(place, -1, 0), strict=True)) for point, place in places.items()
+    components = {
+        point: dict(zip("xyz", np.moveaxis(coordinates, -1, 0), strict=True))
+        for point, coordinates in point_positions.items()
     }
-    readouts = tuple(Readout(point, "m", part) for point, part in parts.items())
+    readouts = tuple(Readout(point, "m", component) for point, component in components.items())
     grid = PoseGrid(name, sliders, position, quaternion, readouts)
     return replace(grid, error=_error(mechanism, grid, box))
 
@@ -151,16 +157,16 @@ def _error(mechanism: Mechanism, grid: PoseGrid, box: Box) -> float:
     random, worst = np.random.default_rng(1), float("nan")
     *others, last = grid.sliders
     for _ in range(PROBED if others else 1):
-        stands = {one.name: float(random.uniform(one.nodes[0], one.nodes[-1])) for one in others}
+        stands = {slider.name: float(random.uniform(slider.nodes[0], slider.nodes[-1])) for slider in others}
         along = np.sort(random.uniform(last.nodes[0], last.nodes[-1], PROBED))
         stand, motion = _row(mechanism, {**box.start, **stands}, last.name, along)
         if motion is None:
             continue
         for link, moved in motion.links.items():
-            for value, place in zip(along[stand].tolist(), moved.position, strict=True):
-                found = interpolated(grid.sliders, grid.position[link], [*stands.values(), value])
-                # beside a node that cannot stand the page shows nothing, or goes straight
-                worst = float(np.fmax(worst, np.linalg.norm(found - place)))
+            for value, expected in zip(along[stand].tolist(), moved.position, strict=True):
+                approximate = interpolated(grid.sliders, grid.position[link], [*stands.values(), value])
+                # next to a node without a pose the page shows nothing, or interpolates linearly
+                worst = float(np.fmax(worst, np.linalg.norm(approximate - expected)))
     return worst
 
 
@@ -172,29 +178,31 @@ def _row(
     mechanism: Mechanism, values: Mapping[str, float], moved: str, nodes: Array
 ) -> tuple[NDArray[np.bool_], Motion | None]:
     """Return which nodes of a driver can be reached, the others standing still, and the motion there."""
-    states = {one: steady(values[one], 1.0 if one == moved else 0.0) for one in mechanism.drivers}
-    clock = nodes - values[moved]
+    states = {driver: steady(values[driver], 1.0 if driver == moved else 0.0) for driver in mechanism.drivers}
+    parameter = nodes - values[moved]
     try:
-        bound = make_motion_laws(mechanism, states, 1.0)
-        path = path_under_laws(mechanism, bound)
+        laws = make_motion_laws(mechanism, states, 1.0)
+        path = path_under_laws(mechanism, laws)
     except AssemblyError:
         return np.zeros(len(nodes), dtype=np.bool_), None
-    clock = clock * bound.pace
-    ends = [_reached(path, sense, float(clock[end])) for sense, end in ((-1, 0), (1, -1))]
-    stand = (clock >= ends[0]) & (clock <= ends[1])
+    parameter = parameter * laws.pace
+    ends = [_reached(path, direction, float(parameter[end])) for direction, end in ((-1, 0), (1, -1))]
+    stand = (parameter >= ends[0]) & (parameter <= ends[1])
     if not stand.any():
         return stand, None
-    at = clock[stand]
-    return stand, solve_under_laws(path, bound, at, np.full_like(at, bound.pace), np.zeros_like(at))
+    reachable = parameter[stand]
+    return stand, solve_under_laws(
+        path, laws, reachable, np.full_like(reachable, laws.pace), np.zeros_like(reachable)
+    )
 
 
-def _reached(path: ContinuationPath, sense: int, end: float) -> float:
+def _reached(path: ContinuationPath, direction: int, end: float) -> float:
     """Return how far a path can be followed towards an end, in the angle of its clock."""
     with suppress(AssemblyError):
         path.extend(end)
         return end
-    cells = path.segments[sense]
-    return float(cells[-1].nodes[-1]) if cells else 0.0
+    segments = path.segments[direction]
+    return float(segments[-1].nodes[-1]) if segments else 0.0
 
 
 def _unit(mechanism: Mechanism, driver: str) -> SliderUnit:

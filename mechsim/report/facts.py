@@ -21,7 +21,7 @@ from mechsim.numerics.arrays import Array
 OWN = "a mechanism of one's own, by its loop equations"
 
 
-def facts(drive: Form, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
+def facts(solver: Form, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
     """Return all that is known of a mechanism without simulating it, as plain data.
 
     Of one that no crank alone settles, what does not ask for a crank.
@@ -33,20 +33,24 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
     """
     from mechsim.theory import structure
 
-    found = _described(drive)
-    if isinstance(drive, LoopForm):
-        found |= _mobility(drive)
-        if not drive.mechanism.has_crank or drive.motion_laws is not None or found["outcome"] != "determined":
-            return found
-    mechanism = drive.mechanism
-    arcs = drive.crank_range()
-    at = arcs.start() if angle is None else angle
+    record = _described(solver)
+    if isinstance(solver, LoopForm):
+        record |= _mobility(solver)
+        if (
+            not solver.mechanism.has_crank
+            or solver.motion_laws is not None
+            or record["outcome"] != "determined"
+        ):
+            return record
+    mechanism = solver.mechanism
+    arcs = solver.crank_range()
+    listed_angle = arcs.start() if angle is None else angle
     ranges = [list(arc) for arc in arcs.arcs]
-    freedom = structure.mobility(mechanism)
+    mobility = structure.mobility(mechanism)
     groups: list[dict[str, Any]] = []
     explained: list[str] = []
     # racks and polynomials have no place among Assur's groups
-    if (freedom.planar and not mechanism.couplings) or driver is not None:
+    if (mobility.planar and not mechanism.couplings) or driver is not None:
         try:
             apart = structure.assur_groups(mechanism, driver)
             groups, explained = apart.as_dicts(), apart.lines()
@@ -55,29 +59,29 @@ def facts(drive: Form, angle: float | None = None, driver: str | None = None) ->
                 raise
             explained = [f"no Assur groups: {error}"]
     return {
-        "mobility": freedom.actual,
-        **found,
-        "mobility_explained": freedom.lines(),
+        "mobility": mobility.actual,
+        **record,
+        "mobility_explained": mobility.lines(),
         "crank_range": "full turn" if arcs.full else ranges[0] if len(ranges) == 1 else ranges,
         "crank_ranges": ranges,
-        "dead_centres": list(drive.dead_centres()),
-        "change_points": list(drive.change_points()),
-        "turns_to_come_round": round(drive.period / TURN),
-        "transmission_angle": _least_transmission(drive),
-        "angle": at,
-        "assemblies": assemblies(drive, at),
+        "dead_centres": list(solver.dead_centres()),
+        "change_points": list(solver.change_points()),
+        "turns_to_come_round": round(solver.period / TURN),
+        "transmission_angle": _least_transmission(solver),
+        "angle": listed_angle,
+        "assemblies": assemblies(solver, listed_angle),
         "assur_groups": groups,
         "assur_explained": explained,
     }
 
 
-def _described(drive: Form) -> dict[str, Any]:
+def _described(solver: Form) -> dict[str, Any]:
     """Return what a mechanism is made of."""
-    mechanism = drive.mechanism
+    mechanism = solver.mechanism
     return {
-        "name": drive.name,
-        "about": (type(drive).__doc__ or "").splitlines()[0] if isinstance(drive, ClosedForm) else OWN,
-        "parameters": _parameters(drive),
+        "name": solver.name,
+        "about": (type(solver).__doc__ or "").splitlines()[0] if isinstance(solver, ClosedForm) else OWN,
+        "parameters": _parameters(solver),
         "points": list(mechanism.points),
         "links": [link.name for link in mechanism.links],
         "joints": [
@@ -97,124 +101,129 @@ def _described(drive: Form) -> dict[str, Any]:
     }
 
 
-def _mobility(drive: LoopForm) -> dict[str, Any]:
+def _mobility(solver: LoopForm) -> dict[str, Any]:
     """Return what the drivers of a mechanism settle, and how they go; in words too."""
-    mechanism = drive.mechanism
-    found = driver_determinacy(mechanism)
+    mechanism = solver.mechanism
+    determinacy = driver_determinacy(mechanism)
     lines = [
-        f"{_several(found.dofs, 'freedom')} by the rank of the loop Jacobian, "
-        f"{_several(found.redundant_equations, 'redundant constraint')}",
-        f"driven: {', '.join(found.drivers) or 'nothing'}",
+        f"{_several(determinacy.dofs, 'freedom')} by the rank of the loop Jacobian, "
+        f"{_several(determinacy.redundant_equations, 'redundant constraint')}",
+        f"driven: {', '.join(determinacy.drivers) or 'nothing'}",
     ]
     if mechanism.locked:
         lines.append(f"held: {', '.join(mechanism.locked)}")
-    if found.undetermined:
+    if determinacy.undetermined:
         lines.append(
-            f"underdetermined: {', '.join(found.undetermined)} can still move; drive, hold or couple them"
+            f"underdetermined: {', '.join(determinacy.undetermined)} "
+            "can still move; drive, lock or couple them"
         )
-    if found.redundant_drivers:
+    if determinacy.redundant_drivers:
         lines.append(
-            f"overdetermined: {', '.join(found.redundant_drivers)} asked for beside what others settle"
+            f"overdetermined: {', '.join(determinacy.redundant_drivers)} driven although the other drivers "
+            "determine the motion"
         )
     counts = {
-        "freedoms": found.dofs,
-        "drivers": list(found.drivers),
-        "open": list(found.undetermined),
-        "superfluous": list(found.redundant_drivers),
-        "redundant": found.redundant_equations,
+        "freedoms": determinacy.dofs,
+        "drivers": list(determinacy.drivers),
+        "open": list(determinacy.undetermined),
+        "redundant_drivers": list(determinacy.redundant_drivers),
+        "redundant": determinacy.redundant_equations,
     }
-    motion_laws = drive.motion_laws
-    told = {} if motion_laws is None else {name: _text(one) for name, one in motion_laws.by_name.items()}
+    motion_laws = solver.motion_laws
+    law_texts = {} if motion_laws is None else {name: _text(law) for name, law in motion_laws.by_name.items()}
     return {
         "mobility": counts,
         "mobility_explained": lines,
-        "outcome": found.outcome,
-        "programs": told,
+        "outcome": determinacy.outcome,
+        "programs": law_texts,
         "duration": None if motion_laws is None else motion_laws.duration,
     }
 
 
-def _text(program: object) -> str:
-    return getattr(program, "text", "a function of time")
+def _text(law: object) -> str:
+    return getattr(law, "text", "a function of time")
 
 
 def _several(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _parameters(drive: Form) -> dict[str, dict[str, Any]]:
-    if not isinstance(drive, ClosedForm):
+def _parameters(solver: Form) -> dict[str, dict[str, Any]]:
+    if not isinstance(solver, ClosedForm):
         return {
             name: {"value": value, "unit": "as written", "doc": ""}
-            for name, value in drive.parameters.items()
+            for name, value in solver.parameters.items()
         }
     return {
         field.name: {
-            "value": getattr(drive, field.name),
+            "value": getattr(solver, field.name),
             "unit": field.metadata["unit"],
             "doc": field.metadata["doc"],
         }
-        for field in catalog.parameters(drive.name).values()
+        for field in catalog.parameters(solver.name).values()
     }
 
 
-def assemblies(drive: Form, angle: float) -> list[dict[str, Any]]:
+def assemblies(solver: Form, angle: float) -> list[dict[str, Any]]:
     """Return every real assembly at a crank angle: what selects it, and its points in [m]."""
     return [
-        {**chosen, "points": {name: place.tolist() for name, place in points.items()}}
-        for chosen, points in drive.assembly_points(angle)
+        {**chosen, "points": {name: position.tolist() for name, position in points.items()}}
+        for chosen, points in solver.assembly_points(angle)
     ]
 
 
-def _least_transmission(drive: Form) -> dict[str, float] | None:
-    arcs = drive.crank_range().arcs
-    if not arcs or not isinstance(drive, ClosedForm):
+def _least_transmission(solver: Form) -> dict[str, float] | None:
+    arcs = solver.crank_range().arcs
+    if not arcs or not isinstance(solver, ClosedForm):
         return None
     low, high = arcs[0]
-    margin = 1e-6 * (high - low)
-    angles = np.linspace(low + margin, high - margin, 361)
-    values = drive.transmission_angle(angles)
-    at = int(np.argmin(values))
-    return {"least": float(values[at]), "at_angle": float(angles[at])}
+    clearance = 1e-6 * (high - low)
+    angles = np.linspace(low + clearance, high - clearance, 361)
+    values = solver.transmission_angle(angles)
+    worst = int(np.argmin(values))
+    return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 
 
 def study_facts(study: InverseDynamics) -> dict[str, Any]:
     """Return what a prescribed crank comes to; all in SI."""
-    found, angle = study.efforts, study.efforts.angle
-    timed = found.time if found.drives else None
+    result, angle = study.efforts, study.efforts.angle
+    timed = result.time if result.drives else None
 
     def peak(values: Array) -> dict[str, float]:
         return _peak(values, angle, timed)
 
-    size, free = float(np.abs(found.torque).max()) or 1.0, found.unbounded
+    torque_scale, free = float(np.abs(result.torque).max()) or 1.0, result.unbounded
 
-    def carried(one: Reaction) -> dict[str, Any]:
-        force, moment = (np.where(free, 0.0, _norm(part)) for part in one.settled(one.force, one.moment))
+    def carried(reaction: Reaction) -> dict[str, Any]:
+        force, moment = (
+            np.where(free, 0.0, _norm(vector)) for vector in reaction.settled(reaction.force, reaction.moment)
+        )
         return {"force": peak(force), "moment": peak(moment)}
 
-    sides = found.power_in + found.power_loads - found.power_lost - study.power_stored
+    sides = result.power_in + result.power_loads - result.power_lost - study.power_stored
     return {
-        "torque": peak(found.torque)
-        | {"mean": _mean(found.torque, angle), "rms": _mean(found.torque**2, angle) ** 0.5},
+        "torque": peak(result.torque)
+        | {"mean": _mean(result.torque, angle), "rms": _mean(result.torque**2, angle) ** 0.5},
         "drives": {
             name: peak(effort)
             | {
                 "mean": _mean(effort, angle),
                 "rms": _mean(effort**2, angle) ** 0.5,
-                "unit": "N" if name in found.straight else "N m",
+                "unit": "N" if name in result.straight else "N m",
             }
-            for name, effort in found.drives.items()
+            for name, effort in result.drives.items()
         },
-        "routes": float(np.abs(np.where(free, 0.0, study.second_torque - found.torque)).max()) / size,
+        "routes": float(np.abs(np.where(free, 0.0, study.second_torque - result.torque)).max())
+        / torque_scale,
         "reactions": {
             name: {
-                "on": one.link,
-                "by": one.by,
-                **carried(one),
-                "not_determined": list(one.open),
-                "partly_determined": list(one.partly),
+                "on": reaction.link,
+                "by": reaction.by,
+                **carried(reaction),
+                "not_determined": list(reaction.open),
+                "partly_determined": list(reaction.partly),
             }
-            for name, one in found.reactions.items()
+            for name, reaction in result.reactions.items()
         },
         "couplings": _coupling_facts(study, peak),
         "indeterminacy": study.indeterminacy,
@@ -232,13 +241,13 @@ def _coupling_facts(
     study: InverseDynamics, peak: Callable[[Array], dict[str, float]]
 ) -> dict[str, dict[str, Any]]:
     """Return each coupling's effort on its driven coordinate, and what carries it."""
-    found, mechanism = study.efforts, study.machine.mechanism
+    result, mechanism = study.efforts, study.machine.mechanism
     threads, facts = threads_of(mechanism), dict[str, dict[str, Any]]()
     for name, law in mechanism.named_laws.items():
-        own: dict[str, Any] = {"effort": peak(found.gears[name])}
-        own["unit"] = "N" if name in found.straight else "N m"
-        own["determined"] = name not in found.undetermined
-        mesh = found.meshes.get(name)
+        own: dict[str, Any] = {"effort": peak(result.gears[name])}
+        own["unit"] = "N" if name in result.straight else "N m"
+        own["determined"] = name not in result.undetermined
+        mesh = result.meshes.get(name)
         if mesh is not None:
             own |= {"by": "teeth", "links": [mesh.link, mesh.by], "force": peak(_norm(mesh.force))}
         else:
@@ -262,17 +271,17 @@ def _mean(values: Array, angle: Array) -> float:
 
 def _peak(values: Array, angle: Array, time: Array | None) -> dict[str, float]:
     """Return the largest value and the crank angle at which it is, or under programs the time."""
-    at = int(np.argmax(np.abs(values)))
+    index = int(np.argmax(np.abs(values)))
     where = ("at_angle", angle) if time is None else ("at_time", time)
-    return {"largest": float(values[at]), where[0]: float(where[1][at])}
+    return {"largest": float(values[index]), where[0]: float(where[1][index])}
 
 
-def turn_facts(turn: Fluctuation | None) -> dict[str, float] | None:
+def turn_facts(fluctuation: Fluctuation | None) -> dict[str, float] | None:
     """Return the speed fluctuation of a turn."""
-    if turn is None:
+    if fluctuation is None:
         return None
     names = ("mean", "coefficient", "torque", "excess", "flywheel")
-    return {name: getattr(turn, name) for name in names}
+    return {name: getattr(fluctuation, name) for name in names}
 
 
 def run_facts(run: FreeRun) -> dict[str, Any]:

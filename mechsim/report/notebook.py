@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from mechsim.pictures.render import Look
     from mechsim.verdict.checks import Verdict
 
-GOOD, BAD = "#00694c", "#a8261a"
+PASS_COLOUR, FAIL_COLOUR = "#00694c", "#a8261a"
 # of the crank on a page, in [rad/s]
 SPEED = 10.0 * TURN
 
 
 @dataclass(frozen=True, slots=True)
-class Film:
+class Video:
     """A video that plays where it is the last line of a notebook's cell.
 
     Attributes:
@@ -74,22 +74,24 @@ def show(
     size: tuple[int, int] = (480, 360),
     exact: "Motion | None" = None,
     **options: Any,
-) -> Film: ...
-def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = None, **asked: Any) -> Any:
+) -> Video: ...
+def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = None, **options: Any) -> Any:
     """Return a page to turn a mechanism by hand; with a motion, a film of it.
 
     Args:
         mechanism: what moves, as `ms.load` returns it; for a film its description.
         motion: how it moves, from either road; None for a page.
         look: as `film` takes it.
-        asked: `speed` of the crank in [rad/s] and `height` in pixels of a page; what else `film` takes.
+        options: `speed` of the crank in [rad/s] and `height` in pixels of a page; what else `film` takes.
     """
     if motion is not None:
-        return film(mechanism, motion, look, **asked)
-    return turned(mechanism, **asked)
+        return video(mechanism, motion, look, **options)
+    return interactive_view(mechanism, **options)
 
 
-def turned(source: "Form | Mechanism", *, speed: float | str = SPEED, height: int = 720) -> FramedPage:
+def interactive_view(
+    source: "Form | Mechanism", *, speed: float | str = SPEED, height: int = 720
+) -> FramedPage:
     """Return a page to turn a mechanism by hand, its crank turning at a speed in [rad/s] or as "600rpm".
 
     Raises:
@@ -104,11 +106,11 @@ def turned(source: "Form | Mechanism", *, speed: float | str = SPEED, height: in
 
     if isinstance(source, str):
         raise InputError(f"{source!r} is a name; give ms.load({source!r})")
-    form = source if isinstance(source, ClosedForm | LoopForm) else LoopForm(described(source))
-    return FramedPage(page(mechanism_view(form, si(speed, "rad/s", "the speed"))), height)
+    solver = source if isinstance(source, ClosedForm | LoopForm) else LoopForm(described(source))
+    return FramedPage(page(mechanism_view(solver, si(speed, "rad/s", "the speed"))), height)
 
 
-def film(
+def video(
     mechanism: "Mechanism",
     motion: "Motion",
     look: "Look | None" = None,
@@ -118,7 +120,7 @@ def film(
     size: tuple[int, int] = (480, 360),
     exact: "Motion | None" = None,
     **options: Any,
-) -> Film:
+) -> Video:
     """Return a film of a motion, from either road; whole turns play in a loop without a seam.
 
     Args:
@@ -140,7 +142,7 @@ def film(
         path = Path(folder) / "film.mp4"
         angles = turn_angles(mechanism, motion, frames_per_turn)
         write_video(path, mechanism, motion, look, angles=angles, fps=fps, exact=exact, size=size, **options)
-        return Film(path.read_bytes(), size[0])
+        return Video(path.read_bytes(), size[0])
 
 
 def verdict_html(verdict: "Verdict") -> str:
@@ -149,8 +151,8 @@ def verdict_html(verdict: "Verdict") -> str:
 
     head, rows = check_table(verdict.checks)
     title = verdict.outcome + (f": {verdict.reason}" if verdict.reason else "")
-    marks = [GOOD if check.passed else BAD for check in verdict.checks]
-    return _title(title, GOOD if verdict.passed else BAD) + _table(head, rows, marks)
+    colours = [PASS_COLOUR if check.passed else FAIL_COLOUR for check in verdict.checks]
+    return _title(title, PASS_COLOUR if verdict.passed else FAIL_COLOUR) + _table(head, rows, colours)
 
 
 class Shown(Protocol):
@@ -175,11 +177,11 @@ def run_html(run: Shown) -> str:
     """Return a run as what it came to, how it was made, and a plot of its motion."""
     from mechsim.pictures import plots
 
-    said = run.summary()
-    rows = [(name, _text(value)) for name, value in said.items() if name != "settings"]
-    rows += [(name.replace("_", " "), _text(value)) for name, value in said["settings"].items()]
+    summary = run.summary()
+    rows = [(name, _text(value)) for name, value in summary.items() if name != "settings"]
+    rows += [(name.replace("_", " "), _text(value)) for name, value in summary["settings"].items()]
     picture = figure_svg(plots.motion_plot(run.motion)) if len(run.motion) > 1 else ""
-    colour = GOOD if run.outcome == "passed" else BAD
+    colour = PASS_COLOUR if run.outcome == "passed" else FAIL_COLOUR
     return (
         _title(run.outcome, colour) + f"<details><summary>how</summary>{_table((), rows)}</details>{picture}"
     )
@@ -218,14 +220,14 @@ def _title(text: str, colour: str) -> str:
     return f'<p style="color:{colour};font-weight:600">{escape(text)}</p>'
 
 
-def _table(head: tuple[str, ...], rows: list[Any], marks: list[str] | None = None) -> str:
+def _table(head: tuple[str, ...], rows: list[Any], colours: list[str] | None = None) -> str:
     lines = ["<table>"]
     if head:
         lines.append("<tr>" + "".join(f"<th>{escape(name)}</th>" for name in head) + "</tr>")
     for i, row in enumerate(rows):
-        style = f' style="color:{marks[i]}"' if marks and marks[i] == BAD else ""
-        cells = "".join(f'<td style="text-align:left">{escape(str(cell))}</td>' for cell in row)
-        lines.append(f"<tr{style}>{cells}</tr>")
+        style = f' style="color:{colours[i]}"' if colours and colours[i] == FAIL_COLOUR else ""
+        columns = "".join(f'<td style="text-align:left">{escape(str(text))}</td>' for text in row)
+        lines.append(f"<tr{style}>{columns}</tr>")
     return "\n".join([*lines, "</table>"])
 
 

@@ -1,6 +1,6 @@
 """Every kind of plot there is: what it draws from, what it shows, whether the page of a validation has it.
 
-A new plot is a function in `pictures/plots`, or beside its study, and a row of `PLOTS` here; `mechsim plot`,
+A new plot is a function in `pictures/plots`, or in its study, and a row of `PLOTS` here; `mechsim plot`,
 its help and the page read the table.
 """
 
@@ -19,7 +19,7 @@ from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.pictures import plots
-from mechsim.report.assemblies import assembly_table, columns_asked, curve_tables, usual_columns
+from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
 from mechsim.studies.extremes.plot import extremes_map
 from mechsim.studies.motion_source import motion_of, profile_of, simulated_efforts, weighing
@@ -37,7 +37,7 @@ SAMPLES = 360
 # a run whose errors are drawn is recorded in fewer: they are smooth
 ERROR_SAMPLES = 180
 # what may be chosen of a plot of motions
-OF_MOTIONS = ("points", "road")
+OF_MOTIONS = ("points", "method")
 # what a work-precision plot may take to measure, in [s]; `mechsim tradeoff --plot` takes a budget
 BUDGET = 20.0
 
@@ -49,10 +49,13 @@ class PlotOptions:
     points: tuple[str, ...] | None = option(
         None, "Tracked points, with commas; all if left out.", read=parse_names
     )
-    road: str = option("closed", "closed: the closed form; simulated: MuJoCo.", name="--from")
+    method: str = option("closed", "closed: the closed form; simulated: MuJoCo.", name="--from")
     angle: float = option(0.0, "Crank angle of a velocity plan.", unit="rad", text="0deg")
-    of: tuple[str, ...] | None = option(
-        None, "Two or three coordinates to plot assemblies over, as in angle,rocker.", read=parse_names
+    coordinates: tuple[str, ...] | None = option(
+        None,
+        "Two or three coordinates to plot assemblies over, as in angle,rocker.",
+        read=parse_names,
+        name="--of",
     )
     stopped: str = option("crank2", "Crank stopped in a velocity plan: crank1 or crank2.")
 
@@ -62,42 +65,42 @@ class PlotSource:
     """What a plot is drawn from: a mechanism, and motions of it, made when first asked for.
 
     Attributes:
-        drive: the mechanism.
+        solver: of the mechanism.
         speed: of the crank in [rad/s].
-        asked: what was chosen.
-        motions: road -> a motion that is there already.
-        bounds: road -> bound on the places of its points in [m], where there is one.
-        done: called after each piece of long work.
+        options: what was chosen.
+        motions: method -> a motion that exists already.
+        bounds: method -> tolerance on the positions of its points in [m], where there is one.
+        progress: called after each piece of long work.
         masses: of the links, filled in by what is drawn from them.
     """
 
-    drive: Form
+    solver: Form
     speed: float
-    asked: PlotOptions = field(default_factory=PlotOptions)
+    options: PlotOptions = field(default_factory=PlotOptions)
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
-    done: Callable[[str], None] = lambda _: None
+    progress: Callable[[str], None] = lambda _: None
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
 
-    def motion(self, road: str, samples: int = SAMPLES) -> Motion:
+    def motion(self, method: str, samples: int = SAMPLES) -> Motion:
         """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""
-        if road not in self.motions:
-            profile = profile_of(self.drive, self.speed, 1.0)
-            self.motions[road] = motion_of(self.drive, road, profile, samples)
-        return self.motions[road]
+        if method not in self.motions:
+            profile = profile_of(self.solver, self.speed, 1.0)
+            self.motions[method] = motion_of(self.solver, method, profile, samples)
+        return self.motions[method]
 
     @property
-    def asked_motion(self) -> Motion:
-        """The motion by the road that was chosen."""
-        return self.motion(self.asked.road)
+    def requested_motion(self) -> Motion:
+        """The motion by the chosen method."""
+        return self.motion(self.options.method)
 
     def study(self) -> "InverseDynamics":
         """Return drive torque and reactions under what acts in `mechsim dynamics` without options."""
-        profile = profile_of(self.drive, self.speed, 1.0)
+        profile = profile_of(self.solver, self.speed, 1.0)
         time = np.linspace(0.0, profile.duration, SAMPLES + 1)
-        found = prescribed_along(weighing(self.drive), *profile.state(time), time=time)
-        self.masses.extend(found.masses)
-        return found
+        analysis = prescribed_along(weighing(self.solver), *profile.state(time), time=time)
+        self.masses.extend(analysis.masses)
+        return analysis
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,115 +122,125 @@ class PlotKind:
     closed: bool = False
 
 
-def require_taken(kind: str, takes: Sequence[str], asked: PlotOptions) -> None:
+def require_taken(kind: str, takes: Sequence[str], options: PlotOptions) -> None:
     """Refuse options of other kinds of plots, which would be passed over in silence.
 
     Args:
         kind: of plot.
         takes: which of the options say something of it.
-        asked: what was chosen.
+        options: what was chosen.
 
     Raises:
         InputError: naming the option, and the plots that take it.
     """
-    for one in fields(PlotOptions):
-        if one.name not in takes and getattr(asked, one.name) != one.default:
-            of = ", ".join(name for name, row in PLOTS.items() if one.name in row.takes)
-            option = one.metadata["name"] or f"--{one.name}"
-            raise InputError(f"plot {kind!r} takes no {option}, which is of {of}; leave it out")
+    for choice in fields(PlotOptions):
+        if choice.name not in takes and getattr(options, choice.name) != choice.default:
+            kinds = ", ".join(name for name, row in PLOTS.items() if choice.name in row.takes)
+            option = choice.metadata["name"] or f"--{choice.name}"
+            raise InputError(f"plot {kind!r} takes no {option}, which is of {kinds}; leave it out")
 
 
-def _errors(source: PlotSource, road: str) -> "Figure":
-    run = source.motion(road, ERROR_SAMPLES)
-    drive = source.drive
-    if isinstance(drive, LoopForm):
-        exact = drive.solve_as(run)
+def _errors(source: PlotSource, method: str) -> "Figure":
+    run = source.motion(method, ERROR_SAMPLES)
+    solver = source.solver
+    if isinstance(solver, LoopForm):
+        exact = solver.solve_as(run)
     else:
-        exact = drive.solve_along(run.angle, run.speed, run.acceleration)
-    errors, bound, timed = run.place_errors(exact), source.bounds.get(road), bool(run.drivers)
-    at = run.time if timed and run.time is not None else run.angle
-    return plots.error_plot(at, errors, unit="m", bound=bound, timed=timed)
+        exact = solver.solve_along(run.angle, run.speed, run.acceleration)
+    errors, tolerance, timed = run.place_errors(exact), source.bounds.get(method), bool(run.drivers)
+    abscissa = run.time if timed and run.time is not None else run.angle
+    return plots.error_plot(abscissa, errors, unit="m", bound=tolerance, timed=timed)
 
 
 def _transmission(source: PlotSource) -> "Figure":
-    drive = closed_form(source.drive, "a transmission angle")
+    solver = closed_form(source.solver, "a transmission angle")
     angles = source.motion("closed").angle
-    return plots.transmission_plot(angles, drive.transmission_angle(angles))
+    return plots.transmission_plot(angles, solver.transmission_angle(angles))
 
 
 def _velocity_plan(source: PlotSource) -> "Figure":
-    drive: Any = closed_form(source.drive, "a velocity plan")
-    asked = source.asked
-    if "velocity plan" not in drive.theories:
-        known = catalog.with_theory("velocity plan")
-        raise InputError(f"{drive.name} has no velocity plan with a crank stopped; {known} has")
-    both = velocity_plan(drive, asked.angle, source.speed)
+    solver: Any = closed_form(source.solver, "a velocity plan")
+    options = source.options
+    if "velocity plan" not in solver.theories:
+        names = catalog.with_theory("velocity plan")
+        raise InputError(f"{solver.name} has no velocity plan with a crank stopped; {names} has")
+    both = velocity_plan(solver, options.angle, source.speed)
     plans = {"crank2": both.crank2_stopped, "crank1": both.crank1_stopped}
-    if asked.stopped not in plans:
-        raise InputError(f"there is no crank {asked.stopped!r} to stop; known are crank1, crank2")
-    plan = plans[asked.stopped]
-    at = f"crank angle {math.degrees(asked.angle):g}°"
-    return plots.velocity_plan_plot(plan, f"{asked.stopped} stopped, {at}, {plan.scale:.4g} m/s per unit")
+    if options.stopped not in plans:
+        raise InputError(f"there is no crank {options.stopped!r} to stop; known are crank1, crank2")
+    plan = plans[options.stopped]
+    angle_text = f"crank angle {math.degrees(options.angle):g}°"
+    return plots.velocity_plan_plot(
+        plan, f"{options.stopped} stopped, {angle_text}, {plan.scale:.4g} m/s per unit"
+    )
 
 
 def _torque(source: PlotSource) -> "Figure":
     rings = None
-    if source.asked.road not in ("closed", "simulated"):
-        raise InputError(f"a torque plot is --from closed or simulated, not from {source.asked.road}")
-    if source.asked.road == "simulated":
-        rings = simulated_efforts(source.drive, profile_of(source.drive, source.speed, 1.0), SAMPLES)
+    if source.options.method not in ("closed", "simulated"):
+        raise InputError(f"a torque plot is --from closed or simulated, not from {source.options.method}")
+    if source.options.method == "simulated":
+        rings = simulated_efforts(source.solver, profile_of(source.solver, source.speed, 1.0), SAMPLES)
     return plots.torque_plot(source.study(), rings)
 
 
 def _assemblies(source: PlotSource) -> "Figure":
-    asked = None if source.asked.of is None else columns_asked(source.drive.mechanism, source.asked.of)
-    found = trace(source.drive)
-    table = assembly_table(found, curve_tables(found, SAMPLES))
-    return plots.assembly_plot(table, asked or usual_columns(found, table))
+    columns = (
+        None
+        if source.options.coordinates is None
+        else requested_columns(source.solver.mechanism, source.options.coordinates)
+    )
+    traced = trace(source.solver)
+    table = assembly_table(traced, curve_tables(traced, SAMPLES))
+    return plots.assembly_plot(table, columns or usual_columns(traced, table))
 
 
 def _stability(source: PlotSource) -> "Figure":
-    drive = closed_form(source.drive, "a stability map")
-    if drive != type(drive)():
+    solver = closed_form(source.solver, "a stability map")
+    if solver != type(solver)():
         raise InputError("a stability map is of the catalogue's own dimensions; leave out --set")
-    return extremes_map(stability_map.study([drive.name], quick=True, done=source.done))
+    return extremes_map(stability_map.study([solver.name], quick=True, done=source.progress))
 
 
 PLOTS = {
     "error": PlotKind(
-        "place error of the stepped run", lambda source: _errors(source, "simulated"), on_page=True
+        "position error of the stepped run", lambda source: _errors(source, "simulated"), on_page=True
     ),
     "poses": PlotKind(
-        "place error of the solved poses", lambda source: _errors(source, "posed"), on_page=True
+        "position error of the solved poses", lambda source: _errors(source, "posed"), on_page=True
     ),
     "motion": PlotKind(
         "displacement, velocity and acceleration",
-        lambda source: plots.motion_plot(source.asked_motion, source.asked.points),
+        lambda source: plots.motion_plot(source.requested_motion, source.options.points),
         OF_MOTIONS,
         on_page=True,
     ),
     "curve": PlotKind(
         "paths of the tracked points",
-        lambda source: plots.coupler_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
+        lambda source: plots.coupler_curve(
+            source.solver.mechanism, source.requested_motion, source.options.points
+        ),
         OF_MOTIONS,
         on_page=True,
     ),
     "space": PlotKind(
         "paths of the tracked points in perspective",
-        lambda source: plots.space_curve(source.drive.mechanism, source.asked_motion, source.asked.points),
+        lambda source: plots.space_curve(
+            source.solver.mechanism, source.requested_motion, source.options.points
+        ),
         OF_MOTIONS,
     ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
-    "assemblies": PlotKind("all assemblies as curves", _assemblies, ("of",)),
+    "assemblies": PlotKind("all assemblies as curves", _assemblies, ("coordinates",)),
     "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan, ("angle", "stopped")),
-    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("road",)),
+    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("method",)),
     "reactions": PlotKind(
         "force in each joint as a path", lambda source: plots.reaction_plot(source.study())
     ),
     "power": PlotKind("powers that must balance", lambda source: plots.energy_plot(source.study())),
     "precision": PlotKind(
         "error over cost of MuJoCo's settings, measured now",
-        lambda source: work_precision(measure(subject_of(source.drive, source.speed), budget=BUDGET)),
+        lambda source: work_precision(measure(subject_of(source.solver, source.speed), budget=BUDGET)),
     ),
     "stability": PlotKind("where runs stop to be right along every axis, found now", _stability),
 }

@@ -119,7 +119,7 @@ def _turned(folder: Path, name: str, case: Case) -> str:
 def _plots(case: Case) -> dict[str, bytes]:
     """Return the plots of a case as SVG: kind -> bytes."""
     source = PlotSource(
-        drive=case.drive,
+        solver=case.drive,
         speed=float(np.abs(case.exact.speed).max()),
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
         bounds={road: _bound(case, by) for road, by in (("simulated", "step"), ("posed", "pose"))},

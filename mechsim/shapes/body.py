@@ -214,7 +214,7 @@ def _middle(mechanism: Mechanism) -> Array:
 def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     """Return the normal of the plane of motion in each link's frame, or None unless the links can be flat.
 
-    Besides moving in planes, as `model.motion_plane` says it, a flat link has all its joints in one plane.
+    Besides moving in planes, as `model.link_poses` says it, a flat link has all its joints in one plane.
     """
     if not all(KINDS[joint.kind].aligned for joint in mechanism.joints):
         return None

@@ -127,10 +127,10 @@ def test_errors_that_are_not_numbers_leave_a_gap():
 
 
 def test_errors_of_programs_are_drawn_over_time():
-    source = PlotSource(drive=load("five_bar"), speed=1.0)
+    source = PlotSource(solver=load("five_bar"), speed=1.0)
     (ax,) = PLOTS["poses"].draw(source).axes
     assert ax.get_xlabel() == "time [s]"
-    assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.drive.motion_laws.duration)
+    assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.solver.motion_laws.duration)
 
 
 def test_what_cannot_be_plotted_is_refused(motion, tmp_path):
@@ -171,7 +171,7 @@ def test_curves_of_assemblies_are_cut_at_a_turn_unless_they_swing_over_more_than
 
 def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
-    source = PlotSource(drive=load("five_bar"), speed=1.0, asked=PlotOptions(road="simulated"))
+    source = PlotSource(solver=load("five_bar"), speed=1.0, options=PlotOptions(method="simulated"))
     (ax,) = PLOTS["torque"].draw(source).axes
     assert ax.get_xlabel() == "time [s]"
     told = dict(zip((line.get_label() for line in ax.get_lines()), ax.get_lines(), strict=True))
@@ -189,7 +189,7 @@ def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
     drive = load("quick_return")
     pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=course.constant(-0.5)))
-    study = PlotSource(drive=pulled, speed=1e-3).study()
+    study = PlotSource(solver=pulled, speed=1e-3).study()
     assert study.efforts.torque == pytest.approx(0.5, abs=1e-6)
 
 
@@ -220,7 +220,7 @@ def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
 @pytest.mark.parametrize(("name", "across", "planes"), [("stewart_gough", 6, 6), ("jansen", 6, 2)])
 def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(monkeypatch, name, across, planes):
     monkeypatch.setattr(plot_table, "SAMPLES", 24)
-    source = PlotSource(drive=load(name), speed=1.0)
+    source = PlotSource(solver=load(name), speed=1.0)
     figure = PLOTS["reactions"].draw(source)
     forces = source.study().efforts.reactions
     assert figure.axes[0].get_gridspec().get_geometry() == (planes, across)

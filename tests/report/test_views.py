@@ -6,7 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.loops.start import start_poses
 from mechsim.pictures.view import interpolated, quaternions
-from mechsim.report.driver_views import box_of, hand_grids, program_grid
+from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid
 from mechsim.report.views import case_view, mechanism_view
 from mechsim.studies.validate import case_of
 
@@ -29,13 +29,13 @@ def test_a_crank_that_swings_stops_at_marked_dead_centres_and_goes_on_round_the_
     drive = ms.catalog.make("four_bar", crank=0.09)
     own, other, round_it = mechanism_view(drive, SPEED).grids
     (slider,) = own.sliders
-    dead = [mark.at for mark in slider.marks if mark.kind == "dead"]
+    dead = [mark.value for mark in slider.landmarks if mark.kind == "dead"]
     assert len(dead) == 2
     assert not slider.ring
     np.testing.assert_allclose(sorted(dead), [slider.nodes[0], slider.nodes[-1]], atol=1e-5)
     assert own.error < 1e-8
     assert round_it.sliders[0].ring
-    assert len([mark for mark in round_it.sliders[0].marks if mark.kind == "dead"]) == 2
+    assert len([mark for mark in round_it.sliders[0].landmarks if mark.kind == "dead"]) == 2
     # at either dead centre both assemblies are one pose
     turns = [grid.quaternion["rocker"] for grid in (own, other)]
     same = np.abs((turns[0] * turns[1]).sum(1))
@@ -45,7 +45,7 @@ def test_a_crank_that_swings_stops_at_marked_dead_centres_and_goes_on_round_the_
 
 def test_programs_are_shown_over_their_time():
     form = ms.load("five_bar")
-    grid = program_grid(form)
+    grid = motion_law_grid(form)
     (slider,) = grid.sliders
     assert (slider.name, slider.unit) == ("time", "s")
     assert grid.error < 1e-8

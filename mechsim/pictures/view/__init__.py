@@ -6,7 +6,7 @@ All that moves was solved before: the page interpolates between dense samples an
 from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.pictures.view.pose_grid import (
     GhostTrack,
-    Mark,
+    Landmark,
     PoseGrid,
     Readout,
     Slider,
@@ -21,7 +21,7 @@ from mechsim.pictures.view.pose_grid import (
 
 __all__ = [
     "GhostTrack",
-    "Mark",
+    "Landmark",
     "PoseGrid",
     "Readout",
     "Slider",

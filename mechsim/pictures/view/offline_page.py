@@ -228,7 +228,7 @@ def _slider(slider: Slider) -> dict[str, Any]:
         "nodes": [float(f"{node:.15g}") for node in slider.nodes],
         "ring": slider.ring,
         "start": slider.start,
-        "marks": [{"at": mark.at, "said": mark.said, "kind": mark.kind} for mark in slider.marks],
+        "marks": [{"at": mark.value, "said": mark.label, "kind": mark.kind} for mark in slider.landmarks],
     }
 
 

@@ -20,7 +20,7 @@ SliderUnit = Literal["rad", "m", "s", "%"]
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class Landmark:
     """A place on a slider that has a name: a dead centre, the least transmission angle.
 
     Attributes:
@@ -29,8 +29,8 @@ class Mark:
         kind: "dead" where the motion cannot go on, "meets" where assemblies meet, "note" else.
     """
 
-    at: float
-    said: str
+    value: float
+    label: str
     kind: Literal["dead", "meets", "note"] = "note"
 
 
@@ -52,7 +52,7 @@ class Slider:
     nodes: Array
     ring: bool
     start: float
-    marks: tuple[Mark, ...] = ()
+    landmarks: tuple[Landmark, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +221,7 @@ def motion_grid(
     driver: str,
     unit: SliderUnit = "rad",
     nodes: Array | None = None,
-    marks: Sequence[Mark] = (),
+    marks: Sequence[Landmark] = (),
     extra: Sequence[Readout] = (),
     ghost: GhostTrack | None = None,
     speeds: bool = True,
