@@ -34,13 +34,13 @@ def floating_point_trouble_raises() -> Iterator[None]:
 @pytest.fixture
 def fast_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Count a trade-off's budget by a clock four times as fast as the processor's, whatever else runs."""
-    from mechsim.studies.tradeoff import pace
+    from mechsim.studies import budget
 
     def clock() -> float:
         return 4.0 * time.process_time()
 
     monkeypatch.setattr("time.perf_counter", clock)
-    monkeypatch.setattr(pace, "perf_counter", clock)
+    monkeypatch.setattr(budget, "perf_counter", clock)
 
 
 @pytest.fixture
