@@ -8,14 +8,13 @@ from typing import Any
 
 from mechsim.analytic import catalog
 from mechsim.subjects import gallery
-
-MODELS = (".toml", ".xml", ".py")
+from mechsim.subjects.model_source import READERS
 
 
 def models(incomplete: str) -> list[str]:
     """Return mechanisms, and folders and files that may be one."""
     names = [name for name in (*catalog.DRIVES, *gallery.files()) if name.startswith(incomplete)]
-    return names + _paths(incomplete, MODELS)
+    return names + _paths(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
 
 
 def files(incomplete: str) -> list[str]:

@@ -15,9 +15,13 @@ from mechsim.model.links import UNSEEN, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.subjects.model_source import ModelDescription, ModelSource
+from mechsim.subjects.prescription import Prescription
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
+    import mujoco
+
     from mechsim.simulation.mjcf_reader import MjcfModel
 
 
@@ -53,8 +57,34 @@ def _without_hidden_links(motion: Motion) -> Motion:
     return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(UNSEEN)})
 
 
+@dataclass(frozen=True)
+class MujocoSource(ModelSource):
+    """A model that MuJoCo compiles.
+
+    Attributes:
+        model: path of an MJCF or URDF file, or an object.
+    """
+
+    model: "str | mujoco.MjSpec | mujoco.MjModel"
+
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism with locks, keyframe and tracked points; motion laws are bound later."""
+        if changed:
+            raise InputError(f"{self.model}: an MJCF file has no parameters; leave out --set")
+        form = read_mjcf(
+            self.model,
+            drivers=tuple(prescription.drive),
+            lock=prescription.lock,
+            fix_base=prescription.fix_base,
+            key=prescription.key,
+            track=prescription.track,
+            still=prescription.still,
+        )
+        return ModelDescription(form, prescribed=True)
+
+
 def read_mjcf(
-    path: str,
+    source: "str | mujoco.MjSpec | mujoco.MjModel",
     *,
     drivers: Sequence[str] = (),
     lock: Mapping[str, str | float | None] | None = None,
@@ -63,23 +93,23 @@ def read_mjcf(
     track: Sequence[str] = (),
     still: bool = False,
 ) -> MjcfForm:
-    """Return the mechanism of an MJCF file; programs of its drivers are bound later.
+    """Return the mechanism of a model that MuJoCo compiles.
 
     Args:
-        path: of a file that MuJoCo loads.
+        source: path of an MJCF or URDF file, or an object.
         drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
-        holds: joint -> value at which it is held, as text or in SI; None for that of the start.
-        fix_base: whether bodies with free joints stand still.
+        lock: joint -> value at which it is locked, as text or in SI; None for that of the start.
+        fix_base: whether bodies with free joints are fixed.
         key: keyframe to start from; None takes the reference configuration.
         track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites, or the
             origins of bodies where there are none.
-        still: whether nothing need be driven, as to say what it is.
+        still: whether no driver is needed, as when the model is only described.
 
     Raises:
-        InputError: for what MuJoCo refuses, or a joint, keyframe or point that is not there; one line.
-        AssemblyError: where a joint cannot go to where it is held.
+        InputError: for what MuJoCo rejects, or an unknown joint, keyframe or point; one line.
+        AssemblyError: where a joint cannot reach the value at which it is locked.
     """
-    from mechsim.simulation.mjcf_reader import read_model
+    from mechsim.simulation.mjcf_reader import model_label, read_model
 
     values = {
         name: _parser(name, value) if isinstance(value, str) else value
@@ -87,12 +117,13 @@ def read_mjcf(
     }
     try:
         model = read_model(
-            path, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, describe_only=still
+            source, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, describe_only=still
         )
     except InputError as error:
-        raise error if path in str(error) else InputError(f"{path}: {error}") from None
+        label = model_label(source)
+        raise error if label in str(error) else InputError(f"{label}: {error}") from None
     exact = corrected(model.mechanism)
-    # a scene of MuJoCo without gravity stands on its x-y plane all the same
+    # a MuJoCo scene without gravity stands on its x-y plane all the same
     mechanism = replace(_with_locked_guess(exact.mechanism), up=against(model.forces.gravity) or "z")
     return MjcfForm(
         mechanism,

@@ -3,47 +3,56 @@
 import inspect
 import os
 import runpy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters
+from mechsim.subjects.prescription import Prescription
 from mechsim.subjects.toml_values import suggestion
 
 
-def read_python(model: str, changed: Mapping[str, str | float] | None = None) -> Form:
-    """Run a Python file and return the mechanism that one of its objects is or returns.
+@dataclass(frozen=True)
+class PythonObject(ModelSource):
+    """An object in a Python file: a Mechanism, a catalogue object, or a function that returns one of them.
 
-    Args:
-        model: FILE.py:OBJECT; the object is a Mechanism, what the catalogue makes, or a function that returns
-            either and whose arguments have defaults.
-        changed: argument of the function -> its value, as text or in SI.
+    Arguments of the function that have numbers as defaults are parameters. The file is run once.
 
-    Raises:
-        InputError: for a file that cannot be run, an object that is no mechanism, or an unknown argument.
+    Attributes:
+        address: FILE.py:OBJECT.
     """
-    return python_factory(model)(changed or {})
 
+    address: str
 
-def python_factory(model: str) -> Callable[[Mapping[str, str | float]], Form]:
-    """Run a Python file and return what makes its mechanisms from arguments, as `read_python` does.
+    @cached_property
+    def loaded(self) -> Any:
+        """The object."""
+        return run_object(self.address)
 
-    Raises:
-        InputError: as `object_of`.
-    """
-    loaded, (path, _, name) = run_object(model), model.rpartition(":")
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism that the object is or returns."""
+        return ModelDescription(self.make(changed))
 
-    def make(changed: Mapping[str, str | float]) -> Form:
-        result = loaded
-        if _is_factory(loaded):
-            arguments = _arguments(model, loaded, changed)
-            result = run_user_code(f"{path}: {name}()", lambda: loaded(**arguments))
+    def make(self, changed: Mapping[str, str | float]) -> Form:
+        """Return the solver for some arguments of the function, each as text or in SI.
+
+        Raises:
+            InputError: for a file that cannot be run, an object that is no mechanism, or an unknown argument.
+        """
+        result, (path, _, name) = self.loaded, self.address.rpartition(":")
+        if _is_factory(result):
+            function, arguments = result, _arguments(self.address, result, changed)
+            result = run_user_code(f"{path}: {name}()", lambda: function(**arguments))
         elif changed:
-            raise InputError(f"{model}: an object in a Python file has no parameters; leave out --set")
+            raise InputError(f"{self.address}: an object in a Python file has no parameters; leave out --set")
         if isinstance(result, ClosedForm | LoopForm):
             return result
         if isinstance(result, Mechanism):
@@ -53,17 +62,25 @@ def python_factory(model: str) -> Callable[[Mapping[str, str | float]], Form]:
             "returns, or a function that returns either"
         )
 
-    return make
+    def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
+        """Return the arguments that have numbers as defaults; the file states no units."""
+        if not _is_factory(self.loaded):
+            return Parameters()
+        values = _defaults(self.loaded) | _arguments(self.address, self.loaded, changed)
+        return Parameters({name: Dimension(name, float(value), "1") for name, value in values.items()})
 
 
-def parameters_of(model: str) -> dict[str, float]:
-    """Return the parameters of a mechanism in a Python file: arguments with numbers as defaults -> those.
+@dataclass(frozen=True)
+class GivenObject(ModelSource):
+    """A Mechanism, a catalogue object or a solver of loop equations that is passed as it is."""
 
-    Raises:
-        InputError: as `object_of`.
-    """
-    loaded = run_object(model)
-    return dict(_defaults(loaded)) if _is_factory(loaded) else {}
+    model: Mechanism | Form
+
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism."""
+        if changed:
+            raise InputError(f"{self.model.name} is an object without parameters; leave out set")
+        return ModelDescription(LoopForm(self.model) if isinstance(self.model, Mechanism) else self.model)
 
 
 def _is_factory(loaded: Any) -> bool:

@@ -7,7 +7,7 @@ from typing import Any, ParamSpec
 
 from mechsim.simulation import Run
 from mechsim.simulation import simulate as simulated
-from mechsim.subjects.readers import MJCF_EXTENSIONS, load
+from mechsim.subjects.readers import load
 
 P = ParamSpec("P")
 
@@ -20,7 +20,7 @@ def _accepting_names(run: Callable[P, Run]) -> Callable[P, Run]:
         if args and isinstance(args[0], str | PathLike):
             text = str(args[0])
             # MJCF is MuJoCo's own: its text or file is run as it is
-            if "<" not in text and not text.lower().endswith(MJCF_EXTENSIONS):
+            if "<" not in text and not text.lower().endswith((".xml", ".urdf")):
                 rest: Any = (load(text), *args[1:])
                 return run(*rest, **options)
         return run(*args, **options)

@@ -4,18 +4,21 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Inertia, Link, Pose
 from mechsim.model.mechanism import Mechanism, Up, against
-from mechsim.subjects.parameter_units import parameter_units, require_dimensions
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters
+from mechsim.subjects.parameter_units import parameter_dependencies, parameter_units, require_dimensions
+from mechsim.subjects.prescription import Prescription
 from mechsim.subjects.toml_coordinates import (
-    FileMotionLaw,
     coordinates_of,
     couplings_of,
     drivers_of,
@@ -31,40 +34,53 @@ from mechsim.units import WrittenUnits
 
 
 @dataclass(frozen=True)
-class TomlModel:
-    """A mechanism in a file, and how the file drives it.
+class TomlFile(ModelSource):
+    """A TOML file.
 
     Attributes:
-        form: what moves, as yet without programs.
-        motion_laws: driver -> its program as the file has it.
-        duration: of the programs in [s]; None where the file says nothing.
-    """
-
-    form: LoopForm
-    motion_laws: Mapping[str, FileMotionLaw]
-    duration: float | None
-
-
-def read_toml(
-    path: str, changed: Mapping[str, str | float] | None = None, *, drivers: tuple[str, ...] = ()
-) -> TomlModel:
-    """Return the mechanism of a TOML file.
-
-    Args:
         path: of the file.
-        changed: parameter -> text, or number in SI, that stands for what the file has.
-        drivers: coordinates that are driven where the file names none.
-
-    Raises:
-        InputError: for what the file may not hold; names file, line, key, value and remedy.
     """
-    return toml_model(read_source(path), changed, drivers=drivers)
+
+    path: str
+
+    @cached_property
+    def source(self) -> TomlSource:
+        """What the file contains."""
+        return read_source(self.path)
+
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism; the requested coordinates drive it where the file names no driver."""
+        return toml_model(self.source, changed, drivers=tuple(prescription.drive))
+
+    def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
+        """Return the parameters; one whose use does not determine its unit is a plain number."""
+        document = self.source.document
+        texts, units_of = document.get("parameters", {}), parameter_units(document)
+        values = values_of(self.source).with_parameters(texts, changed, units_of)
+        dimensions: dict[str, Dimension] = {}
+        for name, value in values.parameters.items():
+            unit = values.unit_of(name, texts[name], units_of)
+            dimensions[name] = (
+                Dimension(name, value, "1")
+                if unit is None
+                else Dimension(name, values.in_si(value, unit), unit, values.declared_unit(texts[name], unit))
+            )
+        return Parameters(dimensions, parameter_dependencies(document))
 
 
 def toml_model(
     source: TomlSource, changed: Mapping[str, str | float] | None = None, *, drivers: tuple[str, ...] = ()
-) -> TomlModel:
-    """Return the mechanism of a file that was read; as `read_toml`."""
+) -> ModelDescription:
+    """Return the mechanism of a TOML file.
+
+    Args:
+        source: the file.
+        changed: parameter -> text, or number in SI, that replaces what the file states.
+        drivers: coordinates that are driven where the file names none.
+
+    Raises:
+        InputError: for invalid contents; names file, line, key, value and remedy.
+    """
     document = {name: entry for name, entry in source.document.items() if name not in ("parameters", "units")}
     units_of = parameter_units(source.document) if changed else {}
     parameters = source.document.get("parameters", {})
@@ -104,7 +120,7 @@ def toml_model(
     duration = read.get("duration")
     if duration is not None and not duration > 0.0:
         raise source.error(("duration",), f"is {duration:g} s; give a time above 0")
-    return TomlModel(form, motion_laws_of(coordinates, read, driver), duration)
+    return ModelDescription(form, motion_laws_of(coordinates, read, driver), duration)
 
 
 def _up(read: Mapping[str, Any]) -> Up | None:

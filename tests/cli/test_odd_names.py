@@ -24,7 +24,8 @@ from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 from mechsim.simulation import mjcf
 from mechsim.simulation.closed_model import assembled
-from mechsim.subjects.toml_reader import read_toml
+from mechsim.subjects.toml_reader import toml_model
+from mechsim.subjects.toml_values import read_source
 from mechsim.subjects.toml_writer import to_toml
 
 # each breaks an output that does not escape it
@@ -93,7 +94,7 @@ def test_tables_and_toml_read_back_with_their_names(tmp_path, name):
         files.write(tmp_path / f"motion{ending}", motion)
         assert list(files.read(tmp_path / f"motion{ending}")) == list(dict(motion.columns()))
     (tmp_path / "odd.toml").write_text(to_toml(mechanism), encoding="utf-8")
-    read = read_toml(str(tmp_path / "odd.toml")).form.mechanism
+    read = toml_model(read_source(str(tmp_path / "odd.toml"))).form.mechanism
     assert (read.name, read.points, read.drivers) == (mechanism.name, mechanism.points, mechanism.drivers)
     assert [joint.name for joint in read.joints] == [joint.name for joint in mechanism.joints]
 

@@ -262,7 +262,7 @@ def nested(deep: int) -> str:
 BAD = {
     "empty": ("", "is empty"),
     "html": ("<html><body/></html>", "begins with <html>"),
-    "urdf": ('<?xml version="1.0"?><!-- a --><robot name="r"/>', "is URDF"),
+    "sdf": ('<?xml version="1.0"?><!-- a --><sdf name="r"/>', "begins with <sdf>"),
     "prose": ("dear all", "is no XML"),
     "unknown element": (
         "<mujoco>\n<worldbody>\n<bodie/></worldbody></mujoco>",

@@ -3,6 +3,7 @@
 import os
 import re
 import stat
+import tempfile
 import warnings
 from xml.parsers import expat
 
@@ -14,6 +15,8 @@ from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader.missing_files import without_missing
 from mechsim.simulation.mjcf_reader.repaired_inertias import with_possible_inertias
 
+# path of a file in MJCF or URDF, or an object
+MujocoInput = str | mujoco.MjSpec | mujoco.MjModel
 # a file longer than this is no description of a mechanism
 MAX_BYTES = 50_000_000
 # characters of MuJoCo's message that are repeated
@@ -37,8 +40,8 @@ _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 
 
 @quiet()
-def parse_file(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
-    """Return the specification of an MJCF file, the model it compiles to, and what was left out of it.
+def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
+    """Return the specification of an MJCF or URDF file or an object, its model, and what was left out.
 
     Meshes, textures and height fields whose files are missing are left out, and masses that no body has are
     mended: no joint needs them.
@@ -46,12 +49,12 @@ def parse_file(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
     Raises:
         InputError: for a file that cannot be read or that MuJoCo refuses; names file and line.
     """
-    _require_mjcf(path)
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            spec = mujoco.MjSpec.from_file(path)
-    except (ValueError, UnicodeError) as error:
-        raise readable_error(path, error) from None
+    path = model_label(source)
+    if isinstance(source, str):
+        _require_mjcf(source)
+        spec = _spec_of_file(source)
+    else:
+        spec = source.copy() if isinstance(source, mujoco.MjSpec) else _spec_of_model(source)
     remarks = _disable_sleep(path, spec)
     # compiling fills them up
     coordinate_counts = {key.name: len(key.qpos) for key in spec.keys}
@@ -62,6 +65,46 @@ def parse_file(path: str) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
         if 0 < count < model.nq
     ]
     return spec, model, remarks + left_out + short
+
+
+def model_label(source: MujocoInput) -> str:
+    """Return how messages name a file or an object."""
+    if isinstance(source, str):
+        return source
+    if isinstance(source, mujoco.MjSpec):
+        return f"MjSpec {source.modelname!r}"
+    return f"MjModel {source.names[: source.names.index(0)].decode()!r}" if 0 in source.names else "MjModel"
+
+
+def _spec_of_file(path: str) -> mujoco.MjSpec:
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return mujoco.MjSpec.from_file(path)
+    except (ValueError, UnicodeError) as error:
+        raise readable_error(path, error) from None
+
+
+def _spec_of_model(model: mujoco.MjModel) -> mujoco.MjSpec:
+    """Return the specification that compiles to a model, from the XML that MuJoCo loaded last.
+
+    The saved XML has six digits; the exact numbers are then copied from the model.
+    """
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "model.xml")
+            mujoco.mj_saveLastXML(path, model)
+            spec = mujoco.MjSpec.from_file(path)
+        compiled(spec)
+        spec.copy_back(model)
+        same = bytes(compiled(spec).names) == bytes(model.names)
+    except (mujoco.FatalError, ValueError):
+        same = False
+    if not same:
+        raise InputError(
+            f"{model_label(model)} is not the model that MuJoCo loaded last from XML, so that its "
+            "specification is unknown; give the MjSpec or the file"
+        )
+    return spec
 
 
 def _disable_sleep(path: str, spec: mujoco.MjSpec) -> list[str]:
@@ -148,14 +191,10 @@ def _require_mjcf(path: str) -> None:
         raise InputError(f"{path} is empty; name an MJCF file")
     match = _ROOT.match(_COMMENT.sub("", text))
     root = match[1] if match else None
-    if root == "robot":
-        raise InputError(
-            f"{path} is URDF, not MJCF; MuJoCo converts it: mujoco.MjSpec.from_file({path!r}).to_xml()"
-        )
     if root == "mujocoinclude":
         raise InputError(f"{path} is a part that other files include; name the file that includes it")
     if text.startswith(_POINTER):
         raise InputError(f"{path} is a pointer of Git LFS, not the file itself; fetch it with git lfs pull")
-    if root != "mujoco":
+    if root not in ("mujoco", "robot"):
         what = f"begins with <{root}>" if root else "is no XML"
-        raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>")
+        raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>, URDF with <robot>")

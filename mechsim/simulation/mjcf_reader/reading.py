@@ -28,7 +28,7 @@ from mechsim.simulation.mjcf_reader.joint_chains import kinematic_tree, poses
 from mechsim.simulation.mjcf_reader.joint_types import BALL, FREE, SLIDE
 from mechsim.simulation.mjcf_reader.link_frames import Carrier
 from mechsim.simulation.mjcf_reader.number_bounds import require_numbers
-from mechsim.simulation.mjcf_reader.parsed_file import compile_repaired, parse_file
+from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput, compile_repaired, model_label, parse_file
 from mechsim.simulation.mjcf_reader.repaired_inertias import minimum_mass
 from mechsim.simulation.mjcf_reader.tracked_points import BodyPoint, tracked
 
@@ -40,7 +40,7 @@ class MjcfModel:
     """What was read of an MJCF file.
 
     Attributes:
-        path: of the file.
+        path: of the file, or how messages name the object.
         mechanism: its links, joints, couplings, drivers and points; the guess is its start.
         spec: the file as MuJoCo is to run it: every body, joint and equality named, a site at every
             tracked point, free joints taken away where the base is held. Copy it before changing it.
@@ -67,7 +67,7 @@ class MjcfModel:
 
 @quiet()
 def read_model(
-    path: str,
+    source: MujocoInput,
     *,
     drivers: Sequence[str] = (),
     lock: Mapping[str, LockedAt] | None = None,
@@ -76,10 +76,10 @@ def read_model(
     track: Sequence[str] = (),
     describe_only: bool = False,
 ) -> MjcfModel:
-    """Read an MJCF file as a mechanism.
+    """Read an MJCF or URDF file, or an object of MuJoCo, as a mechanism.
 
     Args:
-        path: of a file that MuJoCo loads.
+        source: path of a file that MuJoCo loads, or an object, which stays unchanged.
         drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
         holds: joint -> value at which it is held in [m] or [rad], or a function that has it from the unit;
             None for that of the start, at which alone a ball or a free joint can be held.
@@ -91,7 +91,8 @@ def read_model(
     Raises:
         InputError: for a file, joint, keyframe or point that cannot be read; names it.
     """
-    spec, _, remarks = parse_file(path)
+    path = model_label(source)
+    spec, _, remarks = parse_file(source)
     name_elements(spec)
     model, _ = compile_repaired(path, spec)
     remarks += facts.ignored_ranges(spec)

@@ -12,10 +12,10 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.python_object import parameters_of, python_factory
-from mechsim.subjects.readers import as_text, parametric_model, toml_path
-from mechsim.subjects.toml_reader import toml_model
-from mechsim.subjects.toml_values import TomlSource, read_source
+from mechsim.subjects.python_object import PythonObject
+from mechsim.subjects.readers import as_text, open_model, parametric_model
+from mechsim.subjects.toml_reader import TomlFile, toml_model
+from mechsim.subjects.toml_values import TomlSource
 
 Make = Callable[[Mapping[str, float]], Form]
 
@@ -90,7 +90,7 @@ class OfPython:
 @lru_cache(maxsize=8)
 def _maker(model: str, changed: int) -> Callable[[Mapping[str, str | float]], Form]:
     """Return a function that makes designs by a Python file; the file runs once per modification time."""
-    return python_factory(model)
+    return PythonObject(model).make
 
 
 @dataclass(frozen=True)
@@ -130,17 +130,17 @@ def swept(
     Raises:
         InputError: as `load`.
     """
-    result = parametric_model(model, set, **options)
+    source = open_model(model)
+    result = parametric_model(source, set, **options)
     solver = result.make({})
     name = model if isinstance(model, str) else solver.name
-    current = dict(set or {})
-    if isinstance(model, str) and ".py:" in model and not any(options.values()) and parameters_of(model):
-        return SweptSubject(name, solver, result, OfPython(model, current))
+    current, plain = dict(set or {}), not any(options.values())
+    if isinstance(source, PythonObject) and plain and source.parameters({}).dimensions:
+        return SweptSubject(name, solver, result, OfPython(source.address, current))
     if isinstance(solver, ClosedForm):
         return SweptSubject(name, solver, result, OfCatalog(solver))
-    path = toml_path(model) if isinstance(model, str) else None
-    unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
-    if path is not None and solver.motion_laws is None and not any(options.values()):
-        make = OfToml(read_source(path), current, solver.mechanism.guess, unit_of)
+    if isinstance(source, TomlFile) and plain and solver.motion_laws is None:
+        unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
+        make = OfToml(source.source, current, solver.mechanism.guess, unit_of)
         return SweptSubject(name, solver, result, make)
     return SweptSubject(name, solver, result, result.make)

@@ -1,0 +1,117 @@
+"""What a model can be opened from: a row of READERS for each file format and each type of object."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mechsim.analytic.derivatives.dimensions import Dimension
+    from mechsim.analytic.forms import Form
+    from mechsim.subjects.prescription import Prescription
+    from mechsim.subjects.toml_coordinates import FileMotionLaw
+
+
+@dataclass(frozen=True)
+class ModelDescription:
+    """A mechanism as its source describes it.
+
+    Attributes:
+        form: its solver, without motion laws of its own where `motion_laws` states them.
+        motion_laws: driver -> motion law that the source states.
+        duration: of these motion laws in [s]; None where the source states none.
+        prescribed: whether locks, fixed bases, keyframes and tracked points are applied already.
+    """
+
+    form: "Form"
+    motion_laws: Mapping[str, "FileMotionLaw"] = field(default_factory=dict[str, "FileMotionLaw"])
+    duration: float | None = None
+    prescribed: bool = False
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The parameters of a model.
+
+    Attributes:
+        dimensions: parameter -> its value and unit.
+        derived: parameter -> those that its expression uses.
+    """
+
+    dimensions: Mapping[str, "Dimension"] = field(default_factory=dict[str, "Dimension"])
+    derived: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
+
+
+class ModelSource(ABC):
+    """A model that was opened. Its file is read once, and described as often as its parameters change."""
+
+    @abstractmethod
+    def describe(self, changed: Mapping[str, str | float], prescription: "Prescription") -> ModelDescription:
+        """Return the mechanism.
+
+        Args:
+            changed: parameter -> its value as text or in SI.
+            prescription: drivers, locks, keyframe and points that the user requests. A source that applies
+                them all, except motion laws, sets `prescribed`; `load` applies them for other sources.
+
+        Raises:
+            InputError: for what cannot be read, in one sentence.
+        """
+
+    def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
+        """Return the parameters; a source without any has the positions of its joints as dimensions."""
+        return Parameters()
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """How one kind of model is opened.
+
+    Attributes:
+        opens: makes a `ModelSource` from a path or an object; a function, or "module:function", which is
+            imported when the first model of this kind is opened.
+        suffixes: of its files, in lower case, such as ".toml"; "FILE.py:OBJECT" counts as ".py".
+        types: of its objects, as package and class, such as "mujoco.MjSpec".
+    """
+
+    opens: str | Callable[[Any], ModelSource]
+    suffixes: tuple[str, ...] = ()
+    types: tuple[str, ...] = ()
+
+    def open(self, model: Any) -> ModelSource:
+        """Return the source of a model."""
+        if callable(self.opens):
+            return self.opens(model)
+        module, _, name = self.opens.partition(":")
+        return getattr(import_module(module), name)(model)
+
+
+READERS: list[Reader] = [
+    Reader("mechsim.subjects.toml_reader:TomlFile", suffixes=(".toml",)),
+    Reader("mechsim.subjects.mjcf_source:MujocoSource", suffixes=(".xml", ".urdf")),
+    Reader("mechsim.subjects.mjcf_source:MujocoSource", types=("mujoco.MjSpec", "mujoco.MjModel")),
+    Reader("mechsim.subjects.python_object:PythonObject", suffixes=(".py",)),
+    Reader(
+        "mechsim.subjects.python_object:GivenObject",
+        types=("mechsim.Mechanism", "mechsim.ClosedForm", "mechsim.LoopForm"),
+    ),
+]
+
+
+def file_reader(path: str) -> Reader | None:
+    """Return the reader of a file by its suffix alone, so that no file hides a known name; else None."""
+    return next(
+        (
+            reader
+            for reader in READERS
+            if any(path.lower().endswith(suffix) or f"{suffix}:" in path for suffix in reader.suffixes)
+        ),
+        None,
+    )
+
+
+def object_reader(model: object) -> Reader | None:
+    """Return the reader of an object by its type; None for any other."""
+    types = {f"{base.__module__.partition('.')[0]}.{base.__name__}" for base in type(model).__mro__}
+    return next((reader for reader in READERS if types.intersection(reader.types)), None)

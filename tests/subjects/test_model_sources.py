@@ -1,0 +1,131 @@
+"""Every kind of model is opened by a row of READERS; MuJoCo's objects and URDF are read like MJCF."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.subjects import model_source
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Reader
+from mechsim.subjects.readers import load, parametric_model
+
+FOUR_BAR = Path(__file__).parents[2] / "models" / "four_bar.xml"
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
+# a double pendulum whose second joint follows the first
+URDF = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
+    <inertia ixx="0.001" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="lower"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
+    <inertia ixx="0.001" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="crank" type="continuous"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0.2 0 0"/><axis xyz="0 0 1"/>{mimic}</joint>
+</robot>
+"""
+MIMIC = '<mimic joint="crank" multiplier="-2" offset="0.1"/>'
+
+
+@dataclass(frozen=True)
+class LengthsFile(ModelSource):
+    """A toy format: the four lengths of a four-bar linkage in JSON."""
+
+    path: str
+
+    def describe(self, changed, prescription):
+        ground, crank, coupler, rocker = json.loads(Path(self.path).read_text())
+        lengths = {"ground": ground, "crank": crank, "coupler": coupler, "rocker": rocker} | dict(changed)
+        return ModelDescription(LoopForm(ms.catalog.make("four_bar", **lengths).mechanism))
+
+
+@pytest.fixture
+def toy(monkeypatch, tmp_path):
+    """A file of a format that one row of READERS adds."""
+    monkeypatch.setattr(
+        model_source, "READERS", [*model_source.READERS, Reader(LengthsFile, suffixes=(".bars",))]
+    )
+    file = tmp_path / "linkage.bars"
+    file.write_text("[0.1, 0.03, 0.09, 0.07]")
+    return str(file)
+
+
+def test_a_file_format_is_one_row_of_readers(toy):
+    model = load(toy, track=["C"])
+    exact = ms.catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.09, rocker=0.07).solve(ANGLES)
+    difference = model.solve(ANGLES).points["C"].position - exact.points["C"].position
+    assert np.abs(difference).max() <= 1e-14  # rounding of 0.1 m
+    assert list(model.mechanism.points) == ["C"]
+
+
+def test_designs_of_a_new_format_are_known_by_the_positions_of_its_joints(toy):
+    assert "rocker.at.x" in parametric_model(toy).dimensions
+
+
+def test_commands_take_a_new_format(toy, capsys):
+    from mechsim.cli import app
+
+    app(["show", toy], standalone_mode=False)
+    assert "four_bar" in capsys.readouterr().out
+
+
+def test_an_object_without_a_reader_is_rejected():
+    with pytest.raises(InputError, match=r"^a model is of type list; give a name or a file"):
+        load([0.1, 0.2])  # pyright: ignore[reportArgumentType]
+
+
+def test_a_spec_and_a_model_of_mujoco_move_as_their_file_does():
+    exact = load(str(FOUR_BAR)).solve(ANGLES)
+    spec = mujoco.MjSpec.from_file(str(FOUR_BAR))
+    before = spec.to_xml()
+    assert_same(load(spec).solve(ANGLES), exact)
+    assert spec.to_xml() == before
+    assert_same(load(mujoco.MjModel.from_xml_path(str(FOUR_BAR))).solve(ANGLES), exact)
+
+
+def assert_same(motion, exact):
+    """The numbers of the object are those of the file to the last bit."""
+    for name, point in exact.points.items():
+        assert np.array_equal(motion.points[name].position, point.position)
+
+
+def test_a_changed_model_of_mujoco_is_read_as_it_is():
+    model = mujoco.MjModel.from_xml_path(str(FOUR_BAR))
+    model.body("coupler").pos[0] = 0.0321234567890123
+    joint = load(model).mechanism.joint("A")
+    assert joint.a.point[0] == 0.0321234567890123
+
+
+def test_a_model_that_mujoco_did_not_load_last_is_rejected():
+    model = mujoco.MjModel.from_xml_path(str(FOUR_BAR))
+    mujoco.MjModel.from_xml_path(str(FOUR_BAR.with_name("rssr.xml")))
+    with pytest.raises(InputError, match=r"^MjModel 'four_bar' is not the model that MuJoCo loaded last"):
+        load(model)
+
+
+def test_the_parameters_of_an_object_cannot_be_set():
+    with pytest.raises(InputError, match="an MJCF file has no parameters; leave out --set"):
+        load(mujoco.MjSpec.from_file(str(FOUR_BAR)), {"crank": 0.01})
+    with pytest.raises(InputError, match="four_bar is an object without parameters; leave out set"):
+        load(ms.catalog.make("four_bar"), {"crank": 0.01})
+
+
+def test_urdf_is_read_and_a_mimic_joint_is_a_coupling(tmp_path):
+    file = tmp_path / "arm.urdf"
+    file.write_text(URDF.format(mimic=MIMIC))
+    model = load(str(file), drive={"crank": "1rad/s"}, duration=1.0)
+    elbow = model.solve(t=[0.0, 0.5, 1.0]).joints["elbow"].value
+    assert np.abs(elbow - (0.1 - 2.0 * np.array([0.0, 0.5, 1.0]))).max() <= 1e-14  # rounding of 2 rad
+
+
+def test_urdf_that_mujoco_rejects_ends_in_one_sentence(tmp_path):
+    file = tmp_path / "arm.urdf"
+    file.write_text(URDF.format(mimic="").replace('<child link="lower"/>', '<child link="nothing"/>'))
+    with pytest.raises(InputError, match=r"^\S+arm.urdf.*: MuJoCo refuses it: .*; mend the file$"):
+        load(str(file))
