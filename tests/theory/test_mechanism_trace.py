@@ -21,11 +21,10 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation import (
     crank_path_length,
-    curve_search,
     even_motion,
+    mechanism_trace,
     segments,
     trace,
-    unbounded_curves,
 )
 
 TURN = 2.0 * np.pi
@@ -218,10 +217,10 @@ def test_poses_of_one_curve_are_not_taken_for_those_of_another():
     for i, curve in enumerate(found.curves):
         walked = curve.traced.segments[3]
         marks = walked.evaluate(walked.feature_coefficients, np.linspace(walked.low, walked.high, 7))
-        on = [curve_search.lie_on(other, marks).all() for other in found.curves]
+        on = [mechanism_trace.lie_on(other, marks).all() for other in found.curves]
         assert on == [k == i for k in range(len(found.curves))]
         astray = marks + 1e-5 * np.eye(marks.shape[1])[0]
-        assert not curve_search.lie_on(curve, astray).any()
+        assert not mechanism_trace.lie_on(curve, astray).any()
     assert loops.features is found.curves[1].loops.features
 
 
@@ -277,7 +276,7 @@ def on_a_rail(kind, *, lead=0.0):
 
 
 def test_a_slide_that_runs_off_is_told_from_a_curve_that_closes_before_it_is_far(monkeypatch):
-    monkeypatch.setattr(unbounded_curves, "MAX_DISPLACEMENT", 20)
+    monkeypatch.setattr(segments, "MAX_DISPLACEMENT", 20)
     with pytest.raises(
         AssemblyError, match=r"carriage: .* is not closed: rail has moved by 20 times .* length 0"
     ):
@@ -298,7 +297,7 @@ def test_what_is_held_stays_where_it_is_along_the_whole_curve():
 
 
 def test_a_screw_that_is_wound_for_ever_is_given_up_after_as_many_turns_as_are_stated(monkeypatch):
-    monkeypatch.setattr(unbounded_curves, "MAX_REVOLUTIONS", 4)
+    monkeypatch.setattr(segments, "MAX_REVOLUTIONS", 4)
     with pytest.raises(AssemblyError, match=r"press: .* is not closed: thread\.turn has made 4 revolutions"):
         trace(on_a_rail("screw", lead=0.005), starts=0)
 
