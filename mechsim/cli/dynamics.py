@@ -45,7 +45,7 @@ from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
 from mechsim.simulation.stepping import Progress
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import profile_of
-from mechsim.studies.sensitivity.quantities import unit_of
+from mechsim.studies.quantities import quantity
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 
@@ -53,7 +53,9 @@ from mechsim.verdict.checks import Verdict
 EFFORTS, HELD = 40.0, 16.0
 
 # columns of efforts that say when, and how the crank moves
-INSTANTS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2", "motor": "N m"}
+INSTANTS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"}
+# of free runs
+INSTANTS |= {"motor": "N m", "work": "J", "lost": "J"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,5 +271,5 @@ def _write(
     if shown is None:
         files.write(csv, columns)
         return
-    units = {name: INSTANTS.get(name) or unit_of(name, mechanism) for name, _ in columns.columns()}
+    units = {name: INSTANTS.get(name) or quantity(name, mechanism).unit for name, _ in columns.columns()}
     files.write(csv, Labelled(columns, units, shown))

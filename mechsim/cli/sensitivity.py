@@ -28,7 +28,6 @@ from mechsim.studies.sensitivity import (
     tolerances_of,
     written_tolerances,
 )
-from mechsim.studies.sensitivity.quantities import is_effort
 from mechsim.studies.sensitivity.tolerance_analysis import SAMPLES, SEED
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, DISTRIBUTIONS
 from mechsim.units import option
@@ -125,7 +124,7 @@ def sensitivity(
         files.write(place, table if study is None else _Both(table, study))
     if picture is not None:
         plots.write(picture, _drawn(table, study))
-    masses = loading.machine(form).masses if any(is_effort(one) for one in table.values) else ()
+    masses = loading.machine(form).masses if table.moved.loaded(table.values) else ()
     if as_json:
         used = {"masses": [one.as_dict() for one in masses]} if masses else {}
         print_json(_told(table, study) | {"output": output, "plot": asked.plot} | used)

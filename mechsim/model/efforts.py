@@ -139,11 +139,11 @@ class Efforts:
     torque: Array
     reactions: Mapping[str, Reaction]
     gears: Mapping[str, Array]
-    kinetic: Array
-    potential: Array
-    power_in: Array
-    power_loads: Array
-    power_lost: Array
+    kinetic: Array = field(metadata={"unit": "J"})
+    potential: Array = field(metadata={"unit": "J"})
+    power_in: Array = field(metadata={"unit": "W"})
+    power_loads: Array = field(metadata={"unit": "W"})
+    power_lost: Array = field(metadata={"unit": "W"})
     residual: Array
     sliding: Array
     drives: Mapping[str, Array] = field(default_factory=dict[str, Array])

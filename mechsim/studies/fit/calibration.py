@@ -16,7 +16,6 @@ from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
-from mechsim.studies.sensitivity.quantities import is_effort, unit_of
 from mechsim.studies.sensitivity.sensitivity import Subject, dimensions_asked, moved_along
 from mechsim.subjects.readers import parametric_model
 
@@ -157,7 +156,7 @@ def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
             f"{name} has no lone crank without a program whose zero could be unknown; leave it out"
         )
     acting = moved.loading.acting(moved.form)
-    if (acting.loads or acting.couples or acting.crank_torque) and any(is_effort(one) for one in columns):
+    if (acting.loads or acting.couples or acting.crank_torque) and moved.loaded(columns):
         raise InputError(
             f"{name}: efforts under loads that follow the crank do not tell its zero; "
             "leave them or the loads out"
@@ -188,7 +187,7 @@ class _Problem:
             for name, value in self.start.items()
         }
         self.scale = np.array([own[name] for name in names])
-        self.units = {one: unit_of(of, mechanism) for one, of in named.items()}
+        self.units = {one: moved.quantity(of).unit for one, of in named.items()}
         self.weighed = bool(measured.deviations)
         self.weights = {one: self._weight(one, mechanism.size) for one in named}
         self.count = 0

@@ -1,18 +1,18 @@
 """Goals and limits in the words of `mechsim sweep`: its measures, through which derivatives go too."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.motion import JointMotion, Motion, PointMotion
+from mechsim.model.motion import Motion
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
+from mechsim.studies.quantities import AXES, TRANSMISSION
 from mechsim.studies.sensitivity.moved_family import MovedFamily
-from mechsim.studies.sweep.measures import FACTS, TurnMeasure, measure
-from mechsim.studies.sweep.turns import AXES, TRANSMISSION, WRENCH, Turns
+from mechsim.studies.sweep.measures import FACTS, TurnMeasure, Turns, measure
 
 Quantities = Mapping[str, Any]
 Function = Callable[[Quantities], Any]
@@ -23,7 +23,7 @@ class Goal:
     """What is to be small: the sum of squares of a function's values.
 
     Attributes:
-        of: quantities that it needs (see `studies.sensitivity.columns_of`).
+        of: quantities that it needs, named as `studies.quantities` has them.
         function: quantities and dimensions -> a number or numbers, in any unit.
     """
 
@@ -115,14 +115,14 @@ def goal_of(text: str, moved: MovedFamily) -> Goal:
     asked = _measured(text, moved)
     if asked.measure.kind in SQUARES:
         alike = SQUARES[asked.measure.kind]
-        return Goal(asked.columns, lambda given: alike(asked.over(given)))
-    return Goal(asked.columns, asked.value)
+        return Goal(asked.of, lambda given: alike(asked.over(given)))
+    return Goal(asked.of, asked.value)
 
 
 def limit_of(limit: MeasureLimit, moved: MovedFamily) -> Limit:
     """Return a limit of a measure; as `goal_of`."""
     asked = _measured(limit.measure, moved)
-    return Limit(asked.columns, asked.value, limit.low, limit.high, limit.measure)
+    return Limit(asked.of, asked.value, limit.low, limit.high, limit.measure)
 
 
 @dataclass(frozen=True)
@@ -132,46 +132,43 @@ class _Measured:
     Attributes:
         measure: itself.
         poses: which of the instants are its poses: of a whole turn not the last, which is the first again.
-        place: of the poses, the one at its angle; None over the turn.
+        index: of the pose at its angle; None over the turn.
     """
 
     measure: TurnMeasure
     poses: slice
-    place: int | None
+    index: int | None
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the quantities that it needs; of a whole wrench the name for all its parts."""
-        of = self.measure.quantity
-        return (of.name,) if of is not None and of.component in WRENCH else _columns(self.measure)
+        """Names of the numbers from which it follows."""
+        quantity = self.measure.quantity
+        if quantity is None:
+            return tuple(f"{self.measure.subject}.{axis}" for axis in AXES)
+        return tuple(part.name for part in quantity.scalars())
 
-    def over(self, given: Quantities) -> Array:
+    @property
+    def of(self) -> tuple[str, ...]:
+        """Names of the quantities that it needs; of a vector its own, for all determined components."""
+        quantity = self.measure.quantity
+        return (quantity.name,) if quantity and len(self.columns) > 1 else self.columns
+
+    def over(self, values: Quantities) -> Array:
         """Return the quantity that it is of, pose by pose."""
         assert self.measure.quantity is not None
-        return self._turns(given).values(self.measure.quantity)[0]
+        return self._turns(values).values(self.measure.quantity)[0]
 
-    def value(self, given: Quantities) -> Any:
+    def value(self, values: Quantities) -> Any:
         """Return the measure."""
-        return self.measure.value(self._turns(given), self.place)[0]
+        return self.measure.value(self._turns(values), self.index)[0]
 
-    def _turns(self, given: Quantities) -> Turns:
-        """Return quantities as the motion of one design."""
-        of, columns = self.measure.quantity, _columns(self.measure)
-        still = np.zeros_like(np.real(given[next(one for one in columns if one in given)])[self.poses])
+    def _turns(self, values: Quantities) -> Turns:
+        """Return quantities as those of one design."""
+        known = {name: np.asarray(values[name])[self.poses][None] for name in self.columns if name in values}
+        zeros = np.zeros_like(np.real(next(iter(known.values()))))
         # what rigid links do not determine counts for nothing
-        found = {name: np.asarray(given[name])[self.poses] if name in given else still for name in columns}
-        motion, count = Motion("user", still, still, still, {}), len(still)
-        if of is not None and of.kind == "effort":
-            return Turns(1, count, motion, {name: values[None] for name, values in found.items()})
-        if of is not None and of.kind == "joint":
-            (values,) = found.values()
-            unit = "m" if of.unit.startswith("m") else "rad"
-            return Turns(
-                1, count, replace(motion, joints={of.subject: JointMotion(values, values, values, unit)})
-            )
-        name, order, _ = _point(self.measure)
-        vectors = np.column_stack([found.get(f"{name}.{order}{axis}", still) for axis in AXES])
-        return Turns(1, count, replace(motion, points={name: PointMotion(vectors, vectors, vectors)}))
+        more = {name: known.get(name, zeros) for name in self.columns}
+        return Turns(1, zeros.size, Motion("user", zeros[0], zeros[0], zeros[0], {}), more)
 
 
 def _measured(text: str, moved: MovedFamily) -> _Measured:
@@ -187,11 +184,11 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
             "as examples/design/torque_ripple.py does"
         )
     whole = form.motion_laws is None and abs(angles[-1] - angles[0] - TURN) < SAME
-    place = None
+    index = None
     if found.angle is not None:
         near = np.abs(angles - found.angle)
-        place = int(np.argmin(near))
-        if near[place] > SAME:
+        index = int(np.argmin(near))
+        if near[index] > SAME:
             motion_laws = form.motion_laws
             there = f"{found.angle:.6g} rad" if motion_laws is None else motion_laws.called(found.angle)
             raise InputError(
@@ -199,24 +196,4 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
                 f"{'an angle' if motion_laws is None else 'a time'} there"
             )
         whole = False
-    return _Measured(found, slice(0, -1) if whole else slice(None), place)
-
-
-def _columns(asked: TurnMeasure) -> tuple[str, ...]:
-    """Return the columns of motions and efforts that a measure needs."""
-    of = asked.quantity
-    if of is not None and of.kind == "effort":
-        parts = WRENCH.get(of.component, ())
-        return tuple(f"{of.subject}.{part}" for part in parts) or (of.subject,)
-    if of is not None and of.kind == "joint":
-        return (f"{of.subject}.{of.component}",)
-    name, order, axes = _point(asked)
-    return tuple(f"{name}.{order}{axis}" for axis in axes)
-
-
-def _point(asked: TurnMeasure) -> tuple[str, str, str]:
-    """Return the point that a measure is of, "", "v" or "a", and the axes."""
-    if asked.quantity is None:
-        return asked.subject, "", AXES
-    part = asked.quantity.component
-    return asked.quantity.subject, part.rstrip(AXES), part.lstrip("va") or AXES
+    return _Measured(found, slice(0, -1) if whole else slice(None), index)

@@ -11,7 +11,6 @@ from mechsim.analytic.catalog.many_designs import Bools, allowed, can_be_many, c
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.expansion import EVERY, Block, Solved, Watch, first_order, second_order
-from mechsim.studies.sensitivity.quantities import is_effort, is_rate
 from mechsim.studies.sensitivity.tolerances import Tolerances
 
 # poses solved in one go, whose arrays stay in a core's own cache; numbers kept at a time
@@ -46,14 +45,15 @@ class FormulaSamples:
     def _values(self, angles: Array) -> Array:
         """Return the quantities at some angles, (n, columns * angles)."""
         columns, speed = self.solved.columns, self.solved.moved.rate
-        rates = any(is_rate(one) for one in columns)
-        joints = any(one.rpartition(".")[2].startswith(("q", "v", "a")) for one in columns)
+        wanted = [self.solved.moved.quantity(name) for name in columns]
+        rates = any(part.order > 0 for part in wanted)
+        joints = any(part.uses("joint") for part in wanted)
         out = np.empty((len(self.parts), len(columns), len(angles)))
         for rows in _blocks(len(self.parts), len(angles)):
             varied = _varied(self.solved, self.parts[rows])
             told = dict(solved(self.form, varied, angles, speed, rates=rates, joints=joints).columns())
-            for i, name in enumerate(columns):
-                out[rows, i] = told[name].reshape(-1, len(angles))
+            for i, part in enumerate(wanted):
+                out[rows, i] = part.number(told).reshape(-1, len(angles))
         return out.reshape(len(out), -1)
 
 
@@ -67,11 +67,12 @@ def formula_samples(of: Solved, parts: Array) -> tuple[FormulaSamples, Bools] | 
         parts: deviations of all in parts of the tolerances, (n, p).
     """
     form, angles, columns = of.moved.form, of.moved.angles, of.columns
-    poses = len(parts) * len(angles) * (RATED if any(is_rate(one) for one in columns) else 1)
+    wanted = [of.moved.quantity(name) for name in columns]
+    poses = len(parts) * len(angles) * (RATED if any(part.order > 0 for part in wanted) else 1)
     if poses > MOST or not isinstance(form, TwoBranchForm) or not can_be_many(form, of.bounds):
         return None
     told = solved(form, _varied(of, parts[:1]), angles[:1], 1.0, rates=True, joints=True)
-    if any(is_effort(one) for one in columns) or not {*columns} <= dict(told.columns()).keys():
+    if not {column.name for part in wanted for column in part.columns} <= dict(told.columns()).keys():
         return None
     # near change points an array of parameters has no branch of its own for each
     if form.change_points():

@@ -1,6 +1,6 @@
 """A family of mechanisms moved in one manner: its quantities, and their derivatives by dimensions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.dimensions import AXES, placed_family
+from mechsim.analytic.derivatives.dimensions import placed_family
 from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers, moved_efforts
 from mechsim.analytic.derivatives.motion import (
     Followed,
@@ -29,7 +29,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import closes_nowhere
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
-from mechsim.studies.sensitivity.quantities import columns_of, is_effort
+from mechsim.studies.quantities import AXES, Quantity, quantity, record_columns, scalar_quantities, unknown
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
 
 # instants of a motion where none are asked for, and how near to a dead centre they come, as part of the range
@@ -122,33 +122,55 @@ class MovedFamily:
         alone = self.form.motion_laws is None and self.form.mechanism.has_crank
         return self.form.mechanism.crank.name + OFFSET if alone else ""
 
-    def quantities(self, asked: Sequence[str]) -> list[str]:
-        """Return the columns that names stand for (see `columns_of`).
+    def quantity(self, name: str) -> Quantity:
+        """Return the quantity of a name."""
+        return quantity(name, self.form.mechanism)
+
+    def loaded(self, names: Iterable[str]) -> bool:
+        """Whether quantities need masses and forces."""
+        return any(self.quantity(name).loaded for name in names)
+
+    def quantities(self, names: Sequence[str]) -> list[str]:
+        """Return the numbers that names stand for: of vectors the components that are determined.
 
         Raises:
             InputError: for an unknown name, or a reaction that rigid links do not determine.
         """
-        known = dict(motion_derivatives(self.form, {}, self.angles[:1]).motion.columns())
-        left: tuple[str, ...] = ()
-        if any(is_effort(one) for one in asked):
+        found = scalar_quantities(names, self.form.mechanism)
+        known = record_columns(motion_derivatives(self.form, {}, self.angles[:1]).motion, found)
+        undetermined: set[str] = set()
+        if any(part.loaded for part in found):
             study = prescribed_along(self.loading.machine(self.form), self.angles[:1], self.rate)
-            known |= dict(study.columns())
-            left = tuple(
-                f"{name}.{part}" for name, one in study.efforts.reactions.items() for part in one.open
-            )
-        found = columns_of(asked, list(known), self.form.mechanism)
-        if told := [one for one in found if one in left and one in asked]:
-            raise InputError(
-                f"{self.form.name}: rigid links do not determine {told[0]}, so that it has no derivative; "
-                f"ask for another ({', '.join(left)} are not determined)"
-            )
-        return [one for one in found if one not in left]
+            known |= self._force_columns(dict(study.columns()))
+            reactions = study.efforts.reactions.items()
+            undetermined = {f"{joint}.{part}" for joint, reaction in reactions for part in reaction.open}
+        result: list[str] = []
+        for part in found:
+            columns = {column.name for column in part.columns}
+            if not columns <= known.keys():
+                raise unknown(part.name, self.form.mechanism)
+            if not columns & undetermined:
+                result.append(part.name)
+            elif part.function is not None or part.name in names:
+                raise InputError(
+                    f"{self.form.name}: rigid links do not determine {part.name}, so that it has no "
+                    f"derivative; name another ({', '.join(sorted(undetermined))} are not determined)"
+                )
+        return result
 
-    def values(self, columns: Sequence[str], dimensions: Mapping[str, float]) -> Columns:
+    def _force_columns(self, columns: Mapping[str, Array]) -> Columns:
+        """Return columns of forces in which the torque of a crank under a motion law is called so, too."""
+        mechanism = self.form.mechanism
+        drive = f"drive {mechanism.drivers[0]}"
+        if mechanism.has_crank and "torque" not in columns and drive in columns:
+            return {**columns, "torque": columns[drive]}
+        return dict(columns)
+
+    def values(self, names: Sequence[str], dimensions: Mapping[str, float]) -> Columns:
         """Return quantities of a mechanism with other dimensions, solved by Newton's method from this one.
 
         Args:
-            columns: quantities.
+            names: of the quantities.
             dimensions: name -> value in SI, of those that change; `offset` is how far the crank is ahead.
 
         Raises:
@@ -157,12 +179,14 @@ class MovedFamily:
         """
         own, ahead = self._parted(dimensions)
         form = self.family.make(own)
-        found: Columns = {}
-        if any(not is_effort(one) for one in columns):
-            found |= dict(self._motion(form, columns, ahead).columns())
-        if any(is_effort(one) for one in columns):
-            found |= dict(self._efforts(form, ahead).columns())
-        return {one: found[one] for one in columns}
+        wanted = [self.quantity(name) for name in names]
+        columns: Columns = {}
+        moving = [part for part in wanted if part.uses("point", "joint", "link")]
+        if moving:
+            columns |= record_columns(self._motion(form, moving, ahead), moving)
+        if any(part.loaded for part in wanted):
+            columns |= self._force_columns(dict(self._efforts(form, ahead).columns()))
+        return {name: part.number(columns) for name, part in zip(names, wanted, strict=True)}
 
     @cached_property
     def _near(self) -> MotionBeside | None:
@@ -181,15 +205,19 @@ class MovedFamily:
         own = {name: value for name, value in dimensions.items() if name != self.offset}
         return own, dimensions.get(self.offset, 0.0)
 
-    def _motion(self, form: Form, columns: Sequence[str], ahead: float) -> Motion:
+    def _motion(self, form: Form, wanted: Sequence[Quantity], ahead: float) -> Motion:
         """Return the motion of another mechanism; where Newton's method does not reach it, by itself."""
         if self._near is not None:
             with suppress(AssemblyError):
                 return self._near.of(form.mechanism, ahead)
         found = form.solve_along(self.angles + ahead, self.rate)
-        told = dict(found.columns())
-        whole = all(one in told for one in columns if not is_effort(one))
-        return found if whole else LoopForm(form.mechanism).solve(self.angles + ahead, self.rate)
+        known = dict(found.columns())
+        joints = [column.name for part in wanted for column in part.columns if column.source == "joint"]
+        return (
+            found
+            if all(name in known for name in joints)
+            else LoopForm(form.mechanism).solve(self.angles + ahead, self.rate)
+        )
 
     def _efforts(self, form: Form, ahead: float) -> InverseDynamics:
         machine = self.loading.machine(form)
@@ -214,7 +242,7 @@ class MovedFamily:
         own, ahead = self._parted(at or {})
         here = beside(self.family, own)
         dimensions = [name for name in names if name != self.offset]
-        motion, efforts = (any(is_effort(one) is kind for one in columns) for kind in (False, True))
+        motion = any(self.quantity(name).uses("point", "joint", "link") for name in columns)
 
         def slopes(*numbers: Callable[[Mapping[str, float]], Array]) -> dict[str, Array | None]:
             found = changes(here, dimensions, *numbers)
@@ -225,7 +253,7 @@ class MovedFamily:
             ahead,
             columns,
             slopes() if motion else None,
-            slopes(self._numbers(here)) if efforts else None,
+            slopes(self._numbers(here)) if self.loaded(columns) else None,
         )
 
     def play(self, columns: Sequence[str], joint: str) -> list[Columns]:
@@ -241,7 +269,7 @@ class MovedFamily:
         by_axis = np.array([*changes(placed_family(LoopForm(mechanism)), names).values()])
         directions = mechanism.joint(joint).b.frame.T[: 3 if KINDS[mechanism.joint(joint).kind].ball else 2]
         change = {f"{joint}{CLEARANCE}{i}": one @ by_axis for i, one in enumerate(directions)}
-        full = len(self._numbers(self.family)({})) if any(is_effort(one) for one in columns) else 0
+        full = len(self._numbers(self.family)({})) if self.loaded(columns) else 0
         wide = {name: np.pad(one, (0, full - len(one))) for name, one in change.items()} if full else None
         found = self._found(self.form, 0.0, columns, change, wide)
         return [dict(one) for one in found.by.values()]
@@ -255,22 +283,23 @@ class MovedFamily:
         machine_change: Mapping[str, Array | None] | None,
     ) -> Slopes:
         """Return quantities and derivatives by changes of a mechanism's numbers and of a machine's."""
+        wanted = [self.quantity(name) for name in columns]
         values: Columns = {}
         by: dict[str, Columns] = {name: {} for name in (change or machine_change or {})}
         if change is not None:
             found = derivatives_along(self._followed(self._near, form, ahead, self.rate), change)
-            values |= dict(found.motion.columns())
+            values |= record_columns(found.motion, wanted)
             for name, motion in found.by.items():
-                by[name] |= dict(motion.columns())
+                by[name] |= record_columns(motion, wanted)
         if machine_change is not None:
             unit = self._followed(self._near_unit, form, ahead, 1.0)
             told = efforts_along(self.loading.machine(form), unit, machine_change, self.rate)
-            values |= told.columns
+            values |= self._force_columns(told.columns)
             for name, moved in told.by.items():
-                by[name] |= moved
+                by[name] |= self._force_columns(moved)
         return Slopes(
-            {one: values[one] for one in columns},
-            {name: {one: own[one] for one in columns} for name, own in by.items()},
+            {part.name: part.number(values) for part in wanted},
+            {name: {part.name: part.changes(values, own)[0] for part in wanted} for name, own in by.items()},
         )
 
     def _followed(self, near: MotionBeside | None, form: Form, ahead: float, rate: float) -> Followed:

@@ -19,7 +19,6 @@ from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, Slopes, instants_of
-from mechsim.studies.sensitivity.quantities import unit_of
 from mechsim.subjects.readers import parametric_model
 from mechsim.subjects.toml_values import suggestion
 
@@ -153,7 +152,7 @@ def derivative_table(moved: MovedFamily, of: Sequence[str], to: str | Sequence[s
 
     Args:
         moved: the mechanism, and how it moves.
-        of: quantities (see `columns_of`).
+        of: quantities, named as `studies.quantities` has them.
         to: dimensions; "all" leaves those out that would tear loops open.
 
     Raises:
@@ -175,7 +174,7 @@ def derivative_table(moved: MovedFamily, of: Sequence[str], to: str | Sequence[s
                 left_out[name] = str(error)
                 continue
             found = Slopes(found.values, {**found.by, **one.by})
-    units = {one: unit_of(one, moved.form.mechanism) for one in columns}
+    units = {name: moved.quantity(name).unit for name in columns}
     return Sensitivity(moved, found.values, found.by, units, left_out)
 
 
@@ -240,7 +239,8 @@ def sensitivity(
 
     Args:
         model: as `moved` takes it.
-        of: quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3.
+        of: quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3,
+            distance:P2,P3 and others that `studies.quantities` lists.
         to: dimensions: parameters, parts of places as pivot.x; of a mechanism without parameters JOINT.at.x;
             "all" is every one.
         angles: as of `moved`.

@@ -1,7 +1,8 @@
 """Measures of a design: one number from a turn, read from text as `range:rocker` or `max:P3.vx`."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,14 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, taken
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.arrays import Array
-from mechsim.studies.sweep.turns import TurnQuantity, Turns, joint_units, quantity
+from mechsim.studies.quantities import (
+    AXES,
+    Quantity,
+    coordinate_units,
+    numeric_quantity,
+    record_columns,
+    unwrapped,
+)
 from mechsim.subjects.python_object import run_object, run_user_code
 from mechsim.subjects.toml_values import suggestion
 
@@ -27,6 +35,43 @@ STATISTICS: dict[str, Callable[[Array], Array]] = {
 # name -> unit of properties of a design without a motion
 FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
 WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in STATISTICS), "at:ANGLE:Q", *FACTS, "FILE.py:FUNC")
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Motions of designs over the same row of poses.
+
+    Attributes:
+        designs: how many.
+        poses: of each.
+        motion: at designs x poses instants, one design after another.
+        more: other columns or quantities -> (designs, poses): forces and transmission angles where measured.
+        facts: "crank_range", "dead_centres", "assemblies" -> (designs,), where measured.
+    """
+
+    designs: int
+    poses: int
+    motion: Motion
+    more: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    facts: Mapping[str, Array] = field(default_factory=dict[str, Array])
+
+    @cached_property
+    def _motion_columns(self) -> dict[str, Array]:
+        return dict(self.motion.columns())
+
+    def column(self, name: str) -> Array:
+        """Return a column, (designs, poses)."""
+        values = self.more[name] if name in self.more else self._motion_columns[name]
+        return values.reshape(self.designs, self.poses)
+
+    def values(self, quantity: Quantity) -> Array:
+        """Return a quantity, (designs, poses); of vectors the length."""
+        if quantity.name in self.more:
+            return self.more[quantity.name]
+        if quantity.uses("link"):
+            self._motion_columns.update(record_columns(self.motion, [quantity]))
+        values = quantity.number({column.name: self.column(column.name) for column in quantity.columns})
+        return unwrapped(values) if quantity.angle else values
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +91,7 @@ class TurnMeasure:
     name: str
     kind: str
     unit: str
-    quantity: TurnQuantity | None = None
+    quantity: Quantity | None = None
     subject: str = ""
     angle: float | None = None
 
@@ -58,17 +103,17 @@ class TurnMeasure:
     @property
     def rated(self) -> bool:
         """Whether velocities or accelerations are needed."""
-        return self.kind == "function" or (self.quantity is not None and self.quantity.rated)
+        return self.kind == "function" or (self.quantity is not None and self.quantity.order > 0)
 
     @property
     def loaded(self) -> bool:
         """Whether forces are needed."""
-        return self.quantity is not None and self.quantity.kind == "effort"
+        return self.quantity is not None and self.quantity.loaded
 
     @property
     def jointed(self) -> bool:
         """Whether motions of joints are needed."""
-        return self.kind == "function" or (self.quantity is not None and self.quantity.kind == "joint")
+        return self.kind == "function" or (self.quantity is not None and self.quantity.uses("joint"))
 
     def value(self, turns: Turns, index: int | None = None) -> Array:
         """Return the measure of designs, (designs,).
@@ -98,8 +143,8 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws | None = No
 
     Args:
         text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean) with
-            quantities as `turns.quantity` has them, at:ANGLE:Q or under motion laws at:TIME:Q, crank_range,
-            dead_centres, assemblies, or FILE.py:FUNC of a Motion.
+            quantities as `studies.quantities` has them, at:ANGLE:Q or under motion laws at:TIME:Q,
+            crank_range, dead_centres, assemblies, or FILE.py:FUNC of a Motion.
         mechanism: whose.
         motion_laws: its motion laws; None where a crank is driven.
 
@@ -119,11 +164,11 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws | None = No
             raise InputError(f"{mechanism.name} has no point {rest!r}{suggestion(rest, mechanism.points)}")
         return TurnMeasure(text, word, "m", subject=rest)
     if colon and word in STATISTICS:
-        of = quantity(rest, mechanism)
+        of = numeric_quantity(rest, mechanism)
         return TurnMeasure(text, word, of.unit, of)
     if colon and word == "at":
         index, _, name = rest.partition(":")
-        of = quantity(name, mechanism)
+        of = numeric_quantity(name, mechanism)
         return TurnMeasure(text, word, of.unit, of, angle=_parameter(text, index, motion_laws))
     description = f"{word}:" if colon else text
     raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
@@ -147,17 +192,16 @@ def _parameter(text: str, index: str, motion_laws: MotionLaws | None) -> float:
 
 
 def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
-    joints = joint_units(mechanism)
+    joints = coordinate_units(mechanism)
     if rest not in joints and "." not in rest and ":" not in rest:
         raise InputError(f"{mechanism.name} has no joint {rest!r} to range{suggestion(rest, joints)}")
-    of = quantity(rest, mechanism)
+    of = numeric_quantity(rest, mechanism)
     return TurnMeasure(text, "range", of.unit, of)
 
 
 def _stroke(turns: Turns, point: str) -> Array:
     """Return the largest distance of two positions on the path of a point, (designs,) in [m]."""
-    shape = (turns.designs, turns.poses)
-    x, y, z = (axis_values.reshape(shape) for axis_values in turns.motion.points[point].position.T)
+    x, y, z = (turns.column(f"{point}.{axis}") for axis in AXES)
     largest = np.zeros(turns.designs, x.dtype)
     for shift in range(1, turns.poses // 2 + 1):
         # each pair once: poses that differ by a shift around the turn
@@ -220,6 +264,5 @@ def _first(turns: Turns, count: int) -> Turns:
     """Return the motions over their first poses alone."""
     rows = np.zeros((turns.designs, turns.poses), dtype=np.bool_)
     rows[:, :count] = True
-    cut = {name: values[:, :count] for name, values in turns.efforts.items()}
-    angle = None if turns.transmission is None else turns.transmission[:, :count]
-    return Turns(turns.designs, count, taken(turns.motion, rows.ravel()), cut, angle, turns.facts)
+    more = {name: values[:, :count] for name, values in turns.more.items()}
+    return Turns(turns.designs, count, taken(turns.motion, rows.ravel()), more, turns.facts)

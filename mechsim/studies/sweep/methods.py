@@ -28,11 +28,11 @@ from mechsim.model.motion_laws import arc_around, closes_nowhere
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
+from mechsim.studies.quantities import TRANSMISSION
 from mechsim.studies.sweep.assembled_designs import assembled_designs
-from mechsim.studies.sweep.measures import FACTS, table_of
+from mechsim.studies.sweep.measures import FACTS, Turns, table_of
 from mechsim.studies.sweep.stepped_runs import stepped_alone, stepped_together
 from mechsim.studies.sweep.task import CrankRows, Measured, SweepTask, nothing_measured, swings_between
-from mechsim.studies.sweep.turns import TRANSMISSION, Turns
 
 Rows = NDArray[np.intp]
 # poses solved at once: their arrays fit into a core's cache
@@ -61,8 +61,7 @@ def measured(task: SweepTask, low: int, high: int) -> Measured:
 def by_one_formula(task: SweepTask) -> bool:
     """Whether designs are measured by one formula on arrays."""
     solver = task.subject.closed
-    measured_alone = task.loaded or task.wants("function") or task.wants(TRANSMISSION)
-    return not measured_alone and solver is not None and can_be_many(solver, task.designs.values)
+    return not task.single_only and solver is not None and can_be_many(solver, task.designs.values)
 
 
 def _formula(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
@@ -351,15 +350,15 @@ def _solved_alone(
         )
     motion = solver.solve_along(angles, path_speed, crank.acceleration)
     shape = (1, len(angles))
-    forces: dict[str, Array] = {}
+    more: dict[str, Array] = {}
     if task.loaded:
         acting = getattr(solver, "forces", None) or Forces()
         study = prescribed_along(machine(solver, acting), angles, path_speed, crank.acceleration)
-        forces = {name: column.reshape(shape) for name, column in study.columns()}
-    transmission = None
+        more = {name: column.reshape(shape) for name, column in study.columns()}
     if task.wants(TRANSMISSION):
-        transmission = closed_form(solver, "a transmission angle").transmission_angle(angles).reshape(shape)
-    turns = Turns(1, len(angles), motion, forces, transmission, kept)
+        angle = closed_form(solver, "a transmission angle").transmission_angle(angles)
+        more[TRANSMISSION] = angle.reshape(shape)
+    turns = Turns(1, len(angles), motion, more, kept)
     return {
         name: float(values[0]) for name, values in table_of(task.measures, turns, task.angle_index).items()
     }
@@ -381,7 +380,7 @@ def require_measurable(task: SweepTask) -> None:
                 f"{solver.name!r} "
                 "is none; `mechsim trace` finds those of any other"
             )
-        if measure.quantity is not None and measure.quantity.kind == "transmission":
+        if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
             closed_form(solver, "a transmission angle")
     if solver.motion_laws is None and not solver.mechanism.has_crank:
         raise InputError(
@@ -394,16 +393,13 @@ def _require_stepped(task: SweepTask) -> None:
     mechanism = task.subject.solver.mechanism
     cut = [name for joint in cut_loops(mechanism, splits=True).cuts for name in joint.coordinates]
     for measure in task.measures:
-        if measure.kind in FACTS or (measure.quantity is not None and measure.quantity.kind == TRANSMISSION):
+        if measure.kind in FACTS or (measure.quantity is not None and measure.quantity.uses("formula")):
             raise InputError(f"{measure.name} is known by formulas; leave out --method step, or that measure")
-        if (
-            measure.quantity is not None
-            and measure.quantity.kind == "joint"
-            and measure.quantity.subject in cut
-        ):
+        missing = [] if measure.quantity is None else [*{*measure.quantity.subjects("joint")} & {*cut}]
+        if missing:
             available = [name for joint in mechanism.joints for name in joint.coordinates if name not in cut]
             raise InputError(
-                f"{measure.name}: MuJoCo's model is cut at {measure.quantity.subject}, and its states do not "
+                f"{measure.name}: MuJoCo's model is cut at {missing[0]}, and its states do not "
                 f"hold it; "
                 f"stepped motions contain {', '.join(available)}"
             )

@@ -22,9 +22,8 @@ from mechsim.simulation.many.stepped_designs import SteppedDesigns, judged, part
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
 from mechsim.studies.sweep.assembled_designs import assembled_designs
-from mechsim.studies.sweep.measures import table_of
+from mechsim.studies.sweep.measures import Turns, table_of
 from mechsim.studies.sweep.task import Measured, SweepTask
-from mechsim.studies.sweep.turns import Turns
 
 Rows = NDArray[np.intp]
 DIVERGED_REASON = (
@@ -90,7 +89,7 @@ def _detail(task: SweepTask) -> Told:
     """Return the level of detail that the measures need."""
     if task.accelerated:
         return "rates"
-    return "places" if task.wants("stroke") or task.wants("point") else "joints"
+    return "places" if task.wants("stroke") or task.uses("point") else "joints"
 
 
 def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str, str]:

@@ -18,6 +18,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import LikeModel, like_model
 from mechsim.simulation.recorded_motion import CHUNK
 from mechsim.simulation.settings import Settings
+from mechsim.studies.quantities import TRANSMISSION, Quantity, Source
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure
 from mechsim.studies.sweep.subject import SweptSubject
@@ -41,8 +42,6 @@ PASSED = 0
 END_DISTANCE = 1e-10
 # largest distance of an angle from a recorded instant, relative to the recording interval
 RECORD_TOLERANCE = 1e-6
-# kinds of measures that need single designs where there is no formula
-SINGLE_ONLY = ("function", *FACTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,10 +144,23 @@ class SweepTask:
         return any(measure.loaded for measure in self.measures)
 
     @property
+    def quantities(self) -> list[Quantity]:
+        """The quantities that are measured."""
+        return [measure.quantity for measure in self.measures if measure.quantity is not None]
+
+    def uses(self, *sources: Source) -> bool:
+        """Whether a quantity that is measured follows from columns of these sources."""
+        return any(quantity.uses(*sources) for quantity in self.quantities)
+
+    @property
+    def single_only(self) -> bool:
+        """Whether each design is solved by itself, as for forces and orientations of links."""
+        return self.loaded or self.wants("function") or self.wants(TRANSMISSION) or self.uses("link")
+
+    @property
     def joints(self) -> list[str]:
-        """The joints that are measured."""
-        requested = (measure.quantity for measure in self.measures)
-        return [*dict.fromkeys(of.subject for of in requested if of is not None and of.kind == "joint")]
+        """The joint coordinates that are measured."""
+        return [*dict.fromkeys(name for quantity in self.quantities for name in quantity.subjects("joint"))]
 
     @property
     def turn(self) -> CrankRows:
@@ -160,11 +172,7 @@ class SweepTask:
     def loops(self) -> SharedLoops | None:
         """The common loops of designs traced together; None if each must be solved alone."""
         solver = self.subject.solver
-        alone = (
-            self.loaded
-            or self.wants("transmission")
-            or any(measure.kind in SINGLE_ONLY for measure in self.measures)
-        )
+        alone = self.single_only or any(measure.kind in FACTS for measure in self.measures)
         if alone or getattr(solver, "change_point", "smooth") != "smooth":
             return None
         with suppress(MechsimError):
@@ -175,7 +183,7 @@ class SweepTask:
     def like(self) -> LikeModel | None:
         """The model with which designs are stepped together; None if each must be stepped alone."""
         solver = self.subject.solver
-        alone = self.settings is None or self.wants("function") or self.samples > CHUNK
+        alone = self.settings is None or self.wants("function") or self.uses("link") or self.samples > CHUNK
         if alone or solver.motion_laws is not None or (self.loaded and not self._weighed):
             return None
         with suppress(MechsimError):
@@ -192,18 +200,16 @@ class SweepTask:
         """Whether the drive torque against gravity and inertia is the only force measured."""
         plain = self.forces == Forces(gravity=self.forces.gravity)
         columns = {
-            measure.quantity.subject
-            for measure in self.measures
-            if measure.quantity is not None and measure.quantity.kind == "effort"
+            column.name for quantity in self.quantities if quantity.loaded for column in quantity.columns
         }
         return plain and columns == {"torque"} and not self.accelerated
 
     @property
     def accelerated(self) -> bool:
         """Whether rates of points, or accelerations, are measured."""
-        requested = [measure.quantity for measure in self.measures if measure.quantity is not None]
         return any(
-            of.component[:1] == "a" or (of.kind == "point" and of.component[:1] == "v") for of in requested
+            quantity.order == 2 or (quantity.order == 1 and quantity.uses("point"))
+            for quantity in self.quantities
         )
 
     @property

@@ -71,7 +71,7 @@ def test_programs_are_tabled_over_time():
         (["rockr"], "all", "did you mean 'rocker'"),
         (["B.fx"], ["crankk"], "has no dimension 'crankk'; did you mean 'crank'"),
         (["B.fz"], "all", r"rigid links do not determine B\.fz"),
-        ([], "all", "no quantity is asked for"),
+        ([], "all", "no quantity is requested"),
     ],
 )
 def test_what_is_no_quantity_or_dimension_is_refused_with_the_nearest(of, to, said):

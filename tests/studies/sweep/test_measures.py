@@ -5,8 +5,8 @@ import pytest
 
 from mechsim.analytic import catalog
 from mechsim.errors import InputError
-from mechsim.studies.sweep.measures import measure, measures, table_of
-from mechsim.studies.sweep.turns import Turns, quantity
+from mechsim.studies.quantities import numeric_quantity
+from mechsim.studies.sweep.measures import Turns, measure, measures, table_of
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
 
@@ -92,6 +92,6 @@ def test_no_measure_at_all_is_refused():
 
 def test_names_of_forces_are_read():
     mechanism = catalog.make("rssr").mechanism
-    assert quantity("force:P3", mechanism).unit == "N"
-    assert quantity("torque:crank", mechanism).subject == "torque"
-    assert quantity("P3.mz", mechanism).unit == "N m"
+    assert numeric_quantity("force:P3", mechanism).unit == "N"
+    assert [column.name for column in numeric_quantity("torque:crank", mechanism).columns] == ["torque"]
+    assert numeric_quantity("P3.mz", mechanism).unit == "N m"

@@ -1,0 +1,509 @@
+"""Names of quantities, as P.x, rocker.v, torque:J or distance:P,Q: one grammar for all studies.
+
+A quantity follows from columns of motions and forces, so that one name means the same wherever it is written:
+in formulas and tables that `validate` compares, in measures of `sweep` and `optimise`, in `sensitivity` and
+`fit`. A new kind of quantity is a row of `KINDS`; a new field of `Efforts` with a unit is known by its name.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from difflib import get_close_matches
+from typing import Any, Literal
+
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.model.efforts import COMPONENTS, Efforts
+from mechsim.model.joint_kinds import FIXED
+from mechsim.model.joint_kinds import KINDS as JOINT_KINDS
+from mechsim.model.link_poses import PARALLEL, plane_normals
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import change_of, stepped, turn_of
+from mechsim.studies.quantity_expressions import QuantityEvaluator, Term, unit_powers, unit_text
+from mechsim.subjects.expressions import parse_expression
+
+AXES = "xyz"
+TRANSMISSION = "transmission"
+# columns that only inverse dynamics by formulas has, and their SI units
+FORMULA_COLUMNS = {"inertia": "kg m2", "inertia_slope": "kg m2/rad", "power_stored": "W"}
+# the reaction of the ground on all links together
+FRAME = "frame"
+
+Source = Literal["point", "joint", "link", "force", "formula"]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a motion or of its forces.
+
+    Attributes:
+        name: as `Motion.columns` or `Efforts.columns` yields it; of links, as `link_column` has it.
+        unit: in SI.
+        source: what knows it: points, joint coordinates or links of motions, forces, or formulas alone.
+        subject: point, joint coordinate, link, or the column itself.
+        order: 0 for positions and forces, 1 for velocities, 2 for accelerations.
+    """
+
+    name: str
+    unit: str
+    source: Source
+    subject: str
+    order: int = 0
+
+
+Function = Callable[[Sequence[Array]], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity of a mechanism over a motion.
+
+    Attributes:
+        name: as written.
+        kind: a row of `KINDS`, or "effort" for a column of forces and energies.
+        subject: point, joint coordinate, joint or drive; of derived quantities, what follows the colon.
+        unit: in SI.
+        columns: from which it follows.
+        axes: ground axes of its components, as "xyz" or "x"; empty for a number.
+        function: columns -> the quantity, also of complex steps; None where the columns are its components.
+    """
+
+    name: str
+    kind: str
+    subject: str
+    unit: str
+    columns: tuple[Column, ...]
+    axes: str = ""
+    function: Function | None = None
+
+    @property
+    def angle(self) -> bool:
+        """Whether whole revolutions of it do not count."""
+        return self.unit == "rad" and self.kind in ("joint", "angle")
+
+    @property
+    def loaded(self) -> bool:
+        """Whether it needs masses and forces."""
+        return self.uses("force", "formula") and self.kind != TRANSMISSION
+
+    @property
+    def order(self) -> int:
+        """Highest derivative by time in it: 0 for positions and forces, 2 for accelerations."""
+        return max((column.order for column in self.columns), default=0)
+
+    def uses(self, *sources: Source) -> bool:
+        """Whether it follows from columns of one of these sources."""
+        return any(column.source in sources for column in self.columns)
+
+    def subjects(self, source: Source) -> list[str]:
+        """Return the points, joint coordinates or links from which it follows."""
+        return [column.subject for column in self.columns if column.source == source]
+
+    def components(self, columns: Mapping[str, Array]) -> list[Array]:
+        """Return its components, (...) each, from columns (...)."""
+        values = [np.asarray(columns[column.name]) for column in self.columns]
+        return values if self.function is None else [self.function(values)]
+
+    def number(self, columns: Mapping[str, Array]) -> Array:
+        """Return it as one number at each instant, (...): of vectors the length."""
+        values = self.components(columns)
+        return values[0] if len(values) == 1 else np.sqrt(sum(value**2 for value in values))
+
+    def changes(self, columns: Mapping[str, Array], by: Mapping[str, Array]) -> list[Array]:
+        """Return the derivatives of its components from those of columns, (...) each; exact."""
+        if self.function is None:
+            return [by[column.name] for column in self.columns]
+        moved = {column.name: stepped(columns[column.name], by[column.name]) for column in self.columns}
+        return [change_of(value) for value in self.components(moved)]
+
+    def scalars(self) -> "tuple[Quantity, ...]":
+        """Return the quantity of each component, named by its column."""
+        if self.function is not None:
+            return (self,)
+        axes = self.axes or " " * len(self.columns)
+        return tuple(
+            replace(self, name=column.name, unit=column.unit, columns=(column,), axes=axis.strip())
+            for column, axis in zip(self.columns, axes, strict=True)
+        )
+
+    def select(self, vectors: Array) -> Array:
+        """Return the components of vectors (n, 3) along its axes, (n, k)."""
+        return vectors[:, [AXES.index(axis) for axis in self.axes]]
+
+    def along(self, axes: str) -> "Quantity":
+        """Return its components along some of its axes."""
+        return replace(self, axes=axes, columns=tuple(self.columns[self.axes.index(axis)] for axis in axes))
+
+
+def record_columns(record: Any, quantities: Iterable[Quantity]) -> dict[str, Array]:
+    """Return the columns of a motion, or of its forces, and the rotations of links that quantities need."""
+    columns = dict(record.columns())
+    links = {link for quantity in quantities for link in quantity.subjects("link")}
+    for link in links if isinstance(record, Motion) else ():
+        for i in range(3):
+            for j in range(3):
+                columns[link_column(link, i, j)] = record.links[link].rotation[:, i, j]
+    return columns
+
+
+def link_column(link: str, i: int, j: int) -> str:
+    """Return the name of an element of a link's rotation matrix."""
+    return f"rotation of {link}.{i}{j}"
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityKind:
+    """A kind of quantity and how its names are written.
+
+    Attributes:
+        name: of the kind.
+        unit: in SI; of coordinates, what follows the unit of the coordinate.
+        subject: what it is of: "point", "coordinate", "joint", or "" where `derive` reads what follows.
+        letter: after the subject's name and a dot; components follow it, as in P.vx.
+        order: derivatives by time.
+        word: before a colon and the subject, as in force:J; empty for none.
+        derive: mechanism and what follows the colon -> columns, function and unit; None for columns.
+        pair: whether two names follow the colon.
+    """
+
+    name: str
+    unit: str = ""
+    subject: Literal["point", "coordinate", "joint", ""] = ""
+    letter: str = ""
+    order: int = 0
+    word: str = ""
+    derive: "Callable[[Mechanism, str], tuple[Sequence[Column], Function, str]] | None" = None
+    pair: bool = False
+
+
+def quantity(name: str, mechanism: Mechanism, *, scalar: bool = False) -> Quantity:
+    """Return the quantity of a name.
+
+    Args:
+        name: of a point P, P.x, P.v, P.vx, P.a; of a joint J, J.v, J.a, coordinates J.q1 of several; torque,
+            torque:J, force:J, moment:J, J.fx, J.mz; kinetic and other columns of forces; speed:P,
+            acceleration:P, distance:P,Q, angle:LINK,LINK, transmission; or expr:EXPRESSION of quantities.
+        mechanism: whose.
+        scalar: whether one number at each instant is meant: a name of a joint and a point is the joint's.
+
+    Raises:
+        InputError: for any other name, with the nearest one.
+    """
+    word, colon, rest = name.partition(":")
+    row = next((row for row in KINDS.values() if colon and row.word == word), None)
+    result = None
+    if row is not None and row.derive is not None:
+        columns, function, unit = row.derive(mechanism, rest)
+        return Quantity(name, row.name, rest, unit, tuple(columns), "", function)
+    if row is not None:
+        result = _direct(name, rest, mechanism, [row])
+    elif colon and word == "torque":
+        result = _drive(name, rest, mechanism)
+    elif not colon:
+        rows = [row for row in KINDS.values() if row.derive is None]
+        # a name alone is the point's where vectors are meant
+        joints_first = scalar or "." in name
+        rows.sort(key=lambda row: (row.subject == "coordinate") != joints_first)
+        result = _effort(name, mechanism) or _direct(name, name, mechanism, rows)
+    if result is None:
+        raise unknown(name, mechanism)
+    return result
+
+
+def numeric_quantity(name: str, mechanism: Mechanism) -> Quantity:
+    """Return the quantity of a name that is one number at each instant; of vectors but positions, the length.
+
+    Raises:
+        InputError: for a name of no quantity, or of a position.
+    """
+    result = quantity(name, mechanism, scalar=True)
+    if len(result.columns) > 1 and result.function is None and result.kind in ("position", "joint"):
+        raise unknown(name, mechanism)
+    return result
+
+
+def scalar_quantities(names: Iterable[str], mechanism: Mechanism) -> list[Quantity]:
+    """Return the quantities that names stand for, each a number: of vectors all components; each once.
+
+    Raises:
+        InputError: for a name of no quantity, or none at all.
+    """
+    result = {part.name: part for name in names for part in quantity(name, mechanism).scalars()}
+    if not result:
+        raise InputError("no quantity is requested; name some, as P3,rocker,torque")
+    return list(result.values())
+
+
+def unknown(name: str, mechanism: Mechanism, who: str = "") -> InputError:
+    """Return the error that a name is no quantity, with the nearest one."""
+    joints = [joint.name for joint in mechanism.joints]
+    short = list(dict.fromkeys([*mechanism.points, *joints, *coordinate_units(mechanism)]))
+    columns = [f"{point}.x" for point in mechanism.points]
+    words = [f"{row.word}:" for row in KINDS.values() if row.word]
+    close = get_close_matches(name, [*short, *columns, "torque", TRANSMISSION, *words], n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ";"
+    problem = f"{who} gives {name!r}, which is nothing of {mechanism.name}" if who else ""
+    problem = problem or f"{mechanism.name} has no quantity {name!r}"
+    return InputError(
+        f"{problem}{hint} known are points and joints ({', '.join(short)}) and names as P.x, J.v, torque:J, "
+        "distance:P,Q"
+    )
+
+
+def coordinate_units(mechanism: Mechanism) -> dict[str, str]:
+    """Return the unit of each joint coordinate."""
+    return {
+        coordinate: unit
+        for joint in mechanism.joints
+        if joint.kind != FIXED
+        for coordinate, unit in zip(joint.coordinates, JOINT_KINDS[joint.kind].units, strict=False)
+    }
+
+
+# letter, number of a coordinate, axes: P.vx, J.q1; or axes before the letter: P.xv
+_ENDING = re.compile(r"(?P<letter>[qvafm]?)(?P<number>\d?)(?P<axes>[xyz]{0,3})")
+_REVERSED_ENDING = re.compile(r"(?P<axes>[xyz]{1,3})(?P<letter>[va])(?P<number>)")
+
+
+def _direct(name: str, text: str, mechanism: Mechanism, rows: Sequence[QuantityKind]) -> Quantity | None:
+    """Return the quantity whose columns are its components: of a point, a coordinate or a joint."""
+    parts = text.split(".")
+    for i in range(len(parts), 0, -1):
+        subject, ending = ".".join(parts[:i]), "".join(parts[i:])
+        match = _REVERSED_ENDING.fullmatch(ending) or _ENDING.fullmatch(ending)
+        for row in rows if match else ():
+            assert match is not None
+            letter = match["letter"] or (row.letter if row.word and name.startswith(f"{row.word}:") else "")
+            if row.subject == "coordinate":
+                if letter in (row.letter, "" if row.letter == "q" else row.letter) and not match["axes"]:
+                    columns = _coordinates(subject, match["number"], row, mechanism)
+                    if columns:
+                        return Quantity(name, row.name, columns[0].subject, columns[0].unit, columns)
+            elif letter == row.letter and not match["number"] and subject in _subjects(row, mechanism):
+                axes = match["axes"] or AXES
+                if len(set(axes)) == len(axes):
+                    source = _source(row, subject)
+                    columns = tuple(
+                        Column(f"{subject}.{row.letter}{axis}", row.unit, source, subject, row.order)
+                        for axis in axes
+                    )
+                    return Quantity(name, row.name, subject, row.unit, columns, axes)
+    return None
+
+
+def _source(row: QuantityKind, subject: str) -> Source:
+    if row.subject == "point":
+        return "point"
+    return "formula" if subject == FRAME else "force"
+
+
+def _subjects(row: QuantityKind, mechanism: Mechanism) -> Iterable[str]:
+    if row.subject == "point":
+        return mechanism.points
+    return [FRAME, *(joint.name for joint in mechanism.joints)]
+
+
+def _coordinates(subject: str, number: str, row: QuantityKind, mechanism: Mechanism) -> tuple[Column, ...]:
+    """Return the columns of a coordinate, or of one or all coordinates of a joint."""
+    units = coordinate_units(mechanism)
+    for joint in mechanism.joints:
+        if subject == joint.name or subject in joint.coordinates:
+            return tuple(
+                Column(
+                    f"{joint.name}.{row.letter}{i if len(joint.coordinates) > 1 else ''}",
+                    units[coordinate] + row.unit,
+                    "joint",
+                    coordinate,
+                    row.order,
+                )
+                for i, coordinate in enumerate(joint.coordinates)
+                if coordinate in units
+                and (subject == coordinate or (subject == joint.name and number in ("", str(i))))
+            )
+    return ()
+
+
+def _drive(name: str, coordinate: str, mechanism: Mechanism) -> Quantity | None:
+    """Return the torque or force of a drive or of a locked coordinate."""
+    if coordinate not in (*mechanism.drivers, *mechanism.locked):
+        return None
+    crank = mechanism.has_crank and coordinate == mechanism.crank.name
+    column = "torque" if crank else f"drive {coordinate}"
+    unit = "N" if coordinate in mechanism.straight else "N m"
+    return Quantity(name, "torque", coordinate, unit, (Column(column, unit, "force", coordinate),))
+
+
+def _effort(name: str, mechanism: Mechanism) -> Quantity | None:
+    """Return the quantity of a column of forces, energies or powers."""
+    if name == TRANSMISSION:
+        return Quantity(name, name, "", "rad", (Column(name, "rad", "formula", ""),))
+    if name == "torque" and mechanism.has_crank:
+        return _drive(name, mechanism.crank.name, mechanism)
+    word, _, rest = name.partition(" ")
+    units = effort_units()
+    coupling, _, component = rest.rpartition(".")
+    if word == "drive":
+        return _drive(name, rest, mechanism)
+    if word == "gear" and rest in mechanism.named_laws:
+        unit = "N" if rest in mechanism.straight else "N m"
+    elif word == "mesh" and coupling in mechanism.named_laws and component in COMPONENTS[:3]:
+        unit = "N"
+    elif name in units:
+        unit = units[name]
+    else:
+        return None
+    source: Source = "formula" if name in FORMULA_COLUMNS else "force"
+    return Quantity(name, "effort", name, unit, (Column(name, unit, source, name),))
+
+
+def effort_units() -> dict[str, str]:
+    """Return the columns of energies, powers and the like, and their SI units: fields of `Efforts`."""
+    return {f.name: f.metadata["unit"] for f in fields(Efforts) if "unit" in f.metadata} | FORMULA_COLUMNS
+
+
+def _length(values: Sequence[Array]) -> Array:
+    return np.sqrt(sum(value**2 for value in values))
+
+
+def _rate_of_point(letter: str, order: int) -> "Callable[[Mechanism, str], Any]":
+    """Return how the size of a point's velocity or acceleration is derived."""
+
+    def derive(mechanism: Mechanism, point: str) -> tuple[Sequence[Column], Function, str]:
+        return (
+            quantity(f"{point}.{letter}", _with_point(point, mechanism)).columns,
+            _length,
+            f"m/s{'2'[: order - 1]}",
+        )
+
+    return derive
+
+
+def _with_point(point: str, mechanism: Mechanism) -> Mechanism:
+    if point not in mechanism.points:
+        raise unknown(point, mechanism)
+    return mechanism
+
+
+def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
+    """Derive the distance of two points."""
+    first, second = (quantity(f"{point}.xyz", mechanism) for point in _pair("distance:P,Q", text))
+    return (
+        (*first.columns, *second.columns),
+        lambda values: _length([a - b for a, b in zip(values[:3], values[3:], strict=True)]),
+        "m",
+    )
+
+
+def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
+    """Derive the angle by which a link is rotated relative to another.
+
+    In a planar mechanism it is signed and counted about the normal of the plane, that of the crank's axis; in
+    a spatial one it lies between 0 and pi.
+    """
+    names = _pair("angle:LINK,LINK", text)
+    known = [GROUND, *(link.name for link in mechanism.links)]
+    for link in names:
+        if link not in known:
+            raise InputError(f"{mechanism.name} has no link {link!r}; known are {', '.join(known)}")
+    columns = [
+        Column(link_column(link, i, j), "1", "link", link)
+        for link in names
+        if link != GROUND
+        for i in range(3)
+        for j in range(3)
+    ]
+    normals = plane_normals(mechanism) or {}
+    normal, other = (normals.get(link) for link in names)
+    signed = normal is not None and other is not None and np.abs(normal - other).max() < PARALLEL
+
+    def angle(values: Sequence[Array]) -> Array:
+        rows = iter(values)
+        first, second = (
+            np.eye(3) if link == GROUND else [[next(rows) for _ in range(3)] for _ in range(3)]
+            for link in names
+        )
+        relative: Any = [
+            [sum(first[k][i] * second[k][j] for k in range(3)) for j in range(3)] for i in range(3)
+        ]
+        cosine = 0.5 * (relative[0][0] + relative[1][1] + relative[2][2] - 1.0)
+        axis = [0.5 * (relative[i - 1][i - 2] - relative[i - 2][i - 1]) for i in range(3)]
+        if signed and normal is not None:
+            return turn_of(sum(n * part for n, part in zip(normal, axis, strict=True)), cosine)
+        return turn_of(_length(axis), cosine)
+
+    return columns, angle, "rad"
+
+
+def _pair(form: str, text: str) -> list[str]:
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or names[0] == names[1] or not all(names):
+        raise InputError(f"{form.partition(':')[0]}:{text} names no two of them; write it as {form}")
+    return names
+
+
+def _expression(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
+    """Derive an expression of quantities, as distance:P,Q/0.1 - P.x."""
+    found: dict[str, Quantity] = {}
+
+    def placeholder(match: re.Match[str]) -> str:
+        if match[0] == "pi":
+            return match[0]
+        found.setdefault(match[0], numeric_quantity(match[0], mechanism))
+        return f"quantity_{list(found).index(match[0])}_"
+
+    pairs = "|".join(row.word for row in KINDS.values() if row.pair)
+    name = rf"(?:(?:{pairs}):[^\W\d][\w.]*,[^\W\d][\w.]*|(?:[^\W\d]\w*:)?[^\W\d][\w.]*)"
+    try:
+        tree = parse_expression(re.sub(rf"(?<![\w.]){name}(?![\w.]*\s*\()", placeholder, text))
+        columns = list(dict.fromkeys(column for part in found.values() for column in part.columns))
+
+        def evaluate(values: Sequence[Array]) -> Term:
+            by_name = dict(zip([column.name for column in columns], values, strict=True))
+            terms = [Term(part.number(by_name), unit_powers(part.unit)) for part in found.values()]
+            names = {f"quantity_{i}_": term for i, term in enumerate(terms)}
+            with np.errstate(all="ignore"):
+                return QuantityEvaluator(names).evaluate(tree)
+
+        if not columns:
+            raise InputError("holds no quantity, as P.x")
+        unit = unit_text(evaluate([np.full(1, 0.5) for _ in columns]).powers)
+    except InputError as error:
+        raise InputError(f"the expression {text!r}: {error}") from None
+    return columns, lambda values: np.asarray(evaluate(values).value), unit
+
+
+# a new row here is understood by validate, sweep, sensitivity, fit and optimise
+KINDS = {
+    row.name: row
+    for row in (
+        QuantityKind("position", "m", "point"),
+        QuantityKind("velocity", "m/s", "point", "v", 1),
+        QuantityKind("acceleration", "m/s2", "point", "a", 2),
+        QuantityKind("joint", "", "coordinate", "q"),
+        QuantityKind("joint rate", "/s", "coordinate", "v", 1),
+        QuantityKind("joint acceleration", "/s2", "coordinate", "a", 2),
+        QuantityKind("force", "N", "joint", "f", word="force"),
+        QuantityKind("moment", "N m", "joint", "m", word="moment"),
+        QuantityKind("speed", word="speed", derive=_rate_of_point("v", 1)),
+        QuantityKind("size of acceleration", word="acceleration", derive=_rate_of_point("a", 2)),
+        QuantityKind("distance", word="distance", derive=_distance, pair=True),
+        QuantityKind("angle", word="angle", derive=_angle, pair=True),
+        QuantityKind("expression", word="expr", derive=_expression),
+    )
+}
+
+
+def unwrapped(angles: Array) -> Array:
+    """Return angles without jumps of whole revolutions from instant to instant, (..., n)."""
+    steps = np.diff(np.real(angles), axis=-1)
+    revolutions = np.round(steps / TURN)
+    if not revolutions.any():
+        return angles
+    out = angles.copy()
+    out[..., 1:] -= TURN * np.cumsum(revolutions, axis=-1)
+    return out
