@@ -203,7 +203,7 @@ def quantity(name: str, mechanism: Mechanism, *, scalar: bool = False) -> Quanti
     if row is not None:
         result = _direct(name, rest, mechanism, [row])
     elif colon and word == "torque":
-        result = _drive(name, rest, mechanism)
+        result = _drive_effort(name, rest, mechanism)
     elif not colon:
         rows = [row for row in KINDS.values() if row.derive is None]
         # a name alone is the point's where vectors are meant
@@ -233,7 +233,9 @@ def scalar_quantities(names: Iterable[str], mechanism: Mechanism) -> list[Quanti
     Raises:
         InputError: for a name of no quantity, or none at all.
     """
-    result = {part.name: part for name in names for part in quantity(name, mechanism).scalars()}
+    result = {
+        component.name: component for name in names for component in quantity(name, mechanism).scalars()
+    }
     if not result:
         raise InputError("no quantity is requested; name some, as P3,rocker,torque")
     return list(result.values())
@@ -272,9 +274,9 @@ _REVERSED_ENDING = re.compile(r"(?P<axes>[xyz]{1,3})(?P<letter>[va])(?P<number>)
 
 def _direct(name: str, text: str, mechanism: Mechanism, rows: Sequence[QuantityKind]) -> Quantity | None:
     """Return the quantity whose columns are its components: of a point, a coordinate or a joint."""
-    parts = text.split(".")
-    for i in range(len(parts), 0, -1):
-        subject, ending = ".".join(parts[:i]), "".join(parts[i:])
+    words = text.split(".")
+    for i in range(len(words), 0, -1):
+        subject, ending = ".".join(words[:i]), "".join(words[i:])
         match = _REVERSED_ENDING.fullmatch(ending) or _ENDING.fullmatch(ending)
         for row in rows if match else ():
             assert match is not None
@@ -328,7 +330,7 @@ def _coordinates(subject: str, number: str, row: QuantityKind, mechanism: Mechan
     return ()
 
 
-def _drive(name: str, coordinate: str, mechanism: Mechanism) -> Quantity | None:
+def _drive_effort(name: str, coordinate: str, mechanism: Mechanism) -> Quantity | None:
     """Return the torque or force of a drive or of a locked coordinate."""
     if coordinate not in (*mechanism.drivers, *mechanism.locked):
         return None
@@ -343,12 +345,12 @@ def _effort(name: str, mechanism: Mechanism) -> Quantity | None:
     if name == TRANSMISSION:
         return Quantity(name, name, "", "rad", (Column(name, "rad", "formula", ""),))
     if name == "torque" and mechanism.has_crank:
-        return _drive(name, mechanism.crank.name, mechanism)
+        return _drive_effort(name, mechanism.crank.name, mechanism)
     word, _, rest = name.partition(" ")
     units = effort_units()
     coupling, _, component = rest.rpartition(".")
     if word == "drive":
-        return _drive(name, rest, mechanism)
+        return _drive_effort(name, rest, mechanism)
     if word == "gear" and rest in mechanism.named_laws:
         unit = "N" if rest in mechanism.straight else "N m"
     elif word == "mesh" and coupling in mechanism.named_laws and component in COMPONENTS[:3]:
@@ -406,10 +408,10 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
     a spatial one it lies between 0 and pi.
     """
     names = _pair("angle:LINK,LINK", text)
-    known = [GROUND, *(link.name for link in mechanism.links)]
+    links = [GROUND, *(link.name for link in mechanism.links)]
     for link in names:
-        if link not in known:
-            raise InputError(f"{mechanism.name} has no link {link!r}; known are {', '.join(known)}")
+        if link not in links:
+            raise InputError(f"{mechanism.name} has no link {link!r}; known are {', '.join(links)}")
     columns = [
         Column(link_column(link, i, j), "1", "link", link)
         for link in names
@@ -433,38 +435,42 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
         cosine = 0.5 * (relative[0][0] + relative[1][1] + relative[2][2] - 1.0)
         axis = [0.5 * (relative[i - 1][i - 2] - relative[i - 2][i - 1]) for i in range(3)]
         if signed and normal is not None:
-            return turn_of(sum(n * part for n, part in zip(normal, axis, strict=True)), cosine)
+            return turn_of(sum(n * a for n, a in zip(normal, axis, strict=True)), cosine)
         return turn_of(_length(axis), cosine)
 
     return columns, angle, "rad"
 
 
-def _pair(form: str, text: str) -> list[str]:
+def _pair(usage: str, text: str) -> list[str]:
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or names[0] == names[1] or not all(names):
-        raise InputError(f"{form.partition(':')[0]}:{text} names no two of them; write it as {form}")
+        raise InputError(f"{usage.partition(':')[0]}:{text} names no two of them; write it as {usage}")
     return names
 
 
 def _expression(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
     """Derive an expression of quantities, as distance:P,Q/0.1 - P.x."""
-    found: dict[str, Quantity] = {}
+    quantities: dict[str, Quantity] = {}
 
     def placeholder(match: re.Match[str]) -> str:
         if match[0] == "pi":
             return match[0]
-        found.setdefault(match[0], numeric_quantity(match[0], mechanism))
-        return f"quantity_{list(found).index(match[0])}_"
+        quantities.setdefault(match[0], numeric_quantity(match[0], mechanism))
+        return f"quantity_{list(quantities).index(match[0])}_"
 
     pairs = "|".join(row.word for row in KINDS.values() if row.pair)
     name = rf"(?:(?:{pairs}):[^\W\d][\w.]*,[^\W\d][\w.]*|(?:[^\W\d]\w*:)?[^\W\d][\w.]*)"
     try:
         tree = parse_expression(re.sub(rf"(?<![\w.]){name}(?![\w.]*\s*\()", placeholder, text))
-        columns = list(dict.fromkeys(column for part in found.values() for column in part.columns))
+        columns = list(
+            dict.fromkeys(column for quantity in quantities.values() for column in quantity.columns)
+        )
 
         def evaluate(values: Sequence[Array]) -> Term:
             by_name = dict(zip([column.name for column in columns], values, strict=True))
-            terms = [Term(part.number(by_name), unit_powers(part.unit)) for part in found.values()]
+            terms = [
+                Term(quantity.number(by_name), unit_powers(quantity.unit)) for quantity in quantities.values()
+            ]
             names = {f"quantity_{i}_": term for i, term in enumerate(terms)}
             with np.errstate(all="ignore"):
                 return QuantityEvaluator(names).evaluate(tree)

@@ -41,12 +41,12 @@ def unit_powers(unit: str) -> tuple[float, ...]:
 def unit_text(powers: Sequence[float]) -> str:
     """Return the unit of powers of kg, m, s and rad, by its usual name where it has one."""
     named = {unit_powers(unit): unit for unit in reversed(_NAMED)}
-    parts = [
+    factors = [
         f"{base}{power:g}" if power != 1.0 else base
         for base, power in zip(("kg", "m", "s", "rad"), powers, strict=True)
         if power
     ]
-    return named.get(tuple(powers), " ".join(parts))
+    return named.get(tuple(powers), " ".join(factors))
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,14 +130,14 @@ class QuantityEvaluator(ExpressionEvaluator[Term]):
         return Term(result, (0.0, 0.0, 0.0, float(name.startswith("a"))))
 
 
-def _sum(left: Sequence[float], right: Sequence[float], sign: float = 1.0) -> tuple[float, ...]:
-    return tuple(a + sign * b for a, b in zip(left, right, strict=True))
+def _sum(first: Sequence[float], second: Sequence[float], sign: float = 1.0) -> tuple[float, ...]:
+    return tuple(a + sign * b for a, b in zip(first, second, strict=True))
 
 
 def _common(terms: Sequence[Term]) -> tuple[float, ...]:
     """Return the powers that terms share; plain numbers count in SI."""
     powers = {term.powers for term in terms if np.ndim(term.value) or any(term.powers)}
     if len(powers) > 1:
-        units = sorted(unit_text(one) for one in powers)
+        units = sorted(unit_text(each) for each in powers)
         raise InputError(f"puts {units[0]} and {units[1]} together; give both one unit")
     return powers.pop() if powers else (0.0, 0.0, 0.0, 0.0)

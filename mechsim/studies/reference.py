@@ -1,4 +1,4 @@
-"""Both roads against reference data: places, rates and drive efforts known to 30 digits."""
+"""Both methods compared with reference data: positions, rates and drive forces known to 30 digits."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -20,13 +20,13 @@ from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined
 from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
 
-KNOWN = tuple(row for row in MOTION if row.name in ("position", "velocity", "acceleration"))
-# of drive efforts, as a part of the largest root mean square; measured 9e-13 at the worst of 33 mechanisms
-EFFORT = 1e-11
+COMPARED = tuple(row for row in MOTION if row.name in ("position", "velocity", "acceleration"))
+# tolerance on drive forces, relative to the largest root mean square; measured 9e-13 over 33 mechanisms
+RELATIVE_TOLERANCE = 1e-11
 
 
-class Known(Protocol):
-    """What reference data say of a motion; `subjects.reference_data.ReferenceTable` tells what is what."""
+class ReferenceData(Protocol):
+    """Reference data of a motion, as `subjects.reference_data.ReferenceTable` has them."""
 
     @property
     def speed(self) -> float | None: ...
@@ -41,47 +41,52 @@ class Known(Protocol):
     def efforts(self) -> Mapping[str, Array]: ...
 
 
-def by_reference(form: Form, known: Known, closed: Form | None = None) -> Verdict:
-    """Judge loop equations and MuJoCo's poses, and a closed form, by what is known.
+def by_reference(solver: Form, reference: ReferenceData, closed: Form | None = None) -> Verdict:
+    """Compare loop equations, MuJoCo's poses and a closed form with reference data.
 
     Args:
-        form: the mechanism as the reference data describe it, with its masses and weight.
-        known: the reference data.
-        closed: the same mechanism with a closed form, whose motion is judged too.
+        solver: the mechanism as the reference data describe it, with its masses and weight.
+        reference: the reference data.
+        closed: the same mechanism with a closed form, whose motion is compared too.
     """
-    roads: dict[str, Verdict] = {}
+    verdicts: dict[str, Verdict] = {}
     if closed is not None:
-        roads["closed form"] = _judged(_solved(closed, known), known, "closed form")
-    roads["loop equations"], roads["pose"] = _by_equations(form, known), _by_poses(form, known)
-    return combined(roads)
+        verdicts["closed form"] = _checked(_solved(closed, reference), reference, "closed form")
+    verdicts["loop equations"], verdicts["pose"] = (
+        _by_equations(solver, reference),
+        _by_poses(solver, reference),
+    )
+    return combined(verdicts)
 
 
-def _solved(form: Form, known: Known) -> Motion:
-    motion_laws = form.motion_laws
+def _solved(solver: Form, reference: ReferenceData) -> Motion:
+    motion_laws = solver.motion_laws
     if motion_laws is None:
-        assert known.speed is not None
-        return form.solve(known.first, known.speed)
-    return form.solve(t=known.first)
+        assert reference.speed is not None
+        return solver.solve(reference.first, reference.speed)
+    return solver.solve(t=reference.first)
 
 
-def _machine(form: Form) -> Machine:
-    return machine(form, form.forces)
+def _dynamic_model(solver: Form) -> Machine:
+    return machine(solver, solver.forces)
 
 
-def _by_equations(form: Form, known: Known) -> Verdict:
+def _by_equations(solver: Form, reference: ReferenceData) -> Verdict:
     try:
-        motion = _solved(form, known)
-        study = prescribed_along(_machine(form), motion.angle, motion.speed, time=known.first, as_run=None)
+        motion = _solved(solver, reference)
+        study = prescribed_along(
+            _dynamic_model(solver), motion.angle, motion.speed, time=reference.first, as_run=None
+        )
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
-    return _judged(motion, known, "closed form", study.efforts)
+    return _checked(motion, reference, "closed form", study.efforts)
 
 
-def _by_poses(form: Form, known: Known) -> Verdict:
+def _by_poses(solver: Form, reference: ReferenceData) -> Verdict:
     try:
-        acting, motion_laws, profile = _machine(form), form.motion_laws, _profile(form, known)
-        samples = len(known.first) - (motion_laws is None)
-        motion = simulated(form, profile, method="pose", samples=samples).motion
+        acting, motion_laws, profile = _dynamic_model(solver), solver.motion_laws, _profile(solver, reference)
+        samples = len(reference.first) - (motion_laws is None)
+        motion = simulated(solver, profile, method="pose", samples=samples).motion
         run = driven(
             acting.mechanism,
             acting.forces,
@@ -94,17 +99,17 @@ def _by_poses(form: Form, known: Known) -> Verdict:
         return Verdict("cannot assemble", (), str(error))
     if motion.broken:
         return Verdict("diverged", (), motion.broken)
-    count = np.arange(len(motion)) < len(known.first)
-    return _judged(taken(motion, count), known, "pose", run.efforts)
+    count = np.arange(len(motion)) < len(reference.first)
+    return _checked(taken(motion, count), reference, "pose", run.efforts)
 
 
-def _profile(form: Form, known: Known) -> CrankProfile:
-    """Return the crank's steady motion over what is known, or the clock of the programs."""
-    motion_laws = form.motion_laws
+def _profile(solver: Form, reference: ReferenceData) -> CrankProfile:
+    """Return the crank's steady motion over the reference data, or the path of the motion laws."""
+    motion_laws = solver.motion_laws
     if motion_laws is not None:
         return motion_laws.clock
-    assert known.speed is not None
-    speed, start, end = known.speed, known.first[0], known.first[-1]
+    assert reference.speed is not None
+    speed, start, end = reference.speed, reference.first[0], reference.first[-1]
 
     def state(time: Array) -> tuple[Array, Array, Array]:
         return start + speed * time, np.full_like(time, speed), np.zeros_like(time)
@@ -112,39 +117,52 @@ def _profile(form: Form, known: Known) -> CrankProfile:
     return CrankProfile((end - start) / speed, speed, state, steady=True)
 
 
-def _judged(found: Motion, known: Known, road: str, efforts: Efforts | None = None) -> Verdict:
-    """Return the verdict over a motion, and efforts, that stand where the data do."""
-    exact = replace(found, points=known.points, links={}, joints={})
-    speed, quickest = float(np.abs(found.speed).max()), _quickest(found)
-    reach = max(reach_of(found), reach_of(exact))
+def _checked(
+    motion: Motion, reference: ReferenceData, method: str, efforts: Efforts | None = None
+) -> Verdict:
+    """Return the verdict over a motion, and its forces, at the instants of the data."""
+    exact = replace(motion, points=reference.points, links={}, joints={})
+    speed, quickest = float(np.abs(motion.speed).max()), _quickest(motion)
+    reach = max(reach_of(motion), reach_of(exact))
     scales = motion_scales(stroke_of(exact), speed, reach, quickest)
-    # places of formulas are rounded as solved poses are
-    allowed = tolerances_of(KNOWN, "pose", scales, Requested()) | tolerances_of(
-        KNOWN, road, scales, Requested()
+    # positions by formulas are rounded as solved poses are
+    allowed = tolerances_of(COMPARED, "pose", scales, Requested()) | tolerances_of(
+        COMPARED, method, scales, Requested()
     )
-    checks = list(checks_of(KNOWN, found, exact, allowed, found.conditioning))
+    checks = list(checks_of(COMPARED, motion, exact, allowed, motion.conditioning))
     if efforts is not None:
-        checks += _effort_checks(found, known, efforts)
+        checks += _effort_checks(motion, reference, efforts)
     return concluded(checks)
 
 
-def _quickest(found: Motion) -> float:
-    """Return the largest acceleration of a driver under programs, in [rad/s2] or by its largest place."""
-    drivers = [found.joints[name] for name in found.drivers]
-    sizes = [max(1e-300, float(np.abs(one.value).max())) if one.unit == "m" else 1.0 for one in drivers]
-    most = [float(np.abs(one.acceleration).max()) / size for one, size in zip(drivers, sizes, strict=True)]
-    return max(most, default=0.0)
+def _quickest(motion: Motion) -> float:
+    """Return the largest acceleration of a driver under motion laws, in [rad/s2].
+
+    Of a sliding driver it is relative to its largest displacement.
+    """
+    drivers = [motion.joints[name] for name in motion.drivers]
+    extents = [
+        max(1e-300, float(np.abs(driver.value).max())) if driver.unit == "m" else 1.0 for driver in drivers
+    ]
+    largest = [float(np.abs(driver.acceleration).max()) for driver in drivers]
+    return max((value / extent for value, extent in zip(largest, extents, strict=True)), default=0.0)
 
 
-def _effort_checks(found: Motion, known: Known, efforts: Efforts) -> Iterator[Check]:
-    """Yield checks of drive efforts, each a part of the root mean square of the largest of its kind."""
-    largest = max(float(np.sqrt(np.mean(one**2))) for one in known.efforts.values())
-    for name, exact in known.efforts.items():
+def _effort_checks(motion: Motion, reference: ReferenceData, efforts: Efforts) -> Iterator[Check]:
+    """Yield checks of drive forces, relative to the largest root mean square."""
+    largest = max(float(np.sqrt(np.mean(values**2))) for values in reference.efforts.values())
+    for name, exact in reference.efforts.items():
         kind = "driver effort" if efforts.drives else "drive torque"
         mine = efforts.drives[name] if efforts.drives else efforts.torque
         unit = "N" if name in efforts.straight else QUANTITIES[kind].unit
-        why = f"{EFFORT:.0e} of {largest:.3g} {unit}, the largest root mean square; rounding, no integration"
-        bound = Tolerance(EFFORT * largest, unit, why)
+        scale = f"{largest:.3g} {unit}, the largest root mean square"
+        reason = f"{RELATIVE_TOLERANCE:.0e} of {scale}; rounding, no integration"
+        tolerance = Tolerance(RELATIVE_TOLERANCE * largest, unit, reason)
         yield check_of(
-            kind, name, np.abs(mine[: len(exact)] - exact), instants_of(found), bound, found.conditioning
+            kind,
+            name,
+            np.abs(mine[: len(exact)] - exact),
+            instants_of(motion),
+            tolerance,
+            motion.conditioning,
         )
