@@ -20,9 +20,7 @@ from mechsim.subjects.prescription import Prescription
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
-    import mujoco
-
-    from mechsim.simulation.mjcf_reader import MjcfModel
+    from mechsim.simulation.mjcf_reader import MjcfModel, MujocoInput
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ class MujocoSource(ModelSource):
         model: path of an MJCF or URDF file, or an object.
     """
 
-    model: "str | mujoco.MjSpec | mujoco.MjModel"
+    model: "MujocoInput"
 
     def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
         """Return the mechanism with locks, keyframe and tracked points; motion laws are bound later."""
@@ -84,7 +82,7 @@ class MujocoSource(ModelSource):
 
 
 def read_mjcf(
-    source: "str | mujoco.MjSpec | mujoco.MjModel",
+    source: "MujocoInput",
     *,
     drivers: Sequence[str] = (),
     lock: Mapping[str, str | float | None] | None = None,

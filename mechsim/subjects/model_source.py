@@ -88,7 +88,7 @@ class Reader:
 
 
 READERS: list[Reader] = [
-    Reader("mechsim.subjects.toml_reader:TomlFile", suffixes=(".toml",)),
+    Reader("mechsim.subjects.toml_reader:TomlModel", suffixes=(".toml",)),
     Reader("mechsim.subjects.mjcf_source:MujocoSource", suffixes=(".xml", ".urdf")),
     Reader("mechsim.subjects.mjcf_source:MujocoSource", types=("mujoco.MjSpec", "mujoco.MjModel")),
     Reader("mechsim.subjects.python_object:PythonObject", suffixes=(".py",)),

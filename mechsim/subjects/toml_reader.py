@@ -34,7 +34,7 @@ from mechsim.units import WrittenUnits
 
 
 @dataclass(frozen=True)
-class TomlFile(ModelSource):
+class TomlModel(ModelSource):
     """A TOML file.
 
     Attributes:

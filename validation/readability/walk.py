@@ -16,10 +16,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import mechsim
-from mechsim.cli import app
+from mechsim import cli
 
-PACKAGE = Path(mechsim.__file__).parent
+PACKAGE = Path(cli.__file__).parents[1]
 ROOT = Path(__file__).resolve().parents[2]
 GALLERY = ROOT / "models" / "gallery"
 # title -> arguments of the command, and the function at which the walk ends
@@ -44,7 +43,6 @@ WALKS = {
 # a model on its way: a path, then objects of these classes
 CLASSES = {
     "TomlSource",
-    "TomlFile",
     "TomlModel",
     "ModelDescription",
     "MujocoSource",
@@ -82,7 +80,7 @@ def walk(arguments: list[str], end: str) -> list[tuple[str, str]]:
     sys.setprofile(profile)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            app(arguments, standalone_mode=False)
+            cli.app(arguments, standalone_mode=False)
     finally:
         sys.setprofile(None)
     return list(visited)

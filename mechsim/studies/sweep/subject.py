@@ -14,7 +14,7 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.python_object import PythonObject
 from mechsim.subjects.readers import as_text, open_model, parametric_model
-from mechsim.subjects.toml_reader import TomlFile, toml_model
+from mechsim.subjects.toml_reader import TomlModel, toml_model
 from mechsim.subjects.toml_values import TomlSource
 
 Make = Callable[[Mapping[str, float]], Form]
@@ -139,7 +139,7 @@ def swept(
         return SweptSubject(name, solver, result, OfPython(source.address, current))
     if isinstance(solver, ClosedForm):
         return SweptSubject(name, solver, result, OfCatalog(solver))
-    if isinstance(source, TomlFile) and plain and solver.motion_laws is None:
+    if isinstance(source, TomlModel) and plain and solver.motion_laws is None:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
         make = OfToml(source.source, current, solver.mechanism.guess, unit_of)
         return SweptSubject(name, solver, result, make)
