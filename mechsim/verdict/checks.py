@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.model.finding import Outcome, most_severe
 from mechsim.numerics.arrays import Array
-from mechsim.verdict.quantities import QUANTITIES, Quantity
+from mechsim.verdict.quantities import QUANTITIES, ComparedQuantity
 from mechsim.verdict.tolerances import (
     FRACTION_OF,
     InstantUnit,
@@ -147,7 +147,7 @@ def check_table(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[st
 
 
 def tolerances_of(
-    rows: Iterable[Quantity],
+    rows: Iterable[ComparedQuantity],
     method: str,
     scales: Mapping[str, float],
     asked: Requested,
@@ -169,7 +169,11 @@ def tolerances_of(
 
 
 def checks_of(
-    rows: Iterable[Quantity], found: Any, exact: Any, allowed: Tolerances, conditioning: Array | None = None
+    rows: Iterable[ComparedQuantity],
+    found: Any,
+    exact: Any,
+    allowed: Tolerances,
+    conditioning: Array | None = None,
 ) -> Iterator[Check]:
     """Compare two records in some quantities: subject by subject, each in all quantities of its kind.
 

@@ -30,7 +30,7 @@ RATE_GAIN, ACCELERATION_GAIN = 30.0, 300.0
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class ComparedQuantity:
     """What is compared of two records.
 
     Attributes:
@@ -77,7 +77,7 @@ FUNCTION = "eighth-order differences of the function given: rounding {}, harmoni
 PLACED = "the crank is placed, not driven"
 
 MOTION = (
-    Quantity(
+    ComparedQuantity(
         "position",
         "m",
         errors.of_points("position"),
@@ -90,7 +90,7 @@ MOTION = (
         text="position of {}",
         title="place error",
     ),
-    Quantity(
+    ComparedQuantity(
         "velocity",
         "m/s",
         errors.of_points("velocity"),
@@ -105,7 +105,7 @@ MOTION = (
         text="velocity of {}",
         title="velocity error",
     ),
-    Quantity(
+    ComparedQuantity(
         "acceleration",
         "m/s2",
         errors.of_points("acceleration"),
@@ -122,7 +122,7 @@ MOTION = (
         text="acceleration of {}",
         title="acceleration error",
     ),
-    Quantity(
+    ComparedQuantity(
         "angle",
         "rad",
         errors.of_joints("rad"),
@@ -135,7 +135,7 @@ MOTION = (
         text="joint {}",
         title="joint angle error",
     ),
-    Quantity(
+    ComparedQuantity(
         "displacement",
         "m",
         errors.of_joints("m"),
@@ -144,7 +144,7 @@ MOTION = (
         over=errors.joints,
         text="joint {}",
     ),
-    Quantity(
+    ComparedQuantity(
         "orientation",
         "rad",
         errors.orientation,
@@ -156,7 +156,7 @@ MOTION = (
         over=errors.links,
         text="orientation of {}",
     ),
-    Quantity(
+    ComparedQuantity(
         "loop",
         "m",
         alone("closure"),
@@ -173,7 +173,7 @@ MOTION = (
 )
 # of the crank beside its motion as it was wanted
 DRIVE = (
-    Quantity(
+    ComparedQuantity(
         "drive speed",
         "rad/s",
         of("speed"),
@@ -184,7 +184,7 @@ DRIVE = (
         },
         text="drive: crank speed",
     ),
-    Quantity(
+    ComparedQuantity(
         "drive",
         "rad",
         errors.drive_angle,
@@ -204,7 +204,7 @@ HELD_FORCE = (
 )
 # of drivers beside their programs
 PROGRAMMED = (
-    Quantity(
+    ComparedQuantity(
         "driver angle",
         "rad",
         errors.of_joints("rad"),
@@ -213,7 +213,7 @@ PROGRAMMED = (
         over=errors.drivers,
         text="drive: {}",
     ),
-    Quantity(
+    ComparedQuantity(
         "driver displacement",
         "m",
         errors.of_joints("m"),
@@ -263,19 +263,25 @@ RESIDUAL = {
 }
 
 EFFORTS = (
-    Quantity("drive torque", "N m", errors.torque, "torque", TORQUE),
-    Quantity("force", "N", errors.of_reactions("force"), "force", REACTION, errors.reactions, "force in {}"),
-    Quantity(
+    ComparedQuantity("drive torque", "N m", errors.torque, "torque", TORQUE),
+    ComparedQuantity(
+        "force", "N", errors.of_reactions("force"), "force", REACTION, errors.reactions, "force in {}"
+    ),
+    ComparedQuantity(
         "moment", "N m", errors.of_reactions("moment"), "moment", REACTION, errors.reactions, "moment in {}"
     ),
-    Quantity("gear torque", "N m", errors.gear_torque, "moment", REACTION, errors.gears, "torque of gear {}"),
-    Quantity("mesh force", "N", errors.mesh_force, "force", REACTION, errors.meshes, "teeth of {}"),
-    Quantity("driver effort", "N m", errors.drive_effort, "moment", REACTION, errors.drives, "drive of {}"),
-    Quantity("kinetic energy", "J", of("kinetic"), "kinetic energy", ENERGY),
-    Quantity("potential energy", "J", of("potential"), "potential energy", ENERGY),
-    Quantity("power loads", "W", of("power_loads"), "power", POWER),
-    Quantity("power lost", "W", of("power_lost"), "power", POWER),
-    Quantity("accelerations under these forces", "1", alone("residual"), "1", RESIDUAL),
+    ComparedQuantity(
+        "gear torque", "N m", errors.gear_torque, "moment", REACTION, errors.gears, "torque of gear {}"
+    ),
+    ComparedQuantity("mesh force", "N", errors.mesh_force, "force", REACTION, errors.meshes, "teeth of {}"),
+    ComparedQuantity(
+        "driver effort", "N m", errors.drive_effort, "moment", REACTION, errors.drives, "drive of {}"
+    ),
+    ComparedQuantity("kinetic energy", "J", of("kinetic"), "kinetic energy", ENERGY),
+    ComparedQuantity("potential energy", "J", of("potential"), "potential energy", ENERGY),
+    ComparedQuantity("power loads", "W", of("power_loads"), "power", POWER),
+    ComparedQuantity("power lost", "W", of("power_lost"), "power", POWER),
+    ComparedQuantity("accelerations under these forces", "1", alone("residual"), "1", RESIDUAL),
 )
 
 GROWING = "1e-6 over 10 turns: an energy error that grows evenly shifts the angle by its square"
@@ -292,11 +298,11 @@ BALANCE = {
 }
 
 FREE = (
-    Quantity("crank angle", "rad", of("angle"), "rad", ANGLE),
-    Quantity("crank speed", "rad/s", of("speed"), "crank speed", SPEED),
-    Quantity("energy balance", "J", alone("imbalance"), "energy", BALANCE),
-    Quantity("work of motor and loads", "J", of("work"), "energy", BALANCE),
-    Quantity("energy lost", "J", of("lost"), "energy", BALANCE),
+    ComparedQuantity("crank angle", "rad", of("angle"), "rad", ANGLE),
+    ComparedQuantity("crank speed", "rad/s", of("speed"), "crank speed", SPEED),
+    ComparedQuantity("energy balance", "J", alone("imbalance"), "energy", BALANCE),
+    ComparedQuantity("work of motor and loads", "J", of("work"), "energy", BALANCE),
+    ComparedQuantity("energy lost", "J", of("lost"), "energy", BALANCE),
 )
 
 QUANTITIES = {row.name: row for row in (*MOTION, *DRIVE, *PROGRAMMED, *EFFORTS, *FREE)}

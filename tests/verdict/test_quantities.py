@@ -17,7 +17,7 @@ from mechsim.verdict.quantities import (
     MOTION,
     PROGRAMMED,
     QUANTITIES,
-    Quantity,
+    ComparedQuantity,
     efforts_scales,
     motion_scales,
     stroke_of,
@@ -204,7 +204,7 @@ def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
 
 
 def test_a_quantity_more_is_one_row():
-    crank = Quantity(
+    crank = ComparedQuantity(
         "crank", "rad/s2", of("acceleration"), "1", {"pose": ToleranceRule("none turns up", 1e-12)}
     )
     rows = (*EFFORTS, crank)

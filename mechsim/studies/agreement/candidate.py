@@ -158,7 +158,7 @@ LARGEST = 200_000_000
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """One column of a table, in SI.
 
     Attributes:
@@ -170,7 +170,7 @@ class Column:
     uncertainty: Array | None = None
 
 
-def read_table(path: str) -> dict[str, Column]:
+def read_table(path: str) -> dict[str, TableColumn]:
     """Return the columns of a .csv file: name -> values in SI.
 
     A header may name a unit, as `P.x [mm]`; a column `P.x ±`, or `± P.x`, holds standard deviations of P.x.
@@ -196,7 +196,7 @@ def read_table(path: str) -> dict[str, Column]:
             raise InputError(
                 f"{path} has an uncertainty of {name!r}, but no column of it{nearest(name, known)}"
             )
-    return {name: Column(values, deviations.get(name)) for name, values in known.items()}
+    return {name: TableColumn(values, deviations.get(name)) for name, values in known.items()}
 
 
 def _positive(path: str, name: str, deviations: Array) -> Array:
@@ -246,7 +246,7 @@ def _number(path: str, row: int, head: str, cell: str) -> float:
 
 
 def tabled_comparand(
-    form: Form, table: Mapping[str, Column], speed: float, source: str
+    form: Form, table: Mapping[str, TableColumn], speed: float, source: str
 ) -> tuple[Comparand, list[str]]:
     """Return a form at the instants of a table, and the names of the columns that said so.
 
@@ -289,7 +289,7 @@ def _of_programs(form: Form, known: MotionLaws, time: Array) -> Comparand:
 
 
 def _of_crank(
-    form: Form, table: Mapping[str, Column], speed: float, source: str, clock: str | None
+    form: Form, table: Mapping[str, TableColumn], speed: float, source: str, clock: str | None
 ) -> tuple[Comparand, list[str]]:
     crank = form.mechanism.crank.name
     column = "angle" if "angle" in table else _driver_column(crank, table)
@@ -309,19 +309,19 @@ def _of_crank(
     return Comparand(form, angle, rate, second, time), used
 
 
-def _driver_column(driver: str, table: Mapping[str, Column]) -> str | None:
+def _driver_column(driver: str, table: Mapping[str, TableColumn]) -> str | None:
     return next((name for name in (driver, f"{driver}.q") if name in table), None)
 
 
 def _through(
-    mechanism: Mechanism, names: Mapping[str, str], table: Mapping[str, Column], time: Array
+    mechanism: Mechanism, names: Mapping[str, str], table: Mapping[str, TableColumn], time: Array
 ) -> MotionLaws:
     """Return programs through the rows of a table, with the rates that it has or those of a spline."""
     states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
     return make_motion_laws(mechanism, states, float(np.ptp(time)))
 
 
-def _state(driver: str, column: str, table: Mapping[str, Column], time: Array) -> State:
+def _state(driver: str, column: str, table: Mapping[str, TableColumn], time: Array) -> State:
     spline = tabled(driver, time, table[column].values)
     rates = [tabled(driver, time, table[one].values) for one in _rates(driver) if one in table]
     if len(rates) < 2:
@@ -333,9 +333,11 @@ def _rates(driver: str) -> tuple[str, str]:
     return f"{driver}.v", f"{driver}.a"
 
 
-def claims_of_table(table: Mapping[str, Column], used: list[str], names: Names, source: str) -> list[Claim]:
+def claims_of_table(
+    table: Mapping[str, TableColumn], used: list[str], names: Names, source: str
+) -> list[Claim]:
     """Return what a table says of quantities: those of one point's components together."""
-    found: dict[tuple[str, str], list[tuple[NamedQuantity, Column]]] = {}
+    found: dict[tuple[str, str], list[tuple[NamedQuantity, TableColumn]]] = {}
     for name, column in table.items():
         if name in used:
             if column.uncertainty is not None:
@@ -354,7 +356,7 @@ def claims_of_table(table: Mapping[str, Column], used: list[str], names: Names, 
     return claims
 
 
-def _together(parts: list[tuple[NamedQuantity, Column]]) -> Claim:
+def _together(parts: list[tuple[NamedQuantity, TableColumn]]) -> Claim:
     parts = sorted(parts, key=lambda part: AXES.find(part[0].axes))
     axes = "".join(named.axes for named, _ in parts)
     first = parts[0][0]
