@@ -53,7 +53,7 @@ def plot(
     Kind precision takes 20 s to measure, kind stability minutes; `mechsim tradeoff` and `mechsim extremes`
     tell the numbers too.
     """
-    plots.form_of(output)
+    plots.format_of(output)
     place = writable(output)
     if model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
         require_taken("of a sweep", ("coordinates",), asked)

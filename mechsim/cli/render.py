@@ -32,7 +32,7 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.angles import TURN
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
-from mechsim.pictures.render.frame_poses import SEEN, comes_round
+from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
 from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of, weighing
 from mechsim.units import option, parse_angle
 
@@ -133,7 +133,7 @@ def render(
         write_picture(place, drive.mechanism, motion, look, angle=at, **beside)
         _tell(drive.name, output, None, as_json, masses)
         return
-    whole = comes_round(drive.mechanism, motion, SEEN, SEEN)
+    whole = comes_round(drive.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
     tail = whole and not programmed and drive.crank_range().full
     look = replace(look, paths="tail" if look.paths and tail else look.paths)
     count = _write_film(place, drive, motion, whole, look, {"fps": film.fps, **beside})
@@ -220,4 +220,4 @@ def _write_film(
     """Write a video, with progress on stderr, without its last frame where that is the first again."""
     shown = motion.angle[:-1] if whole else motion.angle
     with progress("draw", len(shown)) as tick:
-        return write_video(place, drive.mechanism, motion, look, angles=shown, done=tick, **beside)
+        return write_video(place, drive.mechanism, motion, look, angles=shown, progress=tick, **beside)

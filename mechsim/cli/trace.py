@@ -66,7 +66,7 @@ def trace(
     place = None if output is None else writable(output, ".csv", ".npz")
     picture = None if plot is None else writable(plot)
     if plot is not None:
-        plots.form_of(plot)
+        plots.format_of(plot)
     elif of is not None:
         raise InputError(f"--of {of} says what to plot over; name the file with --plot")
     if not 1 <= samples <= MOST_SAMPLES:

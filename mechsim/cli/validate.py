@@ -253,7 +253,7 @@ def held_against(
     source = asked.against or ""
     place = None if asked.plot is None else writable(asked.plot)
     if place is not None:
-        plots.form_of(place)
+        plots.format_of(place)
     bound = asked.bound
     if not source.lower().endswith(".csv"):
         tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")

@@ -235,12 +235,12 @@ def _curves(found: Agreement, i: int) -> TwoCurves:
     return TwoCurves(
         name=claim.named.name,
         unit=claim.named.unit,
-        at=instants.value,
+        instants=instants.value,
         over=instants.unit,
         exact=found.exact[i],
         claimed=claim.values,
-        parts=claim.named.axes,
-        bound=found.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
+        components=claim.named.axes,
+        tolerance=found.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
         source=found.source,
         shares={part: apart[part] for part in PARTS if part in apart},
     )

@@ -77,7 +77,7 @@ def crank_grid(solver: Form, name: str, speed: float, limits: tuple[float, float
         solver.mechanism,
         motion,
         driver=solver.mechanism.crank.name,
-        marks=[repeated for landmark in landmarks for repeated in repeated_landmarks(landmark, angles)],
+        landmarks=[repeated for landmark in landmarks for repeated in repeated_landmarks(landmark, angles)],
         extra=extra,
         ghost=_ghost(solver, speed),
     )
@@ -219,12 +219,12 @@ def _round(solver: Form, name: str, curve: AssemblyCurve) -> PoseGrid:
         driver="along the curve",
         unit="%",
         nodes=along[NODES],
-        marks=sorted(landmarks, key=lambda landmark: landmark.value),
+        landmarks=sorted(landmarks, key=lambda landmark: landmark.value),
         extra=[Readout(solver.mechanism.crank.name, "rad", {"": shown.angle})],
         speeds=False,
     )
     error = between(grid, between_nodes, along[MIDDLES])
-    return replace(grid, error=error, said="at an even pace round the curve of assemblies")
+    return replace(grid, error=error, note="at an even pace round the curve of assemblies")
 
 
 # of a scene that says where it starts
@@ -282,7 +282,7 @@ def case_view(case: Case) -> View | None:
             for repeated in repeated_landmarks(landmark, shown.angle)
         ]
         grid = motion_grid(
-            "judged", solver.mechanism, shown, driver=solver.mechanism.crank.name, marks=landmarks
+            "judged", solver.mechanism, shown, driver=solver.mechanism.crank.name, landmarks=landmarks
         )
     with suppress(MechsimError):
         grid = replace(_with_ghost(case, grid), error=_error(case, grid, shown.angle))

@@ -6,14 +6,14 @@ metres look alike. Nothing here is physics: the shapes carry no mass and meet no
 
 from mechsim.shapes.body import free_sides, link_colours, planar_normals, point_colours, rod_radius, span
 from mechsim.shapes.joints import link_shapes
-from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Facets, Kind, Rgba, Shape
+from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Mesh, Rgba, Shape
 
 __all__ = [
     "HOUSING",
     "PALETTE",
     "STEEL",
-    "Facets",
     "Kind",
+    "Mesh",
     "Rgba",
     "Shape",
     "free_sides",

@@ -28,11 +28,11 @@ def point_colours(mechanism: Mechanism) -> dict[str, Rgba]:
 
 def rod_radius(mechanism: Mechanism) -> float:
     """Return the radius of rods in [m]: a fixed part of the mechanism, less where a link is very short."""
-    size = shortest = span(mechanism)
+    length = shortest = span(mechanism)
     for link in mechanism.links:
         for a, b in combinations(stations(mechanism, link.name), 2):
             shortest = min(shortest, float(np.linalg.norm(a - b)))
-    return float(np.clip(0.2 * shortest, 0.010 * size, 0.022 * size))
+    return float(np.clip(0.2 * shortest, 0.010 * length, 0.022 * length))
 
 
 def span(mechanism: Mechanism) -> float:
@@ -52,37 +52,37 @@ def span(mechanism: Mechanism) -> float:
 
 def stations(mechanism: Mechanism, link: str) -> list[Array]:
     """Return the places of a link that its body joins up: joints, outline, tracked points; no place twice."""
-    outline = next((one.outline for one in mechanism.links if one.name == link), ())
+    outline = next((candidate.outline for candidate in mechanism.links if candidate.name == link), ())
     tracked = [local for owner, local in mechanism.points.values() if owner == link]
-    places: list[Array] = []
+    positions: list[Array] = []
     for point in [*(end.point for end in mechanism.ends(link)), *outline, *tracked]:
-        place = np.asarray(point)
-        near = 1e-9 * max(mechanism.size, float(np.linalg.norm(place)))
-        if all(float(np.linalg.norm(place - known)) > near for known in places):
-            places.append(place)
-    return places
+        position = np.asarray(point)
+        tolerance = 1e-9 * max(mechanism.size, float(np.linalg.norm(position)))
+        if all(float(np.linalg.norm(position - other)) > tolerance for other in positions):
+            positions.append(position)
+    return positions
 
 
-def edges(places: list[Array]) -> Iterable[tuple[Array, Array]]:
+def edges(points: list[Array]) -> Iterable[tuple[Array, Array]]:
     """Yield pairs of places that a rod joins into one piece, none through a third place.
 
     These are all of two or three; of more a ring of the outer ones, with spokes to it from the innermost of
     those that lie inside; and what is apart then, by the shortest way.
     """
-    every = sorted(combinations(range(len(places)), 2), key=lambda pair: _length(places, pair))
-    pairs = [pair for pair in every if not _through(places, pair)]
-    wanted = set(every if len(places) <= 3 else _ring_and_spokes(np.array(places)))
-    piece = list(range(len(places)))
-    kept = [pair for pair in pairs if pair in wanted]
+    every = sorted(combinations(range(len(points)), 2), key=lambda pair: _length(points, pair))
+    pairs = [pair for pair in every if not _through(points, pair)]
+    preferred = set(every if len(points) <= 3 else _ring_and_spokes(np.array(points)))
+    piece = list(range(len(points)))
+    kept = [pair for pair in pairs if pair in preferred]
     for n, (i, j) in enumerate((*kept, *pairs)):
         if n < len(kept) or piece[i] != piece[j]:
-            yield places[i], places[j]
-        piece = [piece[i] if one == piece[j] else one for one in piece]
+            yield points[i], points[j]
+        piece = [piece[i] if label == piece[j] else label for label in piece]
 
 
-def _ring_and_spokes(places: Array) -> Iterable[tuple[int, int]]:
+def _ring_and_spokes(points: Array) -> Iterable[tuple[int, int]]:
     """Pairs of a ring around places in the plane that fits them best, and of spokes to the innermost."""
-    flat = (places - places.mean(0)) @ np.linalg.svd(places - places.mean(0))[2][:2].T
+    flat = (points - points.mean(0)) @ np.linalg.svd(points - points.mean(0))[2][:2].T
     ring = _hull(flat)
     inside = [i for i in range(len(flat)) if i not in ring]
     hub = min(inside, key=lambda i: float(np.linalg.norm(flat[i])), default=None)
@@ -97,31 +97,31 @@ def _hull(flat: Array) -> list[int]:
     slack = 1e-9 * float(np.ptp(flat, axis=0).max())
     order = [int(i) for i in np.lexsort((flat[:, 1], flat[:, 0]))]
     halves: list[list[int]] = []
-    for way in (order, order[::-1]):
+    for sequence in (order, order[::-1]):
         half: list[int] = []
-        for i in way:
-            while len(half) > 1 and _beside(flat, half[-2], half[-1], i) < -slack:
+        for i in sequence:
+            while len(half) > 1 and _offset_to_the_right(flat, half[-2], half[-1], i) < -slack:
                 half.pop()
             half.append(i)
         halves.append(half[:-1])
     return list(dict.fromkeys(halves[0] + halves[1]))
 
 
-def _beside(flat: Array, i: int, j: int, k: int) -> float:
+def _offset_to_the_right(flat: Array, i: int, j: int, k: int) -> float:
     """How far place j lies to the right of the way from i to k, negative to the left."""
-    way, off = flat[k] - flat[i], flat[j] - flat[i]
-    return float(way[1] * off[0] - way[0] * off[1]) / max(float(np.hypot(*way)), 1e-300)
+    direction, off = flat[k] - flat[i], flat[j] - flat[i]
+    return float(direction[1] * off[0] - direction[0] * off[1]) / max(float(np.hypot(*direction)), 1e-300)
 
 
-def _length(places: list[Array], pair: tuple[int, int]) -> float:
-    return float(np.linalg.norm(places[pair[0]] - places[pair[1]]))
+def _length(points: list[Array], pair: tuple[int, int]) -> float:
+    return float(np.linalg.norm(points[pair[0]] - points[pair[1]]))
 
 
-def _through(places: list[Array], pair: tuple[int, int]) -> bool:
+def _through(points: list[Array], pair: tuple[int, int]) -> bool:
     """Whether the way between two places leads through a third."""
-    straight, (i, j) = _length(places, pair) * (1.0 + 1e-9), pair
-    others = (k for k in range(len(places)) if k not in pair)
-    return any(_length(places, (i, k)) + _length(places, (k, j)) < straight for k in others)
+    straight, (i, j) = _length(points, pair) * (1.0 + 1e-9), pair
+    others = (k for k in range(len(points)) if k not in pair)
+    return any(_length(points, (i, k)) + _length(points, (k, j)) < straight for k in others)
 
 
 def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]:
@@ -143,12 +143,12 @@ def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]
 
 def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:
     """Return the least and greatest displacement of every joint that slides along or across its axis."""
-    found: dict[str, tuple[float, float]] = {}
+    displacements: dict[str, tuple[float, float]] = {}
     for joint in mechanism.joints:
         if 0 < len(KINDS[joint.kind].slides) < 3:
             along = displacement(joint, poses[joint.a.link], poses[joint.b.link])
-            found[joint.name] = float(along.min()), float(along.max())
-    return found
+            displacements[joint.name] = float(along.min()), float(along.max())
+    return displacements
 
 
 def displacement(joint: Joint, pose_a: Pose, pose_b: Pose) -> Array:
@@ -196,14 +196,14 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
     return sides
 
 
-def _gap(places: Array, pose: Pose, rods: Array) -> float:
+def _gap(points: Array, pose: Pose, rods: Array) -> float:
     """The least distance between places, (k, 3), and points of rods in all poses of their link."""
     local = rods.reshape(-1, 3)
     if not len(local):
         local = np.zeros((1, 3))
     rotation, position = np.atleast_3d(pose.rotation).reshape(-1, 3, 3), pose.position.reshape(-1, 1, 3)
     moved = (position + local @ np.swapaxes(rotation, -1, -2)).reshape(-1, 1, 3)
-    return float(np.sqrt(((moved - places) ** 2).sum(-1)).min())
+    return float(np.sqrt(((moved - points) ** 2).sum(-1)).min())
 
 
 def _middle(mechanism: Mechanism) -> Array:
@@ -230,12 +230,12 @@ def layers_of(mechanism: Mechanism) -> dict[str, float]:
     """Return layers of a planar mechanism such that links which share a joint lie in different ones."""
     layers: dict[str, int] = {}
     for link in mechanism.links:
-        near = {
+        used = {
             layers[other.link]
             for joint in mechanism.joints
-            for here, other in ((joint.a, joint.b), (joint.b, joint.a))
-            if here.link == link.name and other.link in layers
+            for end, other in ((joint.a, joint.b), (joint.b, joint.a))
+            if end.link == link.name and other.link in layers
         }
-        layers[link.name] = next(i for i in range(len(near) + 1) if i not in near)
+        layers[link.name] = next(i for i in range(len(used) + 1) if i not in used)
     middle = max(layers.values(), default=0) / 2.0
     return {link: layer - middle for link, layer in layers.items()}

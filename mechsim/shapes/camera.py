@@ -1,7 +1,7 @@
 """The camera: where it looks from, how much it holds, and which pixel a point falls on.
 
 Parallel projection throughout: a length across the picture has one scale everywhere, so a scale bar
-tells the truth, and framing is exact.
+is right everywhere, and framing is exact.
 """
 
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from mechsim.shapes.shape import HOUSING, Shape, vector
 
 PRESETS = ("iso", "shaft", "top", "side")
 # share of the picture kept free on each side for labels, scale bar and read-out
-MARGIN = 0.09
+BORDER = 0.09
 # a shaft whose direction has this part along an axis stands along it
 PARALLEL = 0.9
 
@@ -33,7 +33,7 @@ class Camera:
         up: unit vector to its top, (3,).
         back: unit vector from the scene to the camera, (3,).
         height: of what the picture holds, in [m].
-        size: of the picture (width, height) in pixels.
+        resolution: of the picture (width, height) in pixels.
     """
 
     position: Array
@@ -41,18 +41,18 @@ class Camera:
     up: Array
     back: Array
     height: float
-    size: tuple[int, int]
+    resolution: tuple[int, int]
 
     @property
     def scale(self) -> float:
         """Pixels per metre."""
-        return self.size[1] / self.height
+        return self.resolution[1] / self.height
 
     def pixel(self, points: Array) -> Array:
         """Return where points fall in the picture, x to the right and y down; (..., 3) -> (..., 2)."""
         off = points - self.position
-        x = self.size[0] / 2.0 + self.scale * (off @ self.right)
-        y = self.size[1] / 2.0 - self.scale * (off @ self.up)
+        x = self.resolution[0] / 2.0 + self.scale * (off @ self.right)
+        y = self.resolution[1] / 2.0 - self.scale * (off @ self.up)
         return np.stack([x, y], -1)
 
 
@@ -122,24 +122,24 @@ def framed(
     up: Array,
     points: Array,
     radii: Array,
-    size: tuple[int, int],
-    margin: float = MARGIN,
+    resolution: tuple[int, int],
+    border: float = BORDER,
     foot: float = 0.0,
 ) -> Camera:
     """Return the camera along `back` that holds balls about points, (n, 3) and (n,), with a margin.
 
     Of the picture's height the share `foot` stays free at the bottom, or the margin if that is more.
     """
-    foot = max(0.0, foot - margin)
+    foot = max(0.0, foot - border)
     right = np.cross(up, back)
     across, over, deep = points @ right, points @ up, points @ back
-    left, width = _span(across, radii)
-    bottom, height = _span(over, radii)
-    share = 1.0 - 2.0 * margin
-    held = max(height / (share - foot), width / share * size[1] / size[0])
+    x_low, width = _span(across, radii)
+    y_low, height = _span(over, radii)
+    share = 1.0 - 2.0 * border
+    visible_height = max(height / (share - foot), width / share * resolution[1] / resolution[0])
     nearest = float((deep + radii).max())
-    centre = (left + width / 2.0) * right + (bottom + (height - foot * held) / 2.0) * up
-    return Camera(centre + (nearest + held) * back, right, up, back, held, size)
+    centre = (x_low + width / 2.0) * right + (y_low + (height - foot * visible_height) / 2.0) * up
+    return Camera(centre + (nearest + visible_height) * back, right, up, back, visible_height, resolution)
 
 
 def nice(length: float) -> float:
@@ -175,7 +175,9 @@ class Wall:
         return np.column_stack([self.across, np.cross(self.normal, self.across), self.normal])
 
 
-def backdrop(mechanism: Mechanism, camera: Camera, up: Array, low: Array, high: Array, cell: float) -> Wall:
+def backdrop(
+    mechanism: Mechanism, camera: Camera, up: Array, low: Array, high: Array, grid_step: float
+) -> Wall:
     """Return the plane behind a mechanism, as large as the picture needs.
 
     Args:
@@ -184,7 +186,7 @@ def backdrop(mechanism: Mechanism, camera: Camera, up: Array, low: Array, high: 
         up: unit vector along a coordinate axis, across which a floor lies, (3,).
         low: least coordinates of what must lie in front, (3,) in [m].
         high: greatest coordinates, (3,) in [m].
-        cell: edge of a grid cell in [m]; the grid passes through the origin, so that it can be read.
+        grid_step: edge of a grid cell in [m]; the grid passes through the origin, so that it can be read.
     """
     normal, centre, back = _backdrop_axis(mechanism, camera.back, up), camera.position, camera.back
     facing = float(normal @ back)
@@ -192,9 +194,9 @@ def backdrop(mechanism: Mechanism, camera: Camera, up: Array, low: Array, high: 
     point = centre - back * ((centre @ normal - lowest) / facing)
     across = np.eye(3)[(int(np.argmax(np.abs(normal))) + 1) % 3]
     for edge in (across, np.cross(normal, across)):
-        point = point + edge * (np.round(point @ edge / cell) * cell - point @ edge)
-    reach = 0.75 * camera.height * max(1.0, camera.size[0] / camera.size[1])
-    half = float(np.ceil(reach / facing / cell)) * cell
+        point = point + edge * (np.round(point @ edge / grid_step) * grid_step - point @ edge)
+    reach = 0.75 * camera.height * max(1.0, camera.resolution[0] / camera.resolution[1])
+    half = float(np.ceil(reach / facing / grid_step)) * grid_step
     return Wall(point, normal, (half, half), across)
 
 

@@ -41,9 +41,9 @@ class Canvas:
         self.layers = layers_of(mechanism) if self.normals else {}
         self.out: dict[str, list[Shape]] = {GROUND: [], **{link.name: [] for link in mechanism.links}}
 
-    def add(self, link: str, kind: Kind, frm: ArrayLike, to: ArrayLike, size: float, rgba: Rgba) -> None:
+    def add(self, link: str, kind: Kind, frm: ArrayLike, to: ArrayLike, radius: float, rgba: Rgba) -> None:
         """Draw a round solid between two places of a link."""
-        self.out[link].append(Shape(kind, vector(frm), vector(to), (size,), rgba))
+        self.out[link].append(Shape(kind, vector(frm), vector(to), (radius,), rgba))
 
     def disc(self, link: str, end: End, low: float, high: float, radius: float, rgba: Rgba) -> None:
         """Draw a cylinder about a joint's axis, between two heights over the joint's point."""
@@ -67,9 +67,9 @@ class Canvas:
         """Let a post carry what was drawn last on the ground."""
         self.out[GROUND][-1] = replace(self.out[GROUND][-1], role="bearing")
 
-    def join(self, link: str, places: Sequence[ArrayLike]) -> None:
+    def join(self, link: str, points: Sequence[ArrayLike]) -> None:
         """Draw a rod of a link from place to place."""
-        for frm, to in pairwise(places):
+        for frm, to in pairwise(points):
             if float(np.linalg.norm(np.subtract(to, frm))) > 0.1 * self.r:
                 self.add(link, "capsule", frm, to, self.r, self.colours[link])
 
@@ -106,13 +106,13 @@ class Canvas:
         if joint.name in self.travel:
             return self.travel[joint.name]
         guess = {GROUND: GROUND_POSE, **self.mechanism.guess}
-        here = 0.0
+        current = 0.0
         if joint.a.link in guess and joint.b.link in guess:
-            here = float(displacement(joint, guess[joint.a.link], guess[joint.b.link]))
+            current = float(displacement(joint, guess[joint.a.link], guess[joint.b.link]))
         driver = self.mechanism.driven_joints[0].b
         arms = [vector(end.point) for end in self.mechanism.ends(driver.link)]
         reach = 2.0 * max(float(np.linalg.norm(np.subtract(arm, driver.point))) for arm in arms)
-        return here - reach, here + reach
+        return current - reach, current + reach
 
 
 def upright_end(end: End, normal: Array) -> End:

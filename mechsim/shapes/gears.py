@@ -15,7 +15,7 @@ from mechsim.shapes.body import rod_radius
 from mechsim.shapes.canvas import Canvas, upright_end
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 
-Place = tuple[str, float]
+WheelKey = tuple[str, float]
 # part of a bevel gear's slant that its teeth take
 FACE = 0.3
 
@@ -42,7 +42,7 @@ class Wheel:
         radius: of the circle on which it meshes, in [m].
         teeth: how many it has.
         first: angle of one of them from the joint's mark, in [rad].
-        way: +1, or -1 for the one of a pair that turns against the other, both about their own axes.
+        direction: +1, or -1 for the one of a pair that turns against the other, both about their own axes.
         hollow: whether it is a ring with teeth inside.
         cone: of a bevel gear, on what its teeth lie.
     """
@@ -51,13 +51,13 @@ class Wheel:
     radius: float
     teeth: int
     first: float
-    way: float = 1.0
+    direction: float = 1.0
     hollow: bool = False
     cone: Cone | None = None
 
     @property
-    def place(self) -> Place:
-        """Link and radius, to six digits: what tells wheels apart."""
+    def key(self) -> WheelKey:
+        """Link and radius, to six digits: the key of a wheel."""
         return self.end.link, float(f"{self.radius:.5e}")
 
 
@@ -85,9 +85,9 @@ def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
     for angle in wheel.first + 2.0 * np.pi * np.arange(teeth) / teeth:
         out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
         # a shade thinner than the disc, so that the faces do not fight where they overlap
-        size = (0.42 * np.pi * radius / teeth, 0.57 * canvas.r)
+        tooth = (0.42 * np.pi * radius / teeth, 0.57 * canvas.r)
         ends = vector(centre + inner * out), vector(centre + outer * out)
-        canvas.out[end.link].append(Shape("box", *ends, size, colour, upright.axis))
+        canvas.out[end.link].append(Shape("box", *ends, tooth, colour, upright.axis))
 
 
 def _hub(canvas: Canvas, end: End, sizes: tuple[float, float], hollow: bool, colour: Rgba) -> None:
@@ -116,12 +116,12 @@ def _bevel(canvas: Canvas, wheel: Wheel, cone: Cone) -> None:
     back, front = cone.apex + cone.height, cone.apex + (1.0 - FACE) * cone.height
     depth, rear = 0.7 * np.pi * wheel.radius / wheel.teeth, back + np.copysign(0.8 * canvas.r, cone.height)
     root = wheel.radius - depth
-    for one, other, radius in (
+    for low, high, radius in (
         (back, rear, root),
         (front, back, (1.0 - FACE) * root),
         (0.0, rear, canvas.r),
     ):
-        canvas.disc(end.link, end, min(one, other), max(one, other), radius, colour)
+        canvas.disc(end.link, end, min(low, high), max(low, high), radius, colour)
     slant = float(np.hypot(wheel.radius, cone.height))
     for angle in wheel.first + 2.0 * np.pi * np.arange(wheel.teeth) / wheel.teeth:
         out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -129,8 +129,8 @@ def _bevel(canvas: Canvas, wheel: Wheel, cone: Cone) -> None:
         across = vector((wheel.radius * axis - cone.height * out) / slant)
         tip = point + cone.apex * axis
         ends = vector(tip + (1.0 - FACE) * heel), vector(tip + heel)
-        size = (0.42 * np.pi * (1.0 - 0.5 * FACE) * wheel.radius / wheel.teeth, depth)
-        canvas.out[end.link].append(Shape("box", *ends, size, colour, across))
+        tooth = (0.42 * np.pi * (1.0 - 0.5 * FACE) * wheel.radius / wheel.teeth, depth)
+        canvas.out[end.link].append(Shape("box", *ends, tooth, colour, across))
 
 
 def _rim(
@@ -166,12 +166,12 @@ FEWEST = 18
 
 def draw_gears(canvas: Canvas) -> None:
     """Draw the wheels of all gears whose shafts are parallel or meet, each wheel once, and all racks."""
-    mechanism, drawn = canvas.mechanism, dict[Place, Wheel]()
+    mechanism, drawn = canvas.mechanism, dict[WheelKey, Wheel]()
     pitch = _pitch([wheel.radius for gear in mechanism.gears for wheel in wheels_of(mechanism, gear)])
     for gear in mechanism.gears:
         for wheel in _meshing(wheels_of(mechanism, gear, pitch), drawn):
-            if wheel.place not in drawn:
-                drawn[wheel.place] = wheel
+            if wheel.key not in drawn:
+                drawn[wheel.key] = wheel
                 draw_wheel(canvas, wheel)
     draw_racks(canvas, FEWEST)
 
@@ -186,12 +186,12 @@ def _pitch(radii: Sequence[float]) -> float:
     return min(radii) / float(counts[np.argmin(off)])
 
 
-def _meshing(pair: Sequence[Wheel], drawn: Mapping[Place, Wheel]) -> Sequence[Wheel]:
+def _meshing(pair: Sequence[Wheel], drawn: Mapping[WheelKey, Wheel]) -> Sequence[Wheel]:
     """Return a pair turned so that the one which is drawn already has its teeth where they are."""
-    for one, other in (pair, pair[::-1]) if pair else ():
-        if one.place in drawn:
-            off = (drawn[one.place].first - one.first) * one.teeth / other.teeth
-            return [replace(other, first=other.first + one.way * other.way * off)]
+    for wheel, other in (pair, pair[::-1]) if pair else ():
+        if wheel.key in drawn:
+            off = (drawn[wheel.key].first - wheel.first) * wheel.teeth / other.teeth
+            return [replace(other, first=other.first + wheel.direction * other.direction * off)]
     return pair
 
 
@@ -202,15 +202,15 @@ def wheels_of(mechanism: Mechanism, gear: Gear, pitch: float = 1.0) -> list[Whee
     """
     first, second = mechanism.joint(gear.driver), mechanism.joint(gear.driven)
     if first.a.link == second.a.link:
-        found = _side_by_side(first, second, gear, pitch)
+        wheels = _side_by_side(first, second, gear, pitch)
         rates, ends = (1.0, gear.ratio), (first.a, first.b)
     elif first.b.link == second.a.link:
-        found = _on_an_arm(first, second, gear, pitch)
+        wheels = _on_an_arm(first, second, gear, pitch)
         rates, ends = (-1.0, gear.ratio), (first.b, first.a)
     else:
         return []
-    if found or not rates[1]:
-        return found
+    if wheels or not rates[1]:
+        return wheels
     return bevel_pair(ends, (second.a, second.b), rates, gear.phase, rod_radius(mechanism), pitch)
 
 
@@ -224,10 +224,10 @@ def _side_by_side(first: Joint, second: Joint, gear: Gear, pitch: float) -> list
     angles = [angle_in(joint.a, sign * across) for joint, sign in ((first, 1.0), (second, -1.0))]
     # at driver angle zero a gap of the driven gear meets a tooth of the driver
     counts = [teeth_on(radius, pitch) for radius in radii]
-    turned = angles[1] - gear.phase + np.pi / counts[1]
+    second_angle = angles[1] - gear.phase + np.pi / counts[1]
     return [
         Wheel(first.b, radii[0], counts[0], angles[0]),
-        Wheel(second.b, radii[1], counts[1], turned, way=-1.0),
+        Wheel(second.b, radii[1], counts[1], second_angle, direction=-1.0),
     ]
 
 
@@ -239,12 +239,12 @@ def _on_an_arm(arm: Joint, planet: Joint, gear: Gear, pitch: float) -> list[Whee
     """
     across, distance = _apart(arm.b, planet.a)
     ratio = -gear.ratio if _parallel(arm.b, planet.a) else 0.0
-    part = ratio - 1.0 if ratio > 0.0 else 1.0 - ratio
-    if not (ratio and part > 0.0 and distance > 0.0):
+    radius_ratio = ratio - 1.0 if ratio > 0.0 else 1.0 - ratio
+    if not (ratio and radius_ratio > 0.0 and distance > 0.0):
         return []
-    radius = distance / part
+    radius = distance / radius_ratio
     teeth, standing = teeth_on(radius, pitch), teeth_on(abs(ratio) * radius, pitch)
-    # at nought of both joints a tooth of the planet points at the wheel that stands, which has a gap there
+    # at zero of both joints a tooth of the planet points at the wheel that stands, which has a gap there
     out = np.asarray(arm.a.frame) @ np.asarray(arm.b.frame).T @ across
     first = angle_in(planet.a, across) - gear.phase
     gap = angle_in(arm.a, out) + np.pi / standing
@@ -291,7 +291,7 @@ def bevel_pair(
         pitch: part of a radius that a tooth takes, in [m].
     """
     carriers, own = zip(first, second, strict=True)
-    apex = _meeting(*carriers, MEETS * rod)
+    apex = _axes_intersection(*carriers, MEETS * rod)
     axes = np.array([end.axis for end in carriers])
     along = rates[0] * axes[0] - rates[1] * axes[1]
     length = float(np.linalg.norm(along))
@@ -321,30 +321,32 @@ def _side(along: Array, cosines: Array, heights: Array, least: float) -> tuple[A
     Heights are those of the joints over the point where the shafts meet; a wheel as flat as a plate may lie
     anywhere.
     """
-    bent = np.abs(cosines) > PARALLEL
-    slants = np.divide(heights, cosines, out=np.zeros(2), where=bent)
-    far, near = sorted(slants.tolist(), key=abs, reverse=True)
-    nearest = near if far * near > 0.0 else far
+    conical = np.abs(cosines) > PARALLEL
+    slants = np.divide(heights, cosines, out=np.zeros(2), where=conical)
+    farther, nearer = sorted(slants.tolist(), key=abs, reverse=True)
+    nearest = nearer if farther * nearer > 0.0 else farther
     if abs(nearest) < least:
         nearest = least if nearest >= 0.0 else -least
-    sense = float(np.sign(nearest))
-    return sense * along, sense * cosines, abs(nearest)
+    sign = float(np.sign(nearest))
+    return sign * along, sign * cosines, abs(nearest)
 
 
-def _meeting(a: End, b: End, far: float) -> Array | None:
+def _axes_intersection(a: End, b: End, max_distance: float) -> Array | None:
     """Return where the axes of two joints meet, (3,); None where they are parallel or farther apart."""
     across = np.cross(a.axis, b.axis)
     square = float(across @ across)
     if not square > PARALLEL**2:
         return None
     off = np.subtract(b.point, a.point)
-    if abs(float(off @ across)) > far * square**0.5:
+    if abs(float(off @ across)) > max_distance * square**0.5:
         return None
     return a.point + np.asarray(a.axis) * float(np.cross(off, b.axis) @ across / square)
 
 
-# cosine of the angle between slide and shaft below which they are square, and teeth of a rack at the most
-SQUARE, MOST = 1e-9, 400
+# cosine of the angle between slide and shaft below which they are square
+SQUARE = 1e-9
+# a rack of more teeth is not drawn
+MAX_RACK_TEETH = 400
 
 
 def draw_racks(canvas: Canvas, teeth: int) -> None:
@@ -371,21 +373,21 @@ def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth:
     """
     radius = abs(coupling.slope)
     step = 2.0 * np.pi * radius / teeth
-    way, axis = np.asarray(rack.a.axis), np.asarray(pinion.a.axis)
-    out = np.cross(way, axis) * np.sign(coupling.slope)
+    slide_axis, axis = np.asarray(rack.a.axis), np.asarray(pinion.a.axis)
+    out = np.cross(slide_axis, axis) * np.sign(coupling.slope)
     draw_wheel(canvas, Wheel(pinion.b, radius, teeth, angle_in(pinion.a, out) - coupling.zeros[1]))
     own = pinion.a
     up = np.asarray((upright_end(own, canvas.normals[own.link]) if canvas.normals else own).axis)
     meet = own.point + wheel_height(canvas) * up + radius * out
     # in the rack's frame, which goes along the slide
-    turned = rack.b.frame @ rack.a.frame.T
-    here = coupling.zeros[0] + coupling.coefficients[0]
-    base = rack.b.point + turned @ (meet - rack.a.point) - here * (turned @ way)
-    low, high = (here - end for end in canvas.travel_of(rack)[::-1])
+    rotation = rack.b.frame @ rack.a.frame.T
+    zero = coupling.zeros[0] + coupling.coefficients[0]
+    base = rack.b.point + rotation @ (meet - rack.a.point) - zero * (rotation @ slide_axis)
+    low, high = (zero - end for end in canvas.travel_of(rack)[::-1])
     depth, colour = 0.7 * np.pi * radius / teeth, wheel_colour(canvas, rack.b.link)
-    outward, forward, flat = turned @ out, turned @ way, vector(turned @ axis)
+    outward, forward, flat = rotation @ out, rotation @ slide_axis, vector(rotation @ axis)
     first, last = np.floor(low / step) - 2.0, np.ceil(high / step) + 2.0
-    if last - first > MOST:
+    if last - first > MAX_RACK_TEETH:
         return
     shapes = canvas.out[rack.b.link]
     for k in np.arange(first, last) + 0.5:

@@ -29,8 +29,10 @@ def flat_revolute(canvas: Canvas, joint: Joint) -> None:
     for end in (joint.a, joint.b):
         if end.link != GROUND:
             upright = upright_end(end, canvas.normals[end.link])
-            at = canvas.height(end.link)
-            canvas.disc(end.link, upright, at - thick, at + thick, 1.9 * canvas.r, canvas.colours[end.link])
+            height = canvas.height(end.link)
+            canvas.disc(
+                end.link, upright, height - thick, height + thick, 1.9 * canvas.r, canvas.colours[end.link]
+            )
     grounded = [end for end in (joint.a, joint.b) if end.link == GROUND]
     if grounded:
         post = upright_end(grounded[0], canvas.normals[GROUND])
@@ -58,14 +60,14 @@ def spatial_revolute(canvas: Canvas, joint: Joint) -> None:
 
 def ball(canvas: Canvas, joint: Joint) -> None:
     """Draw a steel ball on the ground, else on the first link, and a collar of the other around it."""
-    held, around = (joint.b, joint.a) if joint.b.link == GROUND else (joint.a, joint.b)
-    canvas.add(held.link, "sphere", held.point, held.point, 2.0 * canvas.r, STEEL)
-    if held.link == GROUND:
+    inner, around = (joint.b, joint.a) if joint.b.link == GROUND else (joint.a, joint.b)
+    canvas.add(inner.link, "sphere", inner.point, inner.point, 2.0 * canvas.r, STEEL)
+    if inner.link == GROUND:
         canvas.carry()
     rod = _rod_direction(canvas, around)
     if rod is not None:
-        at = np.asarray(around.point)
-        ends = at + 1.0 * canvas.r * rod, at + 2.6 * canvas.r * rod
+        centre = np.asarray(around.point)
+        ends = centre + 1.0 * canvas.r * rod, centre + 2.6 * canvas.r * rod
         canvas.add(around.link, "cylinder", *ends, 1.8 * canvas.r, canvas.colours[around.link])
 
 
@@ -87,18 +89,18 @@ def slide(canvas: Canvas, joint: Joint) -> None:
     rail, block = joint.a, joint.b
     thick, axis = canvas.thickness(rail), np.asarray(rail.axis)
     own = np.asarray(rail.point) + canvas.lift(rail)
-    at = own - 1.9 * r * thick
+    middle = own - 1.9 * r * thick
     colour = canvas.colours.get(rail.link, STEEL)
-    ends = vector(at + low * axis), vector(at + high * axis)
+    ends = vector(middle + low * axis), vector(middle + high * axis)
     shape = Shape("box", *ends, (1.4 * r, 0.6 * r), colour, vector(thick))
     canvas.out[rail.link].append(shape)
     if rail.link == GROUND:
         _feet(canvas, shape, thick)
     else:
-        canvas.add(rail.link, "cylinder", own, at, r, colour)
+        canvas.add(rail.link, "cylinder", own, middle, r, colour)
     thick = canvas.thickness(block)
-    at, axis = np.asarray(block.point) + canvas.lift(block), np.asarray(block.axis)
-    ends = vector(at - 3.0 * r * axis), vector(at + 3.0 * r * axis)
+    middle, axis = np.asarray(block.point) + canvas.lift(block), np.asarray(block.axis)
+    ends = vector(middle - 3.0 * r * axis), vector(middle + 3.0 * r * axis)
     colour = canvas.colours.get(block.link, STEEL)
     shape = Shape("box", *ends, (2.2 * r, 1.2 * r), colour, vector(thick))
     canvas.out[block.link].append(shape)
@@ -122,12 +124,14 @@ def sleeve(canvas: Canvas, joint: Joint) -> None:
 def plate(canvas: Canvas, joint: Joint) -> None:
     """Draw a table across the axis on one link, as wide as its travel, and a foot that glides on it."""
     r = canvas.r
-    table, foot, (here, there) = _apart(canvas, joint)
+    table, foot, (table_height, foot_height) = _apart(canvas, joint)
     radius = canvas.travel_of(joint)[1] + 3.0 * r
-    canvas.disc(table.link, table, here - 0.6 * r, here, radius, canvas.colours.get(table.link, STEEL))
+    canvas.disc(
+        table.link, table, table_height - 0.6 * r, table_height, radius, canvas.colours.get(table.link, STEEL)
+    )
     if table.link == GROUND:
         canvas.carry()
-    low, high = sorted((here, there))
+    low, high = sorted((table_height, foot_height))
     canvas.disc(foot.link, foot, low, high + 1.2 * r, 2.0 * r, canvas.colours.get(foot.link, HOUSING))
     if foot.link == GROUND:
         canvas.carry()
@@ -150,10 +154,10 @@ def _apart(canvas: Canvas, joint: Joint) -> tuple[End, End, tuple[float, float]]
     return a, b, (canvas.level(a.link), canvas.level(b.link))
 
 
-def _reach(canvas: Canvas, joint: Joint, margin: float) -> tuple[float, float]:
+def _reach(canvas: Canvas, joint: Joint, clearance: float) -> tuple[float, float]:
     """Return from where to where a guide goes along its axis: a margin beyond the travel, and to its link."""
     low, high = canvas.travel_of(joint)
-    low, high = low - margin, high + margin
+    low, high = low - clearance, high + clearance
     return (low, high) if joint.a.link == GROUND else (min(low, -canvas.r), max(high, canvas.r))
 
 
@@ -163,13 +167,16 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
     for end, inward in ((guide.frm, guide.to), (guide.to, guide.frm)):
         along = np.subtract(inward, end)
         along = 2.0 * r * along / np.linalg.norm(along)
-        at = np.asarray(end) + along
+        foot = np.asarray(end) + along
         if canvas.normals:
-            plate = at + thick * (canvas.back - float(at @ thick))
-            canvas.add(GROUND, "cylinder", at, plate, 1.3 * r, HOUSING)
+            plate = foot + thick * (canvas.back - float(foot @ thick))
+            canvas.add(GROUND, "cylinder", foot, plate, 1.3 * r, HOUSING)
         else:
-            ends, size = (vector(at - 0.6 * along), vector(at + 0.6 * along)), (guide.size[0] + 0.4 * r, r)
-            canvas.out[GROUND].append(Shape("box", *ends, size, HOUSING, vector(thick)))
+            ends, sizes = (
+                (vector(foot - 0.6 * along), vector(foot + 0.6 * along)),
+                (guide.sizes[0] + 0.4 * r, r),
+            )
+            canvas.out[GROUND].append(Shape("box", *ends, sizes, HOUSING, vector(thick)))
             canvas.carry()
 
 
@@ -221,9 +228,9 @@ def link_shapes(
 
 def _body(canvas: Canvas, link: str) -> None:
     """Rods between the places of a link where something happens, an eye where no joint is."""
-    places, colour = stations(canvas.mechanism, link), canvas.colours[link]
+    positions, colour = stations(canvas.mechanism, link), canvas.colours[link]
     lift = canvas.height(link) * canvas.normals[link] if canvas.normals else np.zeros(3)
-    for a, b in edges(places):
+    for a, b in edges(positions):
         if canvas.normals:
             width, thick = 1.15 * canvas.r, 0.5 * canvas.r
             normal = vector(canvas.normals[link])
@@ -231,7 +238,7 @@ def _body(canvas: Canvas, link: str) -> None:
             canvas.out[link].append(bar)
         else:
             canvas.add(link, "capsule", a, b, canvas.r, colour)
-    met = [np.asarray(end.point) for end in canvas.mechanism.ends(link)]
-    for place in places:
-        if min(float(np.linalg.norm(place - joint)) for joint in met) > 0.1 * canvas.r:
-            canvas.add(link, "sphere", place + lift, place + lift, 1.5 * canvas.r, colour)
+    joint_points = [np.asarray(end.point) for end in canvas.mechanism.ends(link)]
+    for position in positions:
+        if min(float(np.linalg.norm(position - joint)) for joint in joint_points) > 0.1 * canvas.r:
+            canvas.add(link, "sphere", position + lift, position + lift, 1.5 * canvas.r, colour)

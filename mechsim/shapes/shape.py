@@ -11,7 +11,7 @@ from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Facets:
+class Mesh:
     """Triangles in a link's frame.
 
     Attributes:
@@ -28,15 +28,17 @@ class Facets:
         low, high = self.vertices.min(0), self.vertices.max(0)
         return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
 
-    def coarser(self, cell: float) -> "Facets":
+    def coarser(self, grid_step: float) -> "Mesh":
         """Return it with all vertices within a cell of a grid made one, at their middle; cells in [m]."""
-        keys, of = np.unique(np.round(self.vertices / cell), axis=0, return_inverse=True)
-        of = of.reshape(-1)
-        count = np.bincount(of, minlength=len(keys))[:, None]
-        middle = np.column_stack([np.bincount(of, column, len(keys)) for column in self.vertices.T]) / count
-        faces = of[self.faces]
+        keys, group = np.unique(np.round(self.vertices / grid_step), axis=0, return_inverse=True)
+        group = group.reshape(-1)
+        count = np.bincount(group, minlength=len(keys))[:, None]
+        middle = (
+            np.column_stack([np.bincount(group, column, len(keys)) for column in self.vertices.T]) / count
+        )
+        faces = group[self.faces]
         kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-        return Facets(middle, faces[kept].astype(np.int32))
+        return Mesh(middle, faces[kept].astype(np.int32))
 
 
 Rgba = tuple[float, float, float, float]
@@ -66,7 +68,7 @@ class Shape:
             their vertices say.
         frm: start point in [m].
         to: end point in [m]; equal to `frm` for a sphere.
-        size: (radius,), or for a box (half width, half thickness) in [m].
+        sizes: (radius,), or for a box (half width, half thickness) in [m].
         rgba: colour, each part 0 to 1.
         thickness: of a box, the direction of its thickness.
         role: "bearing" for what a stand can carry, else "body".
@@ -76,11 +78,11 @@ class Shape:
     kind: Kind
     frm: Vector
     to: Vector
-    size: tuple[float, ...]
+    sizes: tuple[float, ...]
     rgba: Rgba
     thickness: Vector = (0.0, 0.0, 1.0)
     role: Role = "body"
-    facets: Facets | None = None
+    facets: Mesh | None = None
 
     @property
     def centre(self) -> Array:
@@ -91,8 +93,8 @@ class Shape:
     def half_sizes(self) -> tuple[float, ...]:
         """The sizes as MuJoCo orders them, in [m]."""
         if self.kind == "sphere":
-            return self.size
-        return (*self.size, float(np.linalg.norm(np.subtract(self.to, self.frm))) / 2.0)
+            return self.sizes
+        return (*self.sizes, float(np.linalg.norm(np.subtract(self.to, self.frm))) / 2.0)
 
     @property
     def frame(self) -> Array:
@@ -111,7 +113,7 @@ class Shape:
         if self.facets is not None:
             return self.facets.corners, 0.0
         if self.kind != "box":
-            return np.array([self.frm, self.to]), self.size[0]
+            return np.array([self.frm, self.to]), self.sizes[0]
         corners = np.array(np.meshgrid(*((-h, h) for h in self.half_sizes))).reshape(3, -1)
         return self.centre + (self.frame @ corners).T, 0.0
 

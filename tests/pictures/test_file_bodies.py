@@ -14,7 +14,7 @@ from mechsim.pictures.render.overlays import Shadow
 from mechsim.pictures.render.scenery import PAPER
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
-from mechsim.shapes import Facets
+from mechsim.shapes import Mesh
 
 SCENE = """
 <mujoco model="arm">
@@ -91,7 +91,7 @@ def test_fewer_triangles_keep_the_outline():
     turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, np.pi, 40))
     ball = np.stack([np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)], -1)
     a = (np.arange(39)[:, None] * 80 + np.arange(79)).ravel()
-    whole = Facets(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
+    whole = Mesh(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
     less = whole.coarser(0.2)
     assert len(less.faces) < 0.3 * len(whole.faces)
     np.testing.assert_allclose(np.ptp(less.vertices, axis=0), 2.0, atol=0.2)
@@ -101,7 +101,7 @@ def test_fewer_triangles_keep_the_outline():
 def test_every_solid_is_shown_in_its_own_colour(form):
     drawn = Source(form.mechanism, form.solve([0.0, 1.0])).drawn(Look(**drawn_as(form)))
     model, scene = drawn.model, mujoco.MjvScene(drawn.model, maxgeom=200)
-    drawn.place(0)
+    drawn.set_frame(0)
     mujoco.mjv_updateScene(
         model, drawn.data, mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL, scene
     )
@@ -121,7 +121,7 @@ def test_a_part_too_small_to_be_seen_beside_the_rest_is_left_out(tmp_path, monke
     (tmp_path / "arm.xml").write_text(text)
     form = ms.load(str(tmp_path / "arm.xml"))
     before = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
-    monkeypatch.setattr("mechsim.pictures.render.file_bodies.MOST", 60)
+    monkeypatch.setattr("mechsim.pictures.render.file_bodies.MAX_TRIANGLES", 60)
     after = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
     assert len(after) == len(before) - 1
     assert all(len(shape.facets.vertices) >= 4 for shape in after if shape.facets)

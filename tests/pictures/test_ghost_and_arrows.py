@@ -60,7 +60,7 @@ def test_a_turn_is_magnified_about_its_own_axis(drive, motion, size):
     axis = np.array([0.36, 0.48, 0.8])
     poses = frame_poses(drive.mechanism, motion).poses
     turned = {
-        name: Pose(pose.position, ghost.turned(np.tile(size * axis, (25, 1))) @ pose.rotation)
+        name: Pose(pose.position, ghost.rotation_matrices(np.tile(size * axis, (25, 1))) @ pose.rotation)
         if name == "crank"
         else pose
         for name, pose in poses.items()
@@ -79,7 +79,7 @@ def test_spin_that_means_nothing_is_no_error():
     assert motion.spinning == {"coupler"}
     ends = [np.asarray(end.point) for end in drive.mechanism.ends("coupler")]
     line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-    spun = poses["coupler"].rotation @ ghost.turned(np.tile(0.7 * line, (25, 1)))
+    spun = poses["coupler"].rotation @ ghost.rotation_matrices(np.tile(0.7 * line, (25, 1)))
     first = poses["coupler"].point(tuple(ends[0]))
     other = {**poses, "coupler": Pose(first - spun @ ends[0], spun)}
     assert np.abs(ghost.errors(drive.mechanism, poses, other, NONE)["coupler"][1]).max() > 0.5
@@ -114,7 +114,7 @@ def test_arrows_point_along_their_vectors_at_one_scale(drive, motion):
     (shown,) = stage.arrows
     speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in shown.vectors.values()])
     assert shown.largest == pytest.approx(speeds.max())
-    room = arrows.LONGEST * float((stage.high - stage.low).max())
+    room = arrows.MAX_ARROW * float((stage.high - stage.low).max())
     assert 0.32 * room < shown.largest * shown.scale <= room
     tips = shown.tips(stage.frames.starts)
     assert ((stage.camera.pixel(tips) > 0.0) & (stage.camera.pixel(tips) < np.array(SIZE))).all()
@@ -224,7 +224,7 @@ def test_every_frame_written_is_told(drive, motion, tmp_path):
         motion,
         angles=TURN[:3],
         size=(64, 48),
-        done=lambda: told.append(1),
+        progress=lambda: told.append(1),
     )
     assert len(told) == 3
 

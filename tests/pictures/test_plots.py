@@ -50,7 +50,7 @@ def figures(drive, motion):
         plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
         plots.space_curve(drive.mechanism, motion),
         plots.transmission_plot(TURN, drive.transmission_angle(TURN)),
-        plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8),
+        plots.error_plot(TURN, ERRORS, unit="m", tolerance=1e-8),
         plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped"),
     ]
 
@@ -92,7 +92,7 @@ def test_a_figure_can_be_changed_and_drawn_again(motion):
 def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, motion, vectors):
     # one of each module: what could differ, names and dates, is made in one place for all
     again = (
-        plots.error_plot(TURN, ERRORS, unit="m", bound=1e-8),
+        plots.error_plot(TURN, ERRORS, unit="m", tolerance=1e-8),
         plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
     )
     assert {plots.drawn(figure) for figure in again} <= set(vectors)
@@ -120,7 +120,7 @@ def test_errors_that_are_not_numbers_leave_a_gap():
     errors = np.full(37, np.nan)
     assert plots.drawn(plots.error_plot(TURN, {"P2": errors}, unit="m")).startswith(b"<?xml")
     errors[3:9] = 1e-7
-    figure = plots.error_plot(TURN, {"P2": errors}, unit="m", bound=1e-6)
+    figure = plots.error_plot(TURN, {"P2": errors}, unit="m", tolerance=1e-6)
     assert plots.drawn(figure).startswith(b"<?xml")
     (line, _) = figure.axes[0].get_lines()
     assert np.isnan(line.get_ydata()).sum() == 31
@@ -139,8 +139,8 @@ def test_what_cannot_be_plotted_is_refused(motion, tmp_path):
     with pytest.raises(InputError, match="no plot format 'bmp'"):
         plots.drawn(plots.motion_plot(motion), "bmp")
     with pytest.raises(InputError, match=r"not one of .svg, .png, .pdf"):
-        plots.form_of("plot.jpg")
-    assert plots.form_of(Path("plot.pdf")) == "pdf"
+        plots.format_of("plot.jpg")
+    assert plots.format_of(Path("plot.pdf")) == "pdf"
     with pytest.raises(OutputError, match="no directory"):
         plots.write(tmp_path / "missing" / "plot.svg", plots.motion_plot(motion))
 
@@ -270,8 +270,8 @@ def test_what_stands_still_to_rounding_is_drawn_flat_and_says_so(drive, motion):
 
 def test_a_difference_of_rounding_is_drawn_as_none():
     exact = 0.1 + 0.02 * np.sin(np.linspace(0.0, 6.0, 50))[:, None]
-    told = {"name": "P.x", "unit": "m", "at": np.linspace(0.0, 6.0, 50), "over": "rad", "exact": exact}
-    told |= {"parts": "x", "bound": 1e-9, "source": "own.py", "shares": {}}
+    told = {"name": "P.x", "unit": "m", "instants": np.linspace(0.0, 6.0, 50), "over": "rad", "exact": exact}
+    told |= {"components": "x", "tolerance": 1e-9, "source": "own.py", "shares": {}}
     for gap, drawn, says in ((1e-17, 0.0, "rounding, below"), (1e-11, 1e-11, "at most")):
         claimed = exact + gap * np.cos(np.linspace(0.0, 6.0, 50))[:, None]
         ax = agreement_plot(TwoCurves(claimed=claimed, **told)).axes[1]

@@ -285,8 +285,8 @@ def test_everything_of_the_whole_motion_is_inside_the_frame():
         view = camera.framed(back, up, points, radii, (640, 360))
         np.testing.assert_allclose(np.cross(view.right, view.up), view.back, atol=1e-12)
         pixels, reach = view.pixel(points), (radii * view.scale)[:, None]
-        assert ((pixels - reach) >= np.array([640, 360]) * camera.MARGIN - 1e-6).all()
-        assert ((pixels + reach) <= np.array([640, 360]) * (1 - camera.MARGIN) + 1e-6).all()
+        assert ((pixels - reach) >= np.array([640, 360]) * camera.BORDER - 1e-6).all()
+        assert ((pixels + reach) <= np.array([640, 360]) * (1 - camera.BORDER) + 1e-6).all()
 
 
 def test_rods_of_a_chain_join_the_points_of_a_path():

@@ -34,7 +34,7 @@ def stage_of(name, exact=False, **look):
 def test_shadows_fall_where_a_shadow_map_has_them(name):
     stage = stage_of(name)
     shadow = Shadow(stage)
-    stage.place(4)
+    stage.set_frame(4)
     pictures = []
     stage.model.vis.quality.shadowsize = 4096
     # MuJoCo's own shadow map is the judge; its map is drawn only where it was asked for from the start
@@ -71,7 +71,7 @@ def test_a_ghost_throws_no_shadow():
 def test_shadows_lie_flat_just_before_the_wall_and_hold_their_layers_apart():
     stage = stage_of("looper")
     scene = mujoco.MjvScene(stage.model, 2000)
-    stage.place(0)
+    stage.set_frame(0)
     shadow = Shadow(stage)
     shadow.put(scene)
     assert scene.ngeom == 3 * len(shadow.geoms)

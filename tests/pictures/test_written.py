@@ -44,8 +44,8 @@ def test_a_legend_leaves_the_mechanism_free(size, lines):
         view = camera.framed(np.array([0, 0, 1.0]), np.array([0, 1.0, 0]), points, radii, size, foot=free)
         lowest = (view.pixel(points)[:, 1] + radii * view.scale).max()
         highest = (view.pixel(points)[:, 1] - radii * view.scale).min()
-        assert lowest <= size[1] * (1.0 - max(free, camera.MARGIN)) + 1e-6
-        assert highest >= size[1] * camera.MARGIN - 1e-6
+        assert lowest <= size[1] * (1.0 - max(free, camera.BORDER)) + 1e-6
+        assert highest >= size[1] * camera.BORDER - 1e-6
         # scale bar and the lines above it
         assert lines == 0 or size[1] * free >= letters(size) * (1.2 + 1.4 * lines)
 
@@ -57,5 +57,5 @@ def test_a_picture_leaves_room_for_its_own_legend():
     with_legend, without = (
         Source(drive.mechanism, motion).drawn(one).camera for one in (look, replace(look, notes=False))
     )
-    free, taken = 1.0 - 2.0 * camera.MARGIN, foot(look.size, 3) - camera.MARGIN
+    free, taken = 1.0 - 2.0 * camera.BORDER, foot(look.size, 3) - camera.BORDER
     assert with_legend.height * (free - taken) == pytest.approx(without.height * free)

@@ -73,7 +73,7 @@ def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatc
     )
     found = [
         interpolated(grid.sliders, part[..., None], list(at.values()))[0]
-        for part in next(one for one in grid.readouts if one.name == "P").parts.values()
+        for part in next(one for one in grid.readouts if one.name == "P").components.values()
     ]
     np.testing.assert_allclose(found, solved, atol=2e-4)
 

@@ -21,8 +21,8 @@ def pieces(shapes, radius):
     spec.add_material(name=scenery.MATTE)
     for shape in shapes:
         frm, to = (tuple(np.divide(end, radius)) for end in (shape.frm, shape.to))
-        size = tuple(part / radius for part in shape.size)
-        scenery.add_shape(spec, spec.worldbody.add_body(), replace(shape, frm=frm, to=to, size=size))
+        size = tuple(part / radius for part in shape.sizes)
+        scenery.add_shape(spec, spec.worldbody.add_body(), replace(shape, frm=frm, to=to, sizes=size))
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -100,7 +100,7 @@ def test_of_bearings_above_one_another_the_lowest_stands():
     posts = [
         s
         for s in camera.stands(shapes[GROUND], unit_vector("y"), -0.2, rod_radius(mechanism))
-        if s.size[0] < 2.0 * rod_radius(mechanism)
+        if s.sizes[0] < 2.0 * rod_radius(mechanism)
     ]
     under = [post for post in posts if abs(post.frm[0]) < 1e-9 and abs(post.frm[2]) < 1e-9]
     assert len(posts) == 2

@@ -12,7 +12,7 @@ from mechsim.pictures.plots.figure import (
     blank,
     decades,
     drawn,
-    form_of,
+    format_of,
     styled,
     write,
 )
@@ -50,7 +50,7 @@ __all__ = [
     "dynamics_sheet",
     "energy_plot",
     "error_plot",
-    "form_of",
+    "format_of",
     "free_plot",
     "motion_plot",
     "reaction_plot",

@@ -9,8 +9,8 @@ from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
-    BESIDE,
     COLOURS,
+    LEGEND_RIGHT,
     STYLES,
     along_axis,
     angle_axis,
@@ -68,15 +68,17 @@ def reaction_plot(study: Prescribed) -> "Figure":
     Components that are the rounding of others are drawn as none; a row holds at most `ACROSS` joints.
     """
     reactions = study.efforts.reactions
-    forces = _settled(study)
+    forces = _determined_forces(study)
     largest = max((float(np.nanmax(np.abs(force), initial=0.0)) for force in forces.values()), default=0.0)
-    forces = {name: np.where(np.abs(one) < ROUNDING * largest, 0.0, one) for name, one in forces.items()}
+    forces = {
+        name: np.where(np.abs(force) < ROUNDING * largest, 0.0, force) for name, force in forces.items()
+    }
     still = [k for k in range(3) if not any(np.nan_to_num(force[:, k]).any() for force in forces.values())]
     first, second = (k for k in range(3) if k != (still[-1] if still else 2))
     planes = [(first, second)] if still else [(0, 1), (0, 2)]
     across, down = min(len(forces), ACROSS), -(-len(forces) // ACROSS)
-    size = 2.5 * across + 0.4, 2.6 * len(planes) * down
-    figure, axes = blank(len(planes) * down, across, size)
+    inches = 2.5 * across + 0.4, 2.6 * len(planes) * down
+    figure, axes = blank(len(planes) * down, across, inches)
     for number, (name, force) in enumerate(forces.items()):
         block, column = divmod(number, ACROSS)
         factor, unit = readable(force, "N")
@@ -116,14 +118,14 @@ def free_plot(run: FreeRun) -> "Figure":
     axes[1, 0].plot(time, run.motor / torque, color=COLOURS[1])
     axes[1, 0].set_ylabel(f"motor torque [{newton}]")
     flattened(axes[1, 0], float(np.abs(run.motor).max(initial=0.0)) / torque, newton)
-    parts = {
+    energies = {
         "kinetic": run.kinetic,
         "potential": run.potential - run.potential[0],
         "work of motor and loads": run.work,
         "lost": run.lost,
     }
-    joule, name = readable(np.concatenate(list(parts.values())), "J")
-    for i, (label, values) in enumerate(parts.items()):
+    joule, name = readable(np.concatenate(list(energies.values())), "J")
+    for i, (label, values) in enumerate(energies.items()):
         axes[2, 0].plot(time, values / joule, color=COLOURS[i], ls=STYLES[i % 3], label=label)
     axes[2, 0].set_ylabel(f"energy [{name}]")
     axes[2, 0].set_xlabel(f"time [{unit}]")
@@ -134,7 +136,7 @@ def free_plot(run: FreeRun) -> "Figure":
 @styled()
 def dynamics_sheet(
     study: Prescribed,
-    turn: Fluctuation | None = None,
+    fluctuation: Fluctuation | None = None,
     even: Fluctuation | None = None,
     simulated: Efforts | None = None,
 ) -> "Figure":
@@ -143,10 +145,10 @@ def dynamics_sheet(
     _driving(axes[0, 0], study, simulated)
     _polar(axes[0, 1], study)
     _powers(axes[1, 0], study)
-    if turn is None:
+    if fluctuation is None:
         axes[1, 1].set_axis_off()
     else:
-        _speeds(axes[1, 1], turn, even)
+        _speeds(axes[1, 1], fluctuation, even)
     return figure
 
 
@@ -158,13 +160,13 @@ def _driving(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
 
 
 def _torque(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
-    found, lines, degrees = study.efforts, study.torque_parts, np.rad2deg(study.efforts.angle)
-    factor, unit = readable(found.torque, "N m")
+    result, lines, degrees = study.efforts, study.torque_parts, np.rad2deg(study.efforts.angle)
+    factor, unit = readable(result.torque, "N m")
     shown = {name: values for name, values in lines.items() if np.abs(values).max() > 1e-6 * factor}
     for i, (name, values) in enumerate(shown.items()):
         if len(shown) > 1:
             ax.plot(degrees, values / factor, color=COLOURS[i + 1], ls="--", lw=1.0, label=label_of(name))
-    ax.plot(degrees, found.torque / factor, color=COLOURS[0], label="drive")
+    ax.plot(degrees, result.torque / factor, color=COLOURS[0], label="drive")
     if simulated is not None:
         every = max(1, len(simulated) // 48)
         x, y = np.rad2deg(simulated.angle[::every]), simulated.torque[::every] / factor
@@ -172,17 +174,17 @@ def _torque(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
     ax.set_ylabel(f"torque [{unit}]")
     flattened(ax, max(float(np.abs(values).max(initial=0.0)) for values in lines.values()) / factor, unit)
     angle_axis(ax)
-    ax.legend(**BESIDE)
+    ax.legend(**LEGEND_RIGHT)
 
 
-def _drives(ax: "Axes", found: Efforts, simulated: Efforts | None) -> None:
+def _drives(ax: "Axes", result: Efforts, simulated: Efforts | None) -> None:
     """Each driver's torque or force over time."""
-    assert found.time is not None
-    told = {name: readable(values, _unit(found, name)) for name, values in found.drives.items()}
-    for i, (name, values) in enumerate(found.drives.items()):
-        factor, unit = told[name]
+    assert result.time is not None
+    scales = {name: readable(values, _unit(result, name)) for name, values in result.drives.items()}
+    for i, (name, values) in enumerate(result.drives.items()):
+        factor, unit = scales[name]
         style: dict[str, Any] = {"color": COLOURS[i % 6], "ls": STYLES[i // 6 % 3]}
-        ax.plot(found.time, values / factor, label=label_of(f"{name} [{unit}]"), **style)
+        ax.plot(result.time, values / factor, label=label_of(f"{name} [{unit}]"), **style)
         if simulated is not None and simulated.time is not None:
             every = max(1, len(simulated) // 48)
             x, y = simulated.time[::every], simulated.drives[name][::every] / factor
@@ -190,25 +192,25 @@ def _drives(ax: "Axes", found: Efforts, simulated: Efforts | None) -> None:
             ax.plot(x, y, "o", ms=3.5, mfc="none", mew=0.7, color=RINGS, label=label)
     ax.set_ylabel("drives")
     ax.set_xlabel("time [s]")
-    ax.legend(**BESIDE)
+    ax.legend(**LEGEND_RIGHT)
 
 
-def _settled(study: Prescribed) -> dict[str, Array]:
+def _determined_forces(study: Prescribed) -> dict[str, Array]:
     """Return what is determined of each joint's force, (n, 3), gaps where it has no limit."""
     gaps = study.efforts.unbounded[:, None]
     return {
-        name: np.where(gaps, np.nan, one.settled(one.force, one.moment)[0])
-        for name, one in study.efforts.reactions.items()
+        name: np.where(gaps, np.nan, reaction.settled(reaction.force, reaction.moment)[0])
+        for name, reaction in study.efforts.reactions.items()
     }
 
 
-def _unit(found: Efforts, name: str) -> str:
-    return "N" if name in found.straight else "N m"
+def _unit(result: Efforts, name: str) -> str:
+    return "N" if name in result.straight else "N m"
 
 
 def _polar(ax: "Axes", study: Prescribed) -> None:
     """All forces in the x-y plane, as vectors from one origin."""
-    forces = _settled(study)
+    forces = _determined_forces(study)
     factor, unit = readable(np.concatenate(list(forces.values())), "N")
     for i, (name, force) in enumerate(forces.items()):
         ax.plot(*(force[:, :2] / factor).T, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], label=label_of(name))
@@ -216,16 +218,16 @@ def _polar(ax: "Axes", study: Prescribed) -> None:
     ax.set_xlabel(f"force along x [{unit}]")
     ax.set_ylabel(f"force along y [{unit}]")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.legend(**BESIDE)
+    ax.legend(**LEGEND_RIGHT)
 
 
 def _powers(ax: "Axes", study: Prescribed) -> None:
-    found = study.efforts
-    along = found.time if found.drives and found.time is not None else np.rad2deg(found.angle)
+    result = study.efforts
+    along = result.time if result.drives and result.time is not None else np.rad2deg(result.angle)
     powers: dict[str, Any] = {
-        "drive": found.power_in,
-        "loads": found.power_loads,
-        "less lost": -found.power_lost,
+        "drive": result.power_in,
+        "loads": result.power_loads,
+        "less lost": -result.power_lost,
         "less stored": -study.power_stored,
     }
     factor, unit = readable(np.concatenate(list(powers.values())), "W")
@@ -233,16 +235,16 @@ def _powers(ax: "Axes", study: Prescribed) -> None:
         ax.plot(along, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
     ax.plot(along, sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
     ax.set_ylabel(f"power into the machine [{unit}]")
-    along_axis(ax, bool(found.drives))
-    ax.legend(**BESIDE)
+    along_axis(ax, bool(result.drives))
+    ax.legend(**LEGEND_RIGHT)
 
 
-def _speeds(ax: "Axes", turn: Fluctuation, even: Fluctuation | None) -> None:
-    for i, one in enumerate([turn] if even is None else [turn, even]):
-        label = f"flywheel {one.flywheel:.3g} kg m², δ = {one.coefficient:.3g}"
-        ax.plot(np.rad2deg(one.angle), one.speed, color=COLOURS[i], ls=STYLES[i], label=label)
-    ax.axhline(turn.mean, color=RINGS, lw=0.8)
-    flattened(ax, abs(float(turn.mean)), "rad/s")
+def _speeds(ax: "Axes", fluctuation: Fluctuation, even: Fluctuation | None) -> None:
+    for i, curve in enumerate([fluctuation] if even is None else [fluctuation, even]):
+        label = f"flywheel {curve.flywheel:.3g} kg m², δ = {curve.coefficient:.3g}"
+        ax.plot(np.rad2deg(curve.angle), curve.speed, color=COLOURS[i], ls=STYLES[i], label=label)
+    ax.axhline(fluctuation.mean, color=RINGS, lw=0.8)
+    flattened(ax, abs(float(fluctuation.mean)), "rad/s")
     ax.set_ylabel("crank speed [rad/s]")
     angle_axis(ax)
-    ax.legend(**BESIDE)
+    ax.legend(**LEGEND_RIGHT)

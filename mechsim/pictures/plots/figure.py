@@ -30,8 +30,8 @@ STYLES = ("-", "--", ":")
 ROUNDED = 1e-12
 # characters of a label that a legend has room for
 LONGEST_LABEL = 40
-# a legend beside axes that curves may fill
-BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
+# a legend to the right of axes that curves may fill
+LEGEND_RIGHT: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
 LOOK: dict[str, Any] = {
     "font.size": 9.0,
@@ -55,15 +55,15 @@ LOOK: dict[str, Any] = {
 }
 
 
-def form_of(path: str | Path) -> Format:
+def format_of(path: str | Path) -> Format:
     """Return the format that a file's extension asks for.
 
     Raises:
         InputError: for an unknown extension.
     """
-    for form in FORMATS:
-        if Path(path).suffix == f".{form}":
-            return form
+    for file_format in FORMATS:
+        if Path(path).suffix == f".{file_format}":
+            return file_format
     raise InputError(
         f"cannot plot to {Path(path).name}: its extension is not one of {', '.join('.' + f for f in FORMATS)}"
     )
@@ -80,7 +80,7 @@ def styled() -> Generator[None]:
 
 
 def blank(
-    rows: int, columns: int, size: tuple[float, float], **options: Any
+    rows: int, columns: int, inches: tuple[float, float], **options: Any
 ) -> tuple["Figure", NDArray[Any]]:
     """Return a figure of a size in inches and its axes, (rows, columns).
 
@@ -89,7 +89,7 @@ def blank(
     with needs("pictures"):
         from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=inches, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     for ax in axes.flat:
         # marks on axes are made when they are first seen, which may be long after
@@ -99,14 +99,14 @@ def blank(
     return figure, axes
 
 
-def drawn(figure: "Figure", form: Format = "svg") -> bytes:
+def drawn(figure: "Figure", file_format: Format = "svg") -> bytes:
     """Return a figure as the bytes of a file; the same plot made again gives the same bytes.
 
     Raises:
         InputError: for an unknown format.
     """
-    if form not in FORMATS:
-        raise InputError(f"there is no plot format {form!r}; known are {', '.join(FORMATS)}")
+    if file_format not in FORMATS:
+        raise InputError(f"there is no plot format {file_format!r}; known are {', '.join(FORMATS)}")
     out = io.BytesIO()
     layout = figure.get_layout_engine()
     with styled(), warnings.catch_warnings():
@@ -116,8 +116,8 @@ def drawn(figure: "Figure", form: Format = "svg") -> bytes:
         if layout is not None:
             layout.execute(figure)
             figure.set_layout_engine("none")
-        dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[form]
-        figure.savefig(out, format=form, dpi=160, metadata=dated)
+        dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[file_format]
+        figure.savefig(out, format=file_format, dpi=160, metadata=dated)
     figure.set_layout_engine(layout)
     return out.getvalue()
 
@@ -129,9 +129,9 @@ def write(path: str | Path, figure: "Figure") -> None:
         InputError: for an unknown extension.
         OutputError: where the file cannot be written.
     """
-    drawing = drawn(figure, form_of(path))
-    with written_beside(path) as beside:
-        beside.write_bytes(drawing)
+    drawing = drawn(figure, format_of(path))
+    with written_beside(path) as temporary:
+        temporary.write_bytes(drawing)
 
 
 def label_of(name: str) -> str:
@@ -174,9 +174,9 @@ def angle_axis(ax: "Axes") -> None:
 
 def still(values: ArrayLike, scale: float) -> bool:
     """Say whether values vary by no more than the rounding of their scale."""
-    known = np.asarray(values, dtype=np.float64)
-    known = known[np.isfinite(known)]
-    return bool(len(known)) and scale > 0.0 and float(np.ptp(known)) < ROUNDED * scale
+    finite = np.asarray(values, dtype=np.float64)
+    finite = finite[np.isfinite(finite)]
+    return bool(len(finite)) and scale > 0.0 and float(np.ptp(finite)) < ROUNDED * scale
 
 
 def flattened(ax: "Axes", scale: float, unit: str) -> None:
@@ -192,8 +192,8 @@ def flattened(ax: "Axes", scale: float, unit: str) -> None:
         return
     middle = 0.5 * float(np.nanmin(values) + np.nanmax(values))
     ax.set_ylim(middle - 0.5 * scale, middle + 0.5 * scale)
-    said = f"varies by less than {ROUNDED * scale:.1g} {unit}: rounding"
-    ax.annotate(said, (0.03, 0.05), xycoords="axes fraction", fontsize=6.5, color="#5b6470")
+    text = f"varies by less than {ROUNDED * scale:.1g} {unit}: rounding"
+    ax.annotate(text, (0.03, 0.05), xycoords="axes fraction", fontsize=6.5, color="#5b6470")
 
 
 def locator(step: float) -> Any:
@@ -219,7 +219,7 @@ def decades(axis: "Axis") -> None:
     with needs("pictures"):
         from matplotlib.ticker import FuncFormatter, NullLocator
 
-    def power(value: float, _place: Any = None) -> str:
+    def power(value: float, _position: Any = None) -> str:
         exponent = round(float(np.log10(value))) if value > 0.0 else 0
         return power_of_ten(exponent)
 

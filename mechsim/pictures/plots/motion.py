@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from mechsim.model.motion import Motion
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
-    BESIDE,
     COLOURS,
+    LEGEND_RIGHT,
     STYLES,
     abscissa,
     along_axis,
@@ -56,8 +56,8 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
         for row, (attribute, label) in enumerate(rows):
             ax, values = axes[row, column], getattr(motion.points[name], attribute)
             factor, unit = readable(values, ("m", "m/s", "m/s²")[row])
-            for i, part in enumerate("xyz"):
-                ax.plot(abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=part)
+            for i, axis in enumerate("xyz"):
+                ax.plot(abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=axis)
             ax.set_ylabel(f"{label} [{unit}]")
             flattened(ax, scales[row] / factor, unit)
             # one line for all labels of a column; finding the line costs a third of the plot
@@ -76,11 +76,11 @@ def _scales(motion: Motion) -> list[float]:
     """
     reach = max(float(np.abs(point.position).max(initial=0.0)) for point in motion.points.values())
     speed = float(np.abs(motion.speed).max(initial=0.0))
-    found = [reach, reach * speed, reach * speed**2]
+    scales = [reach, reach * speed, reach * speed**2]
     for i, rate in ((1, "velocity"), (2, "acceleration")):
         sizes = [np.abs(getattr(point, rate)).max(initial=0.0) for point in motion.points.values()]
-        found[i] = max(found[i], float(np.nanmax(sizes)))
-    return found
+        scales[i] = max(scales[i], float(np.nanmax(sizes)))
+    return scales
 
 
 @styled()
@@ -102,33 +102,33 @@ def transmission_plot(angles: ArrayLike, transmission: ArrayLike) -> "Figure":
 
 @styled()
 def error_plot(
-    at: ArrayLike,
+    instants: ArrayLike,
     errors: Mapping[str, ArrayLike],
     *,
     unit: str,
-    bound: float | None = None,
+    tolerance: float | None = None,
     title: str = "",
     timed: bool = False,
 ) -> "Figure":
     """Draw errors over the turn on a logarithmic scale, with the bound they must keep.
 
     Args:
-        at: crank angles, (n,) in [rad], or times in [s].
+        instants: crank angles, (n,) in [rad], or times in [s].
         errors: label -> error, (n,); the size is drawn, gaps stand for NaN.
         unit: of errors and bound.
-        bound: largest error allowed; None draws none.
+        tolerance: largest error allowed; None draws none.
         title: what was compared.
         timed: whether they are over time.
     """
-    x = np.asarray(at) if timed else np.rad2deg(np.asarray(at))
+    x = np.asarray(instants) if timed else np.rad2deg(np.asarray(instants))
     figure, axes = blank(1, 1, (5.6, 3.0))
     ax = axes[0, 0]
     for i, (label, values) in enumerate(errors.items()):
-        size = np.abs(np.asarray(values, dtype=np.float64))
-        size = np.where(np.isfinite(size), np.maximum(size, FLOOR), np.nan)
-        ax.semilogy(x, size, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label_of(label))
-    if bound is not None:
-        ax.axhline(bound, color="#b00020", lw=1.2, ls="--", label=f"bound {bound:.1e} {unit}")
+        error = np.abs(np.asarray(values, dtype=np.float64))
+        error = np.where(np.isfinite(error), np.maximum(error, FLOOR), np.nan)
+        ax.semilogy(x, error, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label_of(label))
+    if tolerance is not None:
+        ax.axhline(tolerance, color="#b00020", lw=1.2, ls="--", label=f"tolerance {tolerance:.1e} {unit}")
     decades(ax.yaxis)
     # an error passes zero when it changes sign; following it there would flatten all the rest
     peaks = _peaks(errors)
@@ -136,14 +136,14 @@ def error_plot(
     ax.set_ylabel(f"error [{unit}]")
     ax.set_title(title)
     along_axis(ax, timed)
-    ax.legend(**BESIDE)
+    ax.legend(**LEGEND_RIGHT)
     return figure
 
 
 def _peaks(errors: Mapping[str, ArrayLike]) -> list[float]:
     """The largest finite error of each label that has one above the floor."""
     sizes = (np.abs(np.asarray(values, dtype=np.float64)) for values in errors.values())
-    peaks = [float(np.max(size, where=np.isfinite(size), initial=0.0)) for size in sizes]
+    peaks = [float(np.max(error, where=np.isfinite(error), initial=0.0)) for error in sizes]
     return [peak for peak in peaks if peak > FLOOR]
 
 
@@ -158,97 +158,99 @@ class TwoCurves:
     Attributes:
         name: of it.
         unit: of all values.
-        at: crank angles in [rad], times in [s], or rows of a table, (n,).
+        instants: crank angles in [rad], times in [s], or rows of a table, (n,).
         over: which of them: "rad", "s" or "row".
         exact: (n, k).
         claimed: (n, k).
-        parts: names of the components, k.
-        bound: how far both may lie apart.
+        components: names of the components, k.
+        tolerance: how far both may lie apart.
         source: who claims it.
         shares: where the distance of a run comes from, part -> size; empty where none was run.
     """
 
     name: str
     unit: str
-    at: Array
+    instants: Array
     over: str
     exact: Array
     claimed: Array
-    parts: str
-    bound: float
+    components: str
+    tolerance: float
     source: str
     shares: Mapping[str, float]
 
 
 @styled()
-def agreement_plot(told: TwoCurves) -> "Figure":
+def agreement_plot(curves: TwoCurves) -> "Figure":
     """Draw a claim on top of what is exact, the difference below, and below that where a run's comes from."""
-    rows = 3 if told.shares else 2
+    rows = 3 if curves.shares else 2
     figure, axes = blank(rows, 1, (5.4, 2.1 * rows + 0.6))
-    x = np.rad2deg(told.at) if told.over == "rad" else told.at
-    _curves(axes[0, 0], x, told)
+    x = np.rad2deg(curves.instants) if curves.over == "rad" else curves.instants
+    _curves(axes[0, 0], x, curves)
     lines = axes[0, 0].get_lines()
     figure.legend(handles=lines, ncols=len(lines), fontsize=7, loc="outside upper right", handlelength=1.6)
-    _difference(axes[1, 0], x, told)
+    _difference(axes[1, 0], x, curves)
     for ax in axes[:2, 0]:
-        along_axis(ax, told.over == "s")
-        if told.over == "row":
+        along_axis(ax, curves.over == "s")
+        if curves.over == "row":
             ax.set_xlabel("row")
-    if told.shares:
-        _shares(axes[2, 0], told)
+    if curves.shares:
+        _shares(axes[2, 0], curves)
     return figure
 
 
-def _curves(ax: "Axes", x: Array, told: TwoCurves) -> None:
-    factor, unit = _readable(np.concatenate([told.exact, told.claimed]), told.unit)
-    for i in range(told.exact.shape[1]):
-        colour, part = COLOURS[i], f" {told.parts[i]}" if told.parts else ""
-        ax.plot(x, told.exact[:, i] / factor, color=colour, lw=2.6, alpha=0.45, label=f"exact{part}")
+def _curves(ax: "Axes", x: Array, curves: TwoCurves) -> None:
+    factor, unit = _readable(np.concatenate([curves.exact, curves.claimed]), curves.unit)
+    for i in range(curves.exact.shape[1]):
+        colour, component = COLOURS[i], f" {curves.components[i]}" if curves.components else ""
+        ax.plot(x, curves.exact[:, i] / factor, color=colour, lw=2.6, alpha=0.45, label=f"exact{component}")
         few = len(x) <= DOTS
         marker, line = ("." if few else ""), ("none" if few else ":")
         ax.plot(
             x,
-            told.claimed[:, i] / factor,
+            curves.claimed[:, i] / factor,
             color=colour,
-            label=f"claimed{part}",
+            label=f"claimed{component}",
             marker=marker,
             ls=line,
             ms=3.5,
         )
-    ax.set_ylabel(f"{told.name} [{unit}]")
-    ax.set_title(f"{told.name}: exact, and {told.source}")
+    ax.set_ylabel(f"{curves.name} [{unit}]")
+    ax.set_title(f"{curves.name}: exact, and {curves.source}")
 
 
-def _difference(ax: "Axes", x: Array, told: TwoCurves) -> None:
-    gap = told.claimed - told.exact
-    if told.unit == "rad":
+def _difference(ax: "Axes", x: Array, curves: TwoCurves) -> None:
+    gap = curves.claimed - curves.exact
+    if curves.unit == "rad":
         gap = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
-    floor = ROUNDED * float(np.nanmax(np.abs(told.exact), initial=0.0))
+    floor = ROUNDED * float(np.nanmax(np.abs(curves.exact), initial=0.0))
     rounding = float(np.nanmax(np.abs(gap), initial=0.0)) < floor
-    factor, unit = _readable(np.array([max(floor, told.bound)]) if rounding else gap, told.unit)
+    factor, unit = _readable(np.array([max(floor, curves.tolerance)]) if rounding else gap, curves.unit)
     if rounding:
         gap = 0.0 * gap
     for i in range(gap.shape[1]):
-        ax.plot(x, gap[:, i] / factor, color=COLOURS[i], label=told.parts[i : i + 1])
+        ax.plot(x, gap[:, i] / factor, color=COLOURS[i], label=curves.components[i : i + 1])
     largest = float(np.abs(gap).max(initial=0.0))
     if rounding:
-        far = 1.3 * max(told.bound, floor) / factor
-        ax.set_ylim(-far, far)
-    if told.bound > 0.05 * largest:
-        for sense in (1.0, -1.0):
-            ax.axhline(sense * told.bound / factor, color="#5b6470", lw=0.8, ls="--")
+        limit = 1.3 * max(curves.tolerance, floor) / factor
+        ax.set_ylim(-limit, limit)
+    if curves.tolerance > 0.05 * largest:
+        for sign in (1.0, -1.0):
+            ax.axhline(sign * curves.tolerance / factor, color="#5b6470", lw=0.8, ls="--")
     ax.set_ylabel(f"difference [{unit}]")
     most = (
-        f"rounding, below {floor:.1g} {told.unit}" if rounding else f"at most {prefixed(largest, told.unit)}"
+        f"rounding, below {floor:.1g} {curves.unit}"
+        if rounding
+        else f"at most {prefixed(largest, curves.unit)}"
     )
-    said = f"{most}, bound {prefixed(told.bound, told.unit)}"
-    ax.set_title(f"the difference: {said}")
+    text = f"{most}, bound {prefixed(curves.tolerance, curves.unit)}"
+    ax.set_title(f"the difference: {text}")
 
 
-def _shares(ax: "Axes", told: TwoCurves) -> None:
-    names = list(told.shares)
-    values = np.array([told.shares[name] for name in names])
-    factor, unit = _readable(values, told.unit)
+def _shares(ax: "Axes", curves: TwoCurves) -> None:
+    names = list(curves.shares)
+    values = np.array([curves.shares[name] for name in names])
+    factor, unit = _readable(values, curves.unit)
     ax.barh(names[::-1], values[::-1] / factor, color=COLOURS[0], height=0.6)
     ax.axvline(0.0, color="#5b6470", lw=0.8)
     ax.set_xlabel(f"share of the largest distance between run and claim [{unit}]")

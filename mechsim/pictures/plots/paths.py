@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from mechsim.errors import InputError, needs
 from mechsim.numerics.angles import TURN
-from mechsim.pictures.plots.figure import BESIDE, STYLES, locator
+from mechsim.pictures.plots.figure import LEGEND_RIGHT, STYLES, locator
 
 
 class DrawablePlan(Protocol):
@@ -53,18 +53,18 @@ def coupler_curve(
         other: a second motion of the same points, drawn as rings.
     """
     names, colours = chosen(motion, points), point_colours(mechanism)
-    places = {name: motion.points[name].position for name in names}
-    everything = np.vstack(list(places.values()))
+    positions = {name: motion.points[name].position for name in names}
+    everything = np.vstack(list(positions.values()))
     factor, unit = readable(everything, "m")
     spread, scale = float(np.ptp(everything, axis=0).max()), float(np.abs(everything).max())
     flat = np.ptp(everything[:, 2]) <= max(1e-9 * spread, ROUNDED * scale)
     views = [(0, 1)] if flat else [(0, 1), (2, 1), (0, 2)]
     figure, axes = blank(1, len(views), (3.6 * len(views) + 0.4, 3.4))
     for ax, (i, j) in zip(axes[0], views, strict=True):
-        for name, place in places.items():
+        for name, position in positions.items():
             colour = colours[name]
-            ax.plot(place[:, i] / factor, place[:, j] / factor, color=colour, label=label_of(name))
-            ax.plot(*(place[0, [i, j]] / factor), "o", ms=4, color=colour)
+            ax.plot(position[:, i] / factor, position[:, j] / factor, color=colour, label=label_of(name))
+            ax.plot(*(position[0, [i, j]] / factor), "o", ms=4, color=colour)
             if other is not None:
                 rings = other.points[name].position[:, [i, j]] / factor
                 ax.plot(*rings.T, "o", ms=3.5, mfc="none", mew=0.7, color="#222831")
@@ -86,8 +86,8 @@ def coupler_curve(
 def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None) -> "Figure":
     """Draw the paths of points in perspective, with their shadows on the floor; see `coupler_curve`."""
     names, colours = chosen(motion, points), point_colours(mechanism)
-    places = {name: motion.points[name].position for name in names}
-    everything = np.vstack(list(places.values()))
+    positions = {name: motion.points[name].position for name in names}
+    everything = np.vstack(list(positions.values()))
     factor, unit = readable(everything, "m")
     # a cube that holds everything, so that lengths compare across axes
     middle = (everything.min(0) + everything.max(0)) / 2.0 / factor
@@ -99,10 +99,10 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
     floor = middle[vertical] - half * up[vertical]
     figure, axes = blank(1, 1, (4.6, 4.4), subplot_kw={"projection": "3d"})
     ax = axes[0, 0]
-    for name, place in places.items():
+    for name, position in positions.items():
         colour = colours[name]
         # matplotlib's z points up, whichever of the mechanism's axes does
-        first, second, height = (place / factor)[:, order].T
+        first, second, height = (position / factor)[:, order].T
         ax.plot(first, second, np.full_like(height, floor), color="#b9bfc8", lw=1.0)
         ax.plot(first, second, height, color=colour, label=label_of(name))
         ax.plot(first[:1], second[:1], height[:1], "o", ms=4, color=colour)
@@ -165,30 +165,30 @@ class AssemblyTable:
         curves: a table each.
         units: column -> "rad", "m", or "" of an arc.
         dead_centres: a table of the places where the crank turns back.
-        meetings: a table of those where curves meet.
+        branch_points: a table of those where curves meet.
     """
 
     curves: Sequence[Mapping[str, Array]]
     units: Mapping[str, str]
     dead_centres: Mapping[str, Array] = field(default_factory=dict[str, Array])
-    meetings: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    branch_points: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
 
 @styled()
-def assembly_plot(table: AssemblyTable, of: Sequence[str]) -> "Figure":
-    """Draw all curves over two coordinates, or three in perspective: dead centres as dots, meetings as rings.
+def assembly_plot(table: AssemblyTable, columns: Sequence[str]) -> "Figure":
+    """Draw all curves over two or three coordinates: dead centres as dots, branch points as rings.
 
     Args:
         table: what is drawn.
-        of: two or three columns of it.
+        columns: two or three columns of it.
 
     Raises:
         InputError: for another number of them.
     """
-    if len(of) not in (2, 3):
-        raise InputError(f"{len(of)} coordinates to plot over ({', '.join(of)}); give two or three")
-    scales = [_Scale(table, name) for name in of]
-    kind = {"projection": "3d"} if len(of) == 3 else {}
+    if len(columns) not in (2, 3):
+        raise InputError(f"{len(columns)} coordinates to plot over ({', '.join(columns)}); give two or three")
+    scales = [_Scale(table, name) for name in columns]
+    kind = {"projection": "3d"} if len(columns) == 3 else {}
     figure, axes = blank(1, 1, (6.0, 4.6) if kind else (6.0, 3.8), subplot_kw=kind)
     ax: Any = axes[0, 0]
     for i, curve in enumerate(table.curves):
@@ -198,23 +198,23 @@ def assembly_plot(table: AssemblyTable, of: Sequence[str]) -> "Figure":
         ax.plot(*line, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=width, label=f"component {i + 1}")
     for marked, label, look in (
         (table.dead_centres, "dead centre", {"ms": 5, "color": INK}),
-        (table.meetings, "assemblies meet", {"ms": 9, "mfc": "none", "mew": 1.4, "color": INK}),
+        (table.branch_points, "assemblies meet", {"ms": 9, "mfc": "none", "mew": 1.4, "color": INK}),
     ):
-        if marked and len(marked[of[0]]):
+        if marked and len(marked[columns[0]]):
             ax.plot(*(scale.drawn(marked[scale.name]) for scale in scales), "o", label=label, **look)
     for axis, scale in zip("xyz", scales, strict=False):
         getattr(ax, f"set_{axis}label")(f"{scale.label} [{scale.unit}]" if scale.unit else scale.label)
         ticks = scale.ticks(sparse=bool(kind))
         if ticks is not None:
             getattr(ax, f"{axis}axis").set_major_locator(ticks)
-    lengths = {table.units[name] for name in of} == {"m"}
-    if len(of) == 3:
+    lengths = {table.units[name] for name in columns} == {"m"}
+    if len(columns) == 3:
         _in_space(ax, scales if lengths else None)
         figure.legend(loc="outside upper left", ncols=3)
     else:
         if lengths:
             ax.set_aspect("equal", adjustable="datalim")
-        ax.legend(**BESIDE)
+        ax.legend(**LEGEND_RIGHT)
     return figure
 
 
@@ -224,13 +224,13 @@ class _Scale:
     def __init__(self, table: AssemblyTable, name: str):
         self.name = name
         values = np.concatenate([curve[name] for curve in table.curves])
-        self.turned = table.units[name] == "rad"
+        self.is_angle = table.units[name] == "rad"
         # what swings over more than a turn and comes back, as a pinion on its rack, is drawn as it is counted
         gains = [abs(float(curve[name][-1] - curve[name][0])) for curve in table.curves]
         wide = max(float(np.ptp(curve[name])) for curve in table.curves) > TURN
-        self.cut = self.turned and not (wide and max(gains) < np.pi)
+        self.cut = self.is_angle and not (wide and max(gains) < np.pi)
         self.label, self.low = ("crank angle", 0.0) if name == "angle" else (name, 0.0)
-        if self.turned:
+        if self.is_angle:
             self.factor, self.unit, self.low = np.pi / 180.0, "°", _cut(values)
         else:
             self.factor, self.unit = readable(values, "m") if table.units[name] == "m" else (1.0, "")
@@ -255,14 +255,14 @@ class _Scale:
 
 
 def _cut(values: Array) -> float:
-    """Return the angle in [rad] at which a turn is cut: in the middle of the widest gap, or at nought."""
-    known = np.sort(np.mod(values, TURN))
-    gaps = np.diff(known, append=known[0] + TURN)
+    """Return the angle in [rad] at which a turn is cut: in the middle of the widest gap, or at zero."""
+    angles = np.sort(np.mod(values, TURN))
+    gaps = np.diff(angles, append=angles[0] + TURN)
     widest = int(np.argmax(gaps))
     if gaps[widest] < GAP:
         return 0.0
-    cut = float(known[widest] + 0.5 * gaps[widest])
-    # counted about nought rather than about a turn
+    cut = float(angles[widest] + 0.5 * gaps[widest])
+    # counted about zero rather than about a turn
     middle = cut + np.pi
     return cut - TURN * float(np.round(middle / TURN))
 
@@ -273,8 +273,8 @@ def _broken(columns: Sequence[Array]) -> list[Array]:
     for column in columns:
         steps = np.abs(np.diff(column))
         leaps |= steps > 0.5 * max(float(np.ptp(column)), 1e-300)
-    at = np.flatnonzero(leaps) + 1
-    return [np.insert(column, at, np.nan) for column in columns]
+    jumps = np.flatnonzero(leaps) + 1
+    return [np.insert(column, jumps, np.nan) for column in columns]
 
 
 def _in_space(ax: Any, alike: Sequence[_Scale] | None) -> None:

@@ -9,14 +9,14 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array, tangents
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import BESIDE, COLOURS, STYLES, along_axis, blank, label_of, styled
+from mechsim.pictures.plots.figure import COLOURS, LEGEND_RIGHT, STYLES, along_axis, blank, label_of, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # quantities on one sheet, and dimensions drawn in each
-MOST, LINES = 12, 12
+MAX_QUANTITIES, LINES = 12, 12
 # how wide the widest band is drawn, in parts of the path's extent
 WIDE = 0.06
 INK = "#222831"
@@ -51,13 +51,13 @@ class PathBand:
 
     Attributes:
         point: its name.
-        places: (n, 3) in [m].
+        positions: (n, 3) in [m].
         worst: how far aside where all conspire, across the path in its plane, (n,) in [m].
         squares: likewise by the root of the sum of squares, (n,).
     """
 
     point: str
-    places: Array
+    positions: Array
     worst: Array
     squares: Array
 
@@ -68,13 +68,13 @@ class ToleranceSheet:
 
     Attributes:
         over: "angle" in [rad] or "t" in [s].
-        at: (n,).
+        instants: (n,).
         bands: quantity -> band.
         paths: of points.
     """
 
     over: str
-    at: Array
+    instants: Array
     bands: Mapping[str, Band]
     paths: Sequence[PathBand] = field(default_factory=tuple)
 
@@ -82,18 +82,18 @@ class ToleranceSheet:
 @styled()
 def sensitivity_plot(
     over: str,
-    at: Array,
+    instants: Array,
     curves: Mapping[str, Mapping[str, Array]],
     units: Mapping[str, str],
     by: Mapping[str, str],
 ) -> "Figure":
     """Draw derivatives of each quantity that has any over the motion, the largest few of its dimensions.
 
-    They are told per mm or per degree, by which lengths and angles are alike in size.
+    They are given per mm or per degree, so that lengths and angles compare.
 
     Args:
         over: "angle" in [rad] or "t" in [s].
-        at: (n,).
+        instants: (n,).
         curves: quantity -> dimension -> derivative, (n,) in SI.
         units: quantity -> unit.
         by: dimension -> unit.
@@ -101,28 +101,39 @@ def sensitivity_plot(
     Raises:
         InputError: for more quantities than a sheet holds.
     """
-    curves = {of: lines for of, lines in curves.items() if any(one.any() for one in lines.values())} or curves
+    curves = {
+        quantity: lines
+        for quantity, lines in curves.items()
+        if any(derivative.any() for derivative in lines.values())
+    } or curves
     _require_few(curves)
     figure, axes = blank(len(curves), 1, (7.2, 0.6 + 2.1 * len(curves)), sharex=True)
     names = [*dict.fromkeys(name for lines in curves.values() for name in lines)]
-    for ax, (quantity, given) in zip(axes[:, 0], curves.items(), strict=True):
+    for ax, (quantity, derivatives) in zip(axes[:, 0], curves.items(), strict=True):
         times, unit = SHOWN.get(units[quantity], (1.0, units[quantity]))
-        lines = {name: one * times / SHOWN.get(by[name], (1.0, ""))[0] for name, one in given.items()}
+        lines = {
+            name: derivative * times / SHOWN.get(by[name], (1.0, ""))[0]
+            for name, derivative in derivatives.items()
+        }
         if unit == units[quantity]:
             factor, unit = readable(np.concatenate([*lines.values()]), unit)
-            lines = {name: one / factor for name, one in lines.items()}
+            lines = {name: derivative / factor for name, derivative in lines.items()}
         per = [shown for measure, (_, shown) in SHOWN.items() if measure in {by[name] for name in lines}]
         order = [name for name in _largest_first(lines) if lines[name].any()]
         for name in order[:LINES]:
             i = names.index(name)
             style = STYLES[i // len(COLOURS) % len(STYLES)]
             ax.plot(
-                _axis(over, at), lines[name], style, color=COLOURS[i % len(COLOURS)], label=label_of(name)
+                _axis(over, instants),
+                lines[name],
+                style,
+                color=COLOURS[i % len(COLOURS)],
+                label=label_of(name),
             )
-        left = f", {len(order) - LINES} smaller left out" if len(order) > LINES else ""
-        ax.set_title(f"derivatives of {quantity} [{unit} per {' or '.join(per) or '1'}]{left}")
+        remaining = f", {len(order) - LINES} smaller left out" if len(order) > LINES else ""
+        ax.set_title(f"derivatives of {quantity} [{unit} per {' or '.join(per) or '1'}]{remaining}")
         if order:
-            ax.legend(**BESIDE, fontsize=8.0)
+            ax.legend(**LEGEND_RIGHT, fontsize=8.0)
     along_axis(axes[-1, 0], over != "angle")
     return figure
 
@@ -159,7 +170,7 @@ def tolerance_plot(sheet: ToleranceSheet) -> "Figure":
 
 def _draw_path(ax: "Axes", path: PathBand) -> None:
     """Draw a path in its plane, with bands across it."""
-    flat, normal = in_plane(path.places)
+    flat, normal = in_plane(path.positions)
     extent = float(np.ptp(flat, axis=0).max())
     widest = float(path.worst.max(initial=0.0))
     times = 1.0 if widest == 0.0 else _round_number(WIDE * extent / widest)
@@ -168,8 +179,8 @@ def _draw_path(ax: "Axes", path: PathBand) -> None:
         (path.squares, COLOURS[0], "root of squares"),
     ):
         aside = normal * (times * width)[:, None] * 1e3
-        there, back = flat * 1e3 + aside, flat * 1e3 - aside
-        outline = np.concatenate([there, back[::-1]])
+        outer, inner = flat * 1e3 + aside, flat * 1e3 - aside
+        outline = np.concatenate([outer, inner[::-1]])
         ax.fill(
             *outline.T, color=colour, alpha=0.35, linewidth=0.0, label=f"{label},\n{times:g} times as wide"
         )
@@ -180,9 +191,9 @@ def _draw_path(ax: "Axes", path: PathBand) -> None:
     ax.set_ylabel("[mm]")
 
 
-def in_plane(places: Array) -> tuple[Array, Array]:
+def in_plane(positions: Array) -> tuple[Array, Array]:
     """Return a path in the plane nearest to it, (n, 2) in [m], and unit vectors across it there, (n, 2)."""
-    middle = places - places.mean(0)
+    middle = positions - positions.mean(0)
     axes = np.linalg.svd(middle, full_matrices=False)[2][:2]
     # as people hold a page: x to the right where the plane lets it
     axes = axes * np.where(axes[:, np.abs(axes).argmax(1)].diagonal() < 0.0, -1.0, 1.0)[:, None]
@@ -194,16 +205,18 @@ def in_plane(places: Array) -> tuple[Array, Array]:
 
 
 def _draw_band(ax: "Axes", sheet: ToleranceSheet, quantity: str, band: Band) -> None:
-    at = _axis(sheet.over, sheet.at)
+    instants = _axis(sheet.over, sheet.instants)
     times, unit = SHOWN.get(band.unit, (1.0, band.unit))
     ax.fill_between(
-        at, -band.worst * times, band.worst * times, color=COLOURS[1], alpha=0.25, label="worst case"
+        instants, -band.worst * times, band.worst * times, color=COLOURS[1], alpha=0.25, label="worst case"
     )
-    ax.plot(at, band.squares * times, "--", color=COLOURS[0], label="root of squares")
-    ax.plot(at, -band.squares * times, "--", color=COLOURS[0])
+    ax.plot(instants, band.squares * times, "--", color=COLOURS[0], label="root of squares")
+    ax.plot(instants, -band.squares * times, "--", color=COLOURS[0])
     if band.low is not None and band.high is not None:
         label = "95 % of random mechanisms"
-        ax.fill_between(at, band.low * times, band.high * times, color=COLOURS[0], alpha=0.35, label=label)
+        ax.fill_between(
+            instants, band.low * times, band.high * times, color=COLOURS[0], alpha=0.35, label=label
+        )
     ax.set_title(f"{quantity} is off by [{unit}]")
     ax.margins(y=0.3)
     ax.legend(fontsize=7.5, loc="upper center", ncols=3)
@@ -216,18 +229,18 @@ def _draw_shares(ax: "Axes", band: Band) -> None:
     ax.set_title("share of the variance, %")
 
 
-def _axis(over: str, at: Array) -> Array:
-    return np.rad2deg(at) if over == "angle" else at
+def _axis(over: str, instants: Array) -> Array:
+    return np.rad2deg(instants) if over == "angle" else instants
 
 
 def _round_number(value: float) -> float:
     """Return 1, 2 or 5 times a power of ten, at most a value, and 1 at least."""
     power = 10.0 ** np.floor(np.log10(value))
-    return max(1.0, float(max(one * power for one in (1.0, 2.0, 5.0) if one * power <= value)))
+    return max(1.0, float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value)))
 
 
-def _require_few(of: Mapping[str, object]) -> None:
-    if not 1 <= len(of) <= MOST:
+def _require_few(quantities: Mapping[str, object]) -> None:
+    if not 1 <= len(quantities) <= MAX_QUANTITIES:
         raise InputError(
-            f"{len(of)} quantities are asked for, and a sheet holds 1 to {MOST}; name fewer with --of"
+            f"{len(quantities)} quantities; a sheet holds 1 to {MAX_QUANTITIES}, name fewer with --of"
         )

@@ -47,16 +47,16 @@ class SweepTable:
         if unit in ("1", ""):
             return values, name
         finite = values[np.isfinite(values)]
-        factor, said = readable(finite if len(finite) else np.ones(1), unit)
-        return values / factor, f"{name} [{said}]"
+        factor, shown_unit = readable(finite if len(finite) else np.ones(1), unit)
+        return values / factor, f"{name} [{shown_unit}]"
 
 
-def sweep_plot(table: SweepTable, of: Sequence[str] | None = None, kind: str | None = None) -> "Figure":
+def sweep_plot(table: SweepTable, selected: Sequence[str] | None = None, kind: str | None = None) -> "Figure":
     """Draw a sweep.
 
     Args:
         table: the sweep.
-        of: measures; None draws all.
+        selected: measures; None draws all.
         kind: "map", over one or two parameters; "parallel", every design a line; "pareto", one measure over
             another with the designs that none betters in both. None takes a map where there is a grid of one
             or two parameters, or a list of one; else parallel.
@@ -64,7 +64,7 @@ def sweep_plot(table: SweepTable, of: Sequence[str] | None = None, kind: str | N
     Raises:
         InputError: for an unknown measure or kind, or a kind that the sweep has not the columns for.
     """
-    names = [*table.measures] if of is None else [*of]
+    names = [*table.measures] if selected is None else [*selected]
     for name in names:
         if name not in table.measures:
             raise InputError(f"the sweep has no measure {name!r}; known are {', '.join(table.measures)}")
@@ -118,8 +118,8 @@ def _lines(table: SweepTable, names: Sequence[str], over: str) -> "Figure":
         ax.set_ylabel(label)
         open_ = ~np.isfinite(values)
         if open_.any():
-            at = np.full(open_.sum(), 0.02)
-            ax.plot(x[open_], at, "|", color="#5b6470", transform=ax.get_xaxis_transform())
+            heights = np.full(open_.sum(), 0.02)
+            ax.plot(x[open_], heights, "|", color="#5b6470", transform=ax.get_xaxis_transform())
     axes[-1, 0].set_xlabel(x_label)
     figure.suptitle(f"{table.title}; | below: not built", fontsize=9.0)
     return figure
@@ -132,26 +132,28 @@ def _parallel(table: SweepTable, names: Sequence[str]) -> "Figure":
     built = np.flatnonzero(np.all([np.isfinite(table.measures[name]) for name in names], axis=0))
     if not len(built):
         raise InputError("no design of the sweep was built; there is nothing to draw")
-    some = built[np.unique(np.linspace(0, len(built) - 1, min(len(built), MOST_LINES)).astype(int))]
+    subset = built[np.unique(np.linspace(0, len(built) - 1, min(len(built), MOST_LINES)).astype(int))]
     columns = [*table.parameters, *names]
     figure, axes = blank(1, 1, (1.5 * len(columns) + 1.5, 4.2))
     ax = axes[0, 0]
-    heights, labels = np.empty((len(some), len(columns))), list[str]()
+    heights, labels = np.empty((len(subset), len(columns))), list[str]()
     for i, name in enumerate(columns):
         values, label = table.scaled(name)
-        low, high = float(values[some].min()), float(values[some].max())
-        heights[:, i] = (values[some] - low) / ((high - low) or 1.0)
+        low, high = float(values[subset].min()), float(values[subset].max())
+        heights[:, i] = (values[subset] - low) / ((high - low) or 1.0)
         labels.append(label.replace(" [", "\n["))
         for height, end in ((-0.03, low), (1.03, high)):
             ax.text(i, height, f"{end:.4g}", ha="center", va="top" if height < 0 else "bottom")
-    places = np.broadcast_to(np.arange(len(columns)), heights.shape)
-    lines = LineCollection(list(np.stack([places, heights], -1)), cmap="viridis", alpha=0.6, linewidths=0.9)
+    abscissae = np.broadcast_to(np.arange(len(columns)), heights.shape)
+    lines = LineCollection(
+        list(np.stack([abscissae, heights], -1)), cmap="viridis", alpha=0.6, linewidths=0.9
+    )
     lines.set_array(heights[:, -1])
     ax.add_collection(lines)
     ax.set(xlim=(-0.3, len(columns) - 0.7), ylim=(-0.12, 1.12), yticks=[])
     ax.set_xticks(range(len(columns)), labels)
     ax.spines["left"].set_visible(False)
-    drawn = "" if len(some) == len(built) else f", {len(some):,} drawn"
+    drawn = "" if len(subset) == len(built) else f", {len(subset):,} drawn"
     ax.set_title(f"{table.title}: {len(built):,} designs built{drawn}; colour: {columns[-1]}")
     return figure
 

@@ -24,7 +24,7 @@ COLOURS = {
 }
 # the longest arrow of a kind may be so long, and is no shorter than two fifths of it: in units of the
 # mechanism's largest extent
-LONGEST = 0.34
+MAX_ARROW = 0.34
 # a moment has a second head behind the first, at this part of its length
 SECOND_HEAD = 0.84
 
@@ -55,12 +55,12 @@ class Arrows:
     @property
     def legend(self) -> tuple[str, tuple[int, int, int]]:
         """What a picture says about them, and their colour, 0 to 255."""
-        red, green, blue, _ = (round(255.0 * part) for part in COLOURS[self.kind])
+        red, green, blue, _ = (round(255.0 * channel) for channel in COLOURS[self.kind])
         if self.largest == 0.0:
             return f"{self.kind}: none", (red, green, blue)
         unit = UNITS[self.kind]
-        said = f"{prefixed(self.length, 'm')} = {prefixed(self.stands_for, unit)}"
-        return f"{self.kind}: {said}, at most {prefixed(self.largest, unit)}", (red, green, blue)
+        scale_text = f"{prefixed(self.length, 'm')} = {prefixed(self.stands_for, unit)}"
+        return f"{self.kind}: {scale_text}, at most {prefixed(self.largest, unit)}", (red, green, blue)
 
     def tips(self, starts: Mapping[str, Array]) -> Array:
         """Return where the arrows end in every frame, (k, 3) in [m]."""
@@ -81,7 +81,7 @@ class Arrows:
         geom = scene.geoms[scene.ngeom]
         rgba = np.array(COLOURS[self.kind], dtype=np.float32)
         mujoco.mjv_initGeom(geom, ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-        # MuJoCo draws an arrow half as long as it was told
+        # MuJoCo draws an arrow of half the length that it is given
         mujoco.mjv_connector(geom, ARROW, width, start, start + 2.0 * arrow)
         geom.specular, geom.emission = 0.1, 0.3
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
@@ -93,7 +93,7 @@ def arrows(kind: str, vectors: Mapping[str, Array], extent: float) -> Arrows:
     lengths = (np.sqrt((vector**2).sum(1)).max() for vector in vectors.values())
     largest, length = float(max(lengths, default=0.0)), nice(extent / 5.0)
     # the round number above: 1, 2 and 5 are the inverses of 1, 0.5 and 0.2
-    least = largest * length / (LONGEST * extent)
+    least = largest * length / (MAX_ARROW * extent)
     return Arrows(kind, dict(vectors), largest, length, 1.0 / nice(1.0 / least) if least > 0.0 else 1.0)
 
 

@@ -16,9 +16,9 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import CAMERA, DrawnModel
-from mechsim.pictures.render.frame_poses import FramePoses, frame_poses, mixed, places
+from mechsim.pictures.render.frame_poses import FramePoses, frame_poses, mixed, sample_indices
 from mechsim.pictures.render.ghost import Ghost, errors, factor, magnified
-from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Place, written
+from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.overlays import Trace
 
@@ -117,12 +117,15 @@ class Source:
         # is not magnified with them
         spinning = self.exact.spinning | self.motion.spinning
         exact = frame_poses(self.mechanism, self.exact).poses
-        found = errors(self.mechanism, self.frames(None).poses, exact, spinning)
-        by = factor(self.mechanism, found) if by is None else by
+        deviations = errors(self.mechanism, self.frames(None).poses, exact, spinning)
+        by = factor(self.mechanism, deviations) if by is None else by
         if angles is not None:
-            at = places(self.motion.angle, np.asarray(angles, dtype=np.float64))
-            found = {name: (mixed(shift, at), mixed(turn, at)) for name, (shift, turn) in found.items()}
-        return Ghost(magnified(self.mechanism, self.frames(angles).poses, found, by), by)
+            indices = sample_indices(self.motion.angle, np.asarray(angles, dtype=np.float64))
+            deviations = {
+                name: (mixed(shift, indices), mixed(rotation, indices))
+                for name, (shift, rotation) in deviations.items()
+            }
+        return Ghost(magnified(self.mechanism, self.frames(angles).poses, deviations, by), by)
 
 
 def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
@@ -131,10 +134,10 @@ def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
     count = 1 if look.overlay > 1 else len(drawn.frames)
     trace = Trace(drawn)
     notes = Notes(drawn.mechanism.name, legend(drawn)) if look.notes else None
-    clear, stood = 2.2 * drawn.radius, dict[str, Place]()
+    clear, stood = 2.2 * drawn.radius, dict[str, Placement]()
     with backends.renderer(drawn.model, look.size, backend) as drawing:
         for frame in range(count):
-            drawn.place(frame)
+            drawn.set_frame(frame)
             drawing.update_scene(drawn.data, CAMERA)
             trace.put(drawing.scene, frame)
             picture = drawing.render()
@@ -153,23 +156,23 @@ def named(drawn: DrawnModel, frame: int) -> dict[str, Array]:
     A pivot at which a tracked point always stands goes by the point's name.
     """
     points = drawn.frames.points
-    places = {name: path[frame] for name, path in points.items() if name not in drawn.far.names}
+    positions = {name: path[frame] for name, path in points.items() if name not in drawn.distant.names}
     for joint in drawn.mechanism.joints if not drawn.look.bodies else ():
         for end in (joint.a, joint.b):
-            at = np.array(end.point)
-            told = any(np.abs(path - at).max() < 0.1 * drawn.radius for path in points.values())
-            if end.link == GROUND and KINDS[joint.kind].pivot and not told:
+            position = np.array(end.point)
+            labelled = any(np.abs(path - position).max() < 0.1 * drawn.radius for path in points.values())
+            if end.link == GROUND and KINDS[joint.kind].pivot and not labelled:
                 # a point elsewhere may bear its name
-                places[joint.name if joint.name not in points else f"joint {joint.name}"] = at
-    return places
+                positions[joint.name if joint.name not in points else f"joint {joint.name}"] = position
+    return positions
 
 
 def legend(drawn: DrawnModel) -> tuple[tuple[str, Ink], ...]:
     """The lines at the foot of a picture: what the caller says, the ghost, the arrows."""
     lines: list[tuple[str, Ink]] = [(drawn.look.caption, INK)] if drawn.look.caption else []
-    if drawn.far.told:
-        lines.append((drawn.far.told, INK))
+    if drawn.distant.label:
+        lines.append((drawn.distant.label, INK))
     if drawn.ghost:
         lines.append((drawn.ghost.legend, INK))
-    lines += [one.legend for one in drawn.arrows]
+    lines += [arrow_set.legend for arrow_set in drawn.arrows]
     return tuple(lines)

@@ -39,13 +39,13 @@ class DrawnModel:
         camera: the camera, framed over the whole motion.
         model: shapes only; a mocap body per link and overlaid position, and per link of the ghost.
         data: its state.
-        cell: edge of a grid cell in [m].
+        grid_step: edge of a grid cell in [m].
         walls: planes with a grid.
         forward: whether the crank turns in the positive direction.
         up: unit vector that points up, (3,).
         normals: of links that all move in one plane; None where they do not.
         arrows: arrows of each kind asked for.
-        far: the paths that go far beyond the links, which are cut.
+        distant: the paths that go far beyond the links, which are cut.
     """
 
     def __init__(self, mechanism: Mechanism, frames: FramePoses, look: Look, ghost: Ghost | None = None):
@@ -54,9 +54,9 @@ class DrawnModel:
         self.forward = bool(frames.angle[-1] >= frames.angle[0])
         self.shapes = self._shapes()
         balls, radii = self._extent()
-        self.far = far_paths(frames, balls, radii)
-        self.frames = frames = self.far.cut(frames)
-        paths = [path for name, path in frames.paths.items() if name not in self.far.names]
+        self.distant = far_paths(frames, balls, radii)
+        self.frames = frames = self.distant.cut(frames)
+        paths = [path for name, path in frames.paths.items() if name not in self.distant.names]
         balls = np.vstack([balls, *paths])
         radii = np.append(radii, np.zeros(len(balls) - len(radii)))
         self.low, self.high = (balls - radii[:, None]).min(0), (balls + radii[:, None]).max(0)
@@ -65,18 +65,18 @@ class DrawnModel:
         if not (self.normals or look.bodies):
             balls, radii = self._add_stands(balls, radii)
         self.arrows = self._arrows()
-        for one in self.arrows:
-            tips = one.tips(frames.starts)
+        for arrow_set in self.arrows:
+            tips = arrow_set.tips(frames.starts)
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
         back, up = cameras.directions(mechanism, look.camera, look.up)
         self._clear_walls()
         if look.projections:
             corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
             balls, radii = np.vstack([balls, corners]), np.append(radii, np.zeros(len(corners)))
-        lines = bool(look.caption) + bool(self.far.told) + (ghost is not None) + len(self.arrows)
+        lines = bool(look.caption) + bool(self.distant.label) + (ghost is not None) + len(self.arrows)
         free = foot(look.size, lines) if look.notes else 0.0
         self.camera = cameras.framed(back, up, balls, radii, look.size, foot=free)
-        self.cell = cameras.nice(self.camera.height / 9.0)
+        self.grid_step = cameras.nice(self.camera.height / 9.0)
         self.walls = self._walls()
         self.model = plainly_compiled(self._spec())
         scenery.set_height(self.model, CAMERA, self.camera)
@@ -90,17 +90,19 @@ class DrawnModel:
 
     def show(self, frames: FramePoses, ghost: Ghost | None) -> None:
         """Take other frames of the same motion; camera and scales stay."""
-        self.frames, self.ghost = self.far.cut(frames), ghost
-        self.arrows = [replace(one, vectors=self.frames.vectors[one.kind]) for one in self.arrows]
+        self.frames, self.ghost = self.distant.cut(frames), ghost
+        self.arrows = [
+            replace(arrow_set, vectors=self.frames.vectors[arrow_set.kind]) for arrow_set in self.arrows
+        ]
 
-    def place(self, frame: int) -> None:
+    def set_frame(self, frame: int) -> None:
         """Put the links where they stand in a frame; overlaid positions where they always stand."""
         overlay = self.look.overlay
         # the last frame of a closed turn is the first again
         spread = len(self.frames) - (1 if self.frames.closed else 0)
         for (name, copy), slot in self._slots.items():
-            at = frame if overlay == 1 else round(copy * spread / overlay) % len(self.frames)
-            self._put(slot, self.frames.poses[name].at(at))
+            index = frame if overlay == 1 else round(copy * spread / overlay) % len(self.frames)
+            self._put(slot, self.frames.poses[name].at(index))
         for name, slot in self._ghost_slots.items():
             assert self.ghost is not None
             pose, deeper = self.ghost.poses[name].at(frame), BEHIND * self.radius * self.camera.back
@@ -108,7 +110,7 @@ class DrawnModel:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
-    def missed(self, wall: Wall) -> float:
+    def missing_light(self, wall: Wall) -> float:
         """Return the light of its own that keeps a wall slanting from the camera as white as any."""
         if self.look.projections:
             lit, _ = scenery.brightness(self.camera, wall.normal, 0.0, self._facing.normal)
@@ -136,9 +138,9 @@ class DrawnModel:
 
     def _free_sides(self) -> dict[str, float]:
         """The side of every shaft that the links keep farther away from over the motion."""
-        some = np.linspace(0, len(self.frames) - 1, 24).astype(int)
+        samples = np.linspace(0, len(self.frames) - 1, 24).astype(int)
         poses = {
-            name: pose if pose.position.ndim == 1 else Pose(pose.position[some], pose.rotation[some])
+            name: pose if pose.position.ndim == 1 else Pose(pose.position[samples], pose.rotation[samples])
             for name, pose in self.frames.poses.items()
         }
         return free_sides(self.mechanism, poses)
@@ -179,7 +181,7 @@ class DrawnModel:
     def _walls(self) -> list[Wall]:
         if self.look.projections:
             return corner(self.camera, self.low, self.high)
-        return [backdrop(self.mechanism, self.camera, self.up, self.low, self.high, self.cell)]
+        return [backdrop(self.mechanism, self.camera, self.up, self.low, self.high, self.grid_step)]
 
     def _spec(self) -> mujoco.MjSpec:
         spec, look, middle = mujoco.MjSpec(), self.look, (self.low + self.high) / 2.0
@@ -189,7 +191,7 @@ class DrawnModel:
             depth = 2.0 * self.camera.height + 2.0 * float(np.linalg.norm(self.high - self.low))
             scenery.add_sheet(spec, self.camera, depth)
         for i, wall in enumerate(self.walls):
-            scenery.add_grid(spec, f"wall{i}", wall, self.cell, self.missed(wall))
+            scenery.add_grid(spec, f"wall{i}", wall, self.grid_step, self.missing_light(wall))
         for shape in self.shapes[GROUND]:
             scenery.add_shape(spec, spec.worldbody, shape)
         for link in self.mechanism.links:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.model.links import Pose
 from mechsim.numerics.arrays import Array
-from mechsim.shapes import Facets, Kind, Rgba, Shape
+from mechsim.shapes import Kind, Mesh, Rgba, Shape
 from mechsim.shapes.shape import vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.silence import quiet
@@ -25,11 +25,13 @@ BOX, BALL, MESH = (
     int(kind)
     for kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID, mujoco.mjtGeom.mjGEOM_MESH)
 )
-# MuJoCo shows these groups of geoms unless told otherwise; collision shapes lie in the others
+# MuJoCo shows these groups of geoms by default; collision shapes lie in the others
 SHOWN = 2
-# more triangles than this are made fewer, by cells that grow from this part of the whole
-MOST, CELL = 60_000, 1.0 / 400.0
-# what is lighter is drawn as light as this: lit from the front it could not be told from the paper behind
+# a mesh of more triangles is made coarser
+MAX_TRIANGLES = 60_000
+# first step of the grid that merges vertices, relative to the extent of all bodies
+FIRST_GRID_STEP = 1.0 / 400.0
+# what is lighter is drawn as light as this: lit from the front it would look like the paper behind
 LIGHTEST, LIGHTNESS = 0.78, np.array([0.2126, 0.7152, 0.0722])
 # meridians and parallels of an ellipsoid
 ELLIPSOID = (24, 12)
@@ -41,9 +43,9 @@ class Drawn(TypedDict):
     bodies: dict[str, list[Shape]] | None
 
 
-def drawn_as(form: object) -> Drawn:
+def drawn_as(solver: object) -> Drawn:
     """Return how what was read from an MJCF file is drawn: with the file's bodies; all else as usual."""
-    read = getattr(form, "source", None)
+    read = getattr(solver, "source", None)
     return {"bodies": file_bodies(read) if isinstance(read, MjcfModel) else None}
 
 
@@ -66,51 +68,55 @@ def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
     return _few(bodies) if moving & bodies.keys() else None
 
 
-def _shape(model: mujoco.MjModel, i: int, at: Pose) -> Shape | None:
-    kind, size, colour = int(model.geom_type[i]), model.geom_size[i], _colour(model, i)
-    middle, along = at.position, at.rotation[:, 2]
+def _shape(model: mujoco.MjModel, i: int, pose: Pose) -> Shape | None:
+    kind, half_sizes, colour = int(model.geom_type[i]), model.geom_size[i], _colour(model, i)
+    middle, along = pose.position, pose.rotation[:, 2]
     if kind in ROUND:
-        half = 0.0 if ROUND[kind] == "sphere" else float(size[1])
+        half = 0.0 if ROUND[kind] == "sphere" else float(half_sizes[1])
         return Shape(
             ROUND[kind],
             vector(middle, -half * along),
             vector(middle, half * along),
-            (float(size[0]),),
+            (float(half_sizes[0]),),
             colour,
         )
     if kind == BOX:
-        ends = vector(middle, -size[2] * along), vector(middle, size[2] * along)
-        return Shape("box", *ends, (float(size[0]), float(size[1])), colour, vector(at.rotation[:, 1]))
+        ends = vector(middle, -half_sizes[2] * along), vector(middle, half_sizes[2] * along)
+        return Shape(
+            "box", *ends, (float(half_sizes[0]), float(half_sizes[1])), colour, vector(pose.rotation[:, 1])
+        )
     facets = (
         _mesh(model, int(model.geom_dataid[i]))
         if kind == MESH
-        else _ellipsoid(size)
+        else _ellipsoid(half_sizes)
         if kind == BALL
         else None
     )
     if facets is None:
         return None
-    placed = Facets(middle + facets.vertices @ at.rotation.T, facets.faces)
+    placed = Mesh(middle + facets.vertices @ pose.rotation.T, facets.faces)
     return Shape("facets", vector(middle), vector(middle), (0.0,), colour, facets=placed)
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> Facets:
+def _mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-    return Facets(
+    return Mesh(
         np.array(model.mesh_vert[first : first + count], dtype=np.float64),
         np.array(model.mesh_face[face : face + faces]),
     )
 
 
-def _ellipsoid(size: Array) -> Facets:
+def _ellipsoid(half_axes: Array) -> Mesh:
     n, m = ELLIPSOID
-    turn, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, n + 1), np.linspace(0.0, np.pi, m + 1))
-    ball = np.stack([np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)], -1)
-    row, column = (part.ravel() for part in np.meshgrid(range(m), range(n), indexing="ij"))
+    azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, n + 1), np.linspace(0.0, np.pi, m + 1))
+    ball = np.stack([np.sin(height) * np.cos(azimuth), np.sin(height) * np.sin(azimuth), np.cos(height)], -1)
+    row, column = (index.ravel() for index in np.meshgrid(range(m), range(n), indexing="ij"))
     a, b = row * (n + 1) + column, (row + 1) * (n + 1) + column
     faces = np.concatenate([np.stack([a, b, a + 1], -1), np.stack([a + 1, b, b + 1], -1)])
-    return Facets(ball.reshape(-1, 3) * size, faces.astype(np.int32)).coarser(1e-6 * float(size.min()))
+    return Mesh(ball.reshape(-1, 3) * half_axes, faces.astype(np.int32)).coarser(
+        1e-6 * float(half_axes.min())
+    )
 
 
 def _colour(model: mujoco.MjModel, i: int) -> Rgba:
@@ -133,20 +139,20 @@ def _few(bodies: Mapping[str, Sequence[Shape]]) -> dict[str, list[Shape]]:
     """Return bodies with no more triangles than a page can hold, their small features gone."""
     made = {link: list(shapes) for link, shapes in bodies.items()}
     whole = max((_extent(shape) for shapes in made.values() for shape in shapes), default=0.0)
-    cell = CELL * whole
-    while sum(len(s.facets.faces) for shapes in made.values() for s in shapes if s.facets) > MOST:
-        made = {link: [_coarser(shape, cell) for shape in shapes] for link, shapes in made.items()}
-        cell *= 1.5
-    return {link: [shape for shape in shapes if _seen(shape)] for link, shapes in made.items()}
+    grid_step = FIRST_GRID_STEP * whole
+    while sum(len(s.facets.faces) for shapes in made.values() for s in shapes if s.facets) > MAX_TRIANGLES:
+        made = {link: [_coarser(shape, grid_step) for shape in shapes] for link, shapes in made.items()}
+        grid_step *= 1.5
+    return {link: [shape for shape in shapes if _is_visible(shape)] for link, shapes in made.items()}
 
 
-def _seen(shape: Shape) -> bool:
+def _is_visible(shape: Shape) -> bool:
     """Say whether anything is left of a shape; of a screw nothing may be. MuJoCo takes no mesh of less."""
     return shape.facets is None or (len(shape.facets.vertices) >= 4 and len(shape.facets.faces) > 0)
 
 
-def _coarser(shape: Shape, cell: float) -> Shape:
-    return replace(shape, facets=shape.facets.coarser(cell)) if shape.facets else shape
+def _coarser(shape: Shape, grid_step: float) -> Shape:
+    return replace(shape, facets=shape.facets.coarser(grid_step)) if shape.facets else shape
 
 
 def _extent(shape: Shape) -> float:

@@ -16,7 +16,7 @@ from mechsim.numerics.arrays import Array
 # path points kept over a motion: a picture cannot show more
 PATH_POINTS = 360
 # parts of the size, and [rad], by which two frames look the same
-SEEN = 1e-3
+VISIBLE_DIFFERENCE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,20 +56,22 @@ class FramePoses:
     @property
     def closed(self) -> bool:
         """Whether the paths end where they began."""
-        turned = abs(float(self.angle[-1] - self.angle[0]))
-        return turned > 6.0 and all(
+        rotation = abs(float(self.angle[-1] - self.angle[0]))
+        return rotation > 6.0 and all(
             float(np.linalg.norm(path[-1] - path[0])) < 1e-3 * float(np.ptp(path, axis=0).max())
             for path in self.paths.values()
         )
 
 
-def comes_round(mechanism: Mechanism, motion: Motion, place: float = 1e-9, turn: float = 1e-6) -> bool:
+def comes_round(
+    mechanism: Mechanism, motion: Motion, position_tolerance: float = 1e-9, angle_tolerance: float = 1e-6
+) -> bool:
     """Say whether the last pose of a motion is the first again: within a part of the size, and in [rad]."""
     if len(motion) < 3:
         return False
     return all(
-        float(np.abs(moved.position[-1] - moved.position[0]).max()) < place * mechanism.size
-        and float(np.abs(moved.rotation[-1] - moved.rotation[0]).max()) < turn
+        float(np.abs(moved.position[-1] - moved.position[0]).max()) < position_tolerance * mechanism.size
+        and float(np.abs(moved.rotation[-1] - moved.rotation[0]).max()) < angle_tolerance
         for name, moved in motion.links.items()
         if name not in motion.spinning
     )
@@ -102,55 +104,55 @@ def frame_poses(
     fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
     paths = {name: _picked(poses[link], fine).point(local) for name, (link, local) in _moving(mechanism)}
     passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
-    wanted = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    requested = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
     vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
     # the samples themselves need no search, which a crank that swings to and fro would not allow
-    if np.array_equal(wanted, motion.angle[: len(wanted)]):
-        first = slice(0, len(wanted))
+    if np.array_equal(requested, motion.angle[: len(requested)]):
+        first = slice(0, len(requested))
         poses = {name: pose if pose.position.ndim == 1 else pose.at(first) for name, pose in poses.items()}
         passed = passed[first]
-        vectors = {kind: {name: v[first] for name, v in one.items()} for kind, one in vectors.items()}
+        vectors = {kind: {name: v[first] for name, v in by_name.items()} for kind, by_name in vectors.items()}
     else:
-        place = places(motion.angle, wanted)
-        poses = {name: _between(pose, place) for name, pose in poses.items()}
-        passed = np.searchsorted(fine, place + 1e-9, side="right")
+        indices = sample_indices(motion.angle, requested)
+        poses = {name: _between(pose, indices) for name, pose in poses.items()}
+        passed = np.searchsorted(fine, indices + 1e-9, side="right")
         vectors = {
-            kind: {name: mixed(values, place) for name, values in one.items()}
-            for kind, one in vectors.items()
+            kind: {name: mixed(values, indices) for name, values in by_name.items()}
+            for kind, by_name in vectors.items()
         }
     joints = {joint.name: (joint.b.link, joint.b.point) for joint in mechanism.joints}
     starts = {
-        name: np.broadcast_to(poses[link].point(local), (len(wanted), 3))
+        name: np.broadcast_to(poses[link].point(local), (len(requested), 3))
         for name, (link, local) in {**joints, **mechanism.points}.items()
     }
     points = {name: starts[name] for name in mechanism.points}
     time = None
     if motion.drivers and motion.time is not None:
-        time = np.interp(wanted, motion.angle, motion.time)
-    return FramePoses(wanted, poses, points, paths, passed, vectors, starts, time)
+        time = np.interp(requested, motion.angle, motion.time)
+    return FramePoses(requested, poses, points, paths, passed, vectors, starts, time)
 
 
 def _vectors(
-    mechanism: Mechanism, motion: Motion, given: Mapping[str, Mapping[str, ArrayLike]]
+    mechanism: Mechanism, motion: Motion, loads: Mapping[str, Mapping[str, ArrayLike]]
 ) -> dict[str, dict[str, Array]]:
     """What arrows can show sample by sample: of the points that move, and what was given."""
     moving = [name for name, _ in _moving(mechanism) if name in motion.points]
-    found = {
+    vectors = {
         kind: {name: getattr(motion.points[name], kind) for name in moving}
         for kind in ("velocity", "acceleration")
     }
-    known = list(dict.fromkeys([*mechanism.points, *(joint.name for joint in mechanism.joints)]))
-    for kind, values in given.items():
-        found[kind] = {name: np.asarray(vector, dtype=np.float64) for name, vector in values.items()}
-        for name, vector in found[kind].items():
-            if name not in known or vector.shape != (len(motion), 3):
+    names = list(dict.fromkeys([*mechanism.points, *(joint.name for joint in mechanism.joints)]))
+    for kind, values in loads.items():
+        vectors[kind] = {name: np.asarray(vector, dtype=np.float64) for name, vector in values.items()}
+        for name, vector in vectors[kind].items():
+            if name not in names or vector.shape != (len(motion), 3):
                 raise InputError(
                     f"{kind} at {name!r} of shape {vector.shape}: give ({len(motion)}, 3) numbers at one of "
-                    f"{', '.join(known)}"
+                    f"{', '.join(names)}"
                 )
             if not np.isfinite(vector).all():
                 raise InputError(f"{kind} at {name!r} holds NaN or infinity and cannot be drawn")
-    return found
+    return vectors
 
 
 def _picked(pose: Pose, samples: NDArray[np.intp]) -> Pose:
@@ -158,56 +160,56 @@ def _picked(pose: Pose, samples: NDArray[np.intp]) -> Pose:
 
 
 def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, float, float]]]]:
-    return [(name, place) for name, place in mechanism.points.items() if place[0] != GROUND]
+    return [(name, point) for name, point in mechanism.points.items() if point[0] != GROUND]
 
 
-def places(known: Array, wanted: Array) -> Array:
+def sample_indices(angles: Array, requested: Array) -> Array:
     """Return where crank angles lie among the samples, as fractional indices.
 
     Of a crank that swings to and fro the longest stretch in one direction counts.
     """
-    first, last = _longest_stretch(known)
-    sense = 1.0 if known[last] >= known[first] else -1.0
-    rising, wanted = sense * known[first : last + 1], sense * wanted
+    first, last = _longest_stretch(angles)
+    direction = 1.0 if angles[last] >= angles[first] else -1.0
+    rising, requested = direction * angles[first : last + 1], direction * requested
     if len(rising) < 2:
         raise InputError("the crank stands still, so frames cannot be chosen by its angle")
     slack = 1e-6
-    if wanted.min() < rising[0] - slack or wanted.max() > rising[-1] + slack:
+    if requested.min() < rising[0] - slack or requested.max() > rising[-1] + slack:
         raise InputError(
-            f"frames from {wanted.min():.6g} to {wanted.max():.6g} rad are asked for, "
+            f"frames from {requested.min():.6g} to {requested.max():.6g} rad are asked for, "
             f"but the motion goes only from {rising[0]:.6g} to {rising[-1]:.6g} rad"
         )
-    return np.interp(wanted, rising, np.arange(first, last + 1, dtype=np.float64))
+    return np.interp(requested, rising, np.arange(first, last + 1, dtype=np.float64))
 
 
-def _longest_stretch(known: Array) -> tuple[int, int]:
+def _longest_stretch(angles: Array) -> tuple[int, int]:
     """Return the first and the last sample of the longest stretch without a turn of direction."""
-    sense = np.sign(np.diff(known))
-    breaks = np.flatnonzero(sense[1:] != sense[:-1]) + 1
-    ends = np.concatenate([[0], breaks, [len(known) - 1]])
-    moving = np.where(sense[ends[:-1]] == 0.0, 0, np.diff(ends)) if len(sense) else np.zeros(1)
-    at = int(np.argmax(moving))
-    return (int(ends[at]), int(ends[at + 1])) if moving[at] else (0, 0)
+    direction = np.sign(np.diff(angles))
+    breaks = np.flatnonzero(direction[1:] != direction[:-1]) + 1
+    ends = np.concatenate([[0], breaks, [len(angles) - 1]])
+    moving = np.where(direction[ends[:-1]] == 0.0, 0, np.diff(ends)) if len(direction) else np.zeros(1)
+    longest = int(np.argmax(moving))
+    return (int(ends[longest]), int(ends[longest + 1])) if moving[longest] else (0, 0)
 
 
-def _between(pose: Pose, place: Array) -> Pose:
+def _between(pose: Pose, indices: Array) -> Pose:
     """Return poses at fractional indices; good for the eye, not for numbers."""
     if pose.position.ndim == 1:
         return pose
-    u, _, v = np.linalg.svd(mixed(pose.rotation, place))  # the rotation nearest to the mixture
-    return Pose(mixed(pose.position, place), u @ v)
+    u, _, v = np.linalg.svd(mixed(pose.rotation, indices))  # the rotation nearest to the mixture
+    return Pose(mixed(pose.position, indices), u @ v)
 
 
-def mixed(values: Array, place: Array) -> Array:
+def mixed(values: Array, indices: Array) -> Array:
     """Return values at fractional indices of the leading axis, on straight lines between samples."""
-    low = np.minimum(place.astype(np.intp), max(len(values) - 2, 0))
+    low = np.minimum(indices.astype(np.intp), max(len(values) - 2, 0))
     high = np.minimum(low + 1, len(values) - 1)
-    share = (place - low).reshape(-1, *[1] * (values.ndim - 1))
+    share = (indices - low).reshape(-1, *[1] * (values.ndim - 1))
     return (1.0 - share) * values[low] + share * values[high]
 
 
 # a path that goes farther from the middle of the links than so many of their spans is cut, at so many
-FAR, CUT = 12.0, 6.0
+FAR_SPANS, CUT_SPANS = 12.0, 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,27 +232,27 @@ class FarPaths:
             return frames
         paths, points = (
             {
-                name: np.clip(place, self.low, self.high) if name in self.names else place
-                for name, place in places.items()
+                name: np.clip(position, self.low, self.high) if name in self.names else position
+                for name, position in positions.items()
             }
-            for places in (frames.paths, frames.points)
+            for positions in (frames.paths, frames.points)
         )
         return replace(
             frames,
             paths=paths,
             points=points,
-            starts={name: at for name, at in frames.starts.items() if name not in self.names},
+            starts={name: start for name, start in frames.starts.items() if name not in self.names},
             vectors={
-                kind: {name: one for name, one in vectors.items() if name not in self.names}
+                kind: {name: vector for name, vector in vectors.items() if name not in self.names}
                 for kind, vectors in frames.vectors.items()
             },
         )
 
     @property
-    def told(self) -> str:
+    def label(self) -> str:
         """What a picture says of it, in one line; empty where no path goes far."""
-        far = ", ".join(f"{name} ({times:,.0f} times as far)" for name, times in self.names.items())
-        return f"framed on the links; cut: the path of {far}" if far else ""
+        text = ", ".join(f"{name} ({times:,.0f} times as far)" for name, times in self.names.items())
+        return f"framed on the links; cut: the path of {text}" if text else ""
 
 
 def far_paths(frames: FramePoses, centres: Array, radii: Array) -> FarPaths:
@@ -258,5 +260,5 @@ def far_paths(frames: FramePoses, centres: Array, radii: Array) -> FarPaths:
     low, high = (centres - radii[:, None]).min(0), (centres + radii[:, None]).max(0)
     middle, span = 0.5 * (low + high), float((high - low).max())
     away = {name: float(np.abs(path - middle).max()) / span for name, path in frames.paths.items()}
-    names = {name: times for name, times in away.items() if times > FAR}
-    return FarPaths(middle - CUT * span, middle + CUT * span, names)
+    names = {name: times for name, times in away.items() if times > FAR_SPANS}
+    return FarPaths(middle - CUT_SPANS * span, middle + CUT_SPANS * span, names)

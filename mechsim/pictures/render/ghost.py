@@ -1,4 +1,4 @@
-"""Ghost: where the closed form puts the links, beside where a run did, the difference magnified."""
+"""Ghost: the links where the closed form puts them, with the error of a run magnified."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -49,29 +49,29 @@ def errors(
     Returns:
         Link -> displacement of its first joint, (n, 3) in [m], and turn as a vector, (n, 3) in [rad].
     """
-    found: dict[str, tuple[Array, Array]] = {}
+    deviations: dict[str, tuple[Array, Array]] = {}
     for link in mechanism.links:
-        here, there = run[link.name], exact[link.name]
-        hold = mechanism.ends(link.name)[0].point
+        run_pose, exact_pose = run[link.name], exact[link.name]
+        anchor = mechanism.ends(link.name)[0].point
         if link.name in spinning:
             line = _line(mechanism, link.name)
-            turn = np.cross(here.rotation @ line, there.rotation @ line)
+            rotation = np.cross(run_pose.rotation @ line, exact_pose.rotation @ line)
         else:
-            turn = _turn(there.rotation @ np.swapaxes(here.rotation, 1, 2))
-        found[link.name] = there.point(hold) - here.point(hold), turn
-    return found
+            rotation = rotation_vectors(exact_pose.rotation @ np.swapaxes(run_pose.rotation, 1, 2))
+        deviations[link.name] = exact_pose.point(anchor) - run_pose.point(anchor), rotation
+    return deviations
 
 
-def factor(mechanism: Mechanism, found: Mapping[str, tuple[Array, Array]]) -> float:
+def factor(mechanism: Mechanism, deviations: Mapping[str, tuple[Array, Array]]) -> float:
     """Return the power of ten that makes errors plain to see and leaves the ghost in the picture."""
-    shift = max(float(np.abs(shift).max()) for shift, _ in found.values()) / (FARTHEST * span(mechanism))
-    turn = max(float(np.abs(turn).max()) for _, turn in found.values()) / WIDEST
-    worst = max(shift, turn)
+    shift = max(float(np.abs(shift).max()) for shift, _ in deviations.values()) / (FARTHEST * span(mechanism))
+    rotation = max(float(np.abs(rotation).max()) for _, rotation in deviations.values()) / WIDEST
+    worst = max(shift, rotation)
     return 1.0 if not worst > 0.0 else float(10.0 ** np.floor(-np.log10(worst)))
 
 
 def magnified(
-    mechanism: Mechanism, run: Mapping[str, Pose], found: Mapping[str, tuple[Array, Array]], by: float
+    mechanism: Mechanism, run: Mapping[str, Pose], deviations: Mapping[str, tuple[Array, Array]], by: float
 ) -> dict[str, Pose]:
     """Return the poses of the ghost: those of the run, moved and turned by the errors times a factor.
 
@@ -79,10 +79,10 @@ def magnified(
     """
     poses: dict[str, Pose] = {}
     for link in mechanism.links:
-        (shift, turn), here = found[link.name], run[link.name]
-        hold: Vector = mechanism.ends(link.name)[0].point
-        rotation = turned(by * turn) @ here.rotation
-        poses[link.name] = Pose(here.point(hold) + by * shift - rotation @ np.asarray(hold), rotation)
+        (shift, rotation_vector), pose = deviations[link.name], run[link.name]
+        anchor: Vector = mechanism.ends(link.name)[0].point
+        rotation = rotation_matrices(by * rotation_vector) @ pose.rotation
+        poses[link.name] = Pose(pose.point(anchor) + by * shift - rotation @ np.asarray(anchor), rotation)
     return poses
 
 
@@ -93,7 +93,7 @@ def _line(mechanism: Mechanism, link: str) -> Array:
     return line / np.linalg.norm(line)
 
 
-def _turn(rotation: Array) -> Array:
+def rotation_vectors(rotation: Array) -> Array:
     """The vector of rotations, (n, 3, 3) -> (n, 3), to full relative accuracy for small ones."""
     twice = rotation[:, [2, 0, 1], [1, 2, 0]] - rotation[:, [1, 2, 0], [2, 0, 1]]  # 2 sin(angle) x axis
     sine = 0.5 * np.sqrt((twice**2).sum(1))
@@ -101,7 +101,7 @@ def _turn(rotation: Array) -> Array:
     return 0.5 * twice * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)[:, None]
 
 
-def turned(vector: Array) -> Array:
+def rotation_matrices(vector: Array) -> Array:
     """Return the rotations of vectors, (n, 3) -> (n, 3, 3)."""
     angle = np.sqrt((vector**2).sum(1))
     x, y, z = (vector / np.where(angle > 0.0, angle, 1.0)[:, None]).T

@@ -65,20 +65,20 @@ def choose(forced: str | None = None) -> Backend:
     if forced is not None and forced not in ORDER:
         raise InputError(f"there is no OpenGL back end {forced!r} here; known are {', '.join(ORDER)}")
     require_extra("pictures", "PIL")
-    settled = _settled()
-    if forced and settled and forced != settled:
+    current = _current_backend()
+    if forced and current and forced != current:
         raise InputError(
-            f"this process already draws with {settled}; start another one to draw with {forced}"
+            f"this process already draws with {current}; start another one to draw with {forced}"
         )
-    wanted = forced or settled
-    for name in (wanted,) if wanted else _preferred():
-        found = probe(name)
-        if found:
-            return found
-    asked = wanted or " and ".join(ORDER)
-    packages = " or ".join(PACKAGES[name] for name in ORDER if name in PACKAGES and wanted in (None, name))
+    requested = forced or current
+    for name in (requested,) if requested else _preferred():
+        backend = probe(name)
+        if backend:
+            return backend
+    tried = requested or " and ".join(ORDER)
+    packages = " or ".join(PACKAGES[name] for name in ORDER if name in PACKAGES and requested in (None, name))
     remedy = f"; install the system package {packages}" if packages else ""
-    raise MissingToolError(f"no picture can be drawn: OpenGL by {asked} does not work here{remedy}")
+    raise MissingToolError(f"no picture can be drawn: OpenGL by {tried} does not work here{remedy}")
 
 
 @functools.cache
@@ -88,10 +88,10 @@ def probe(name: str) -> Backend | None:
     environment["MUJOCO_GL"] = name
     command = [sys.executable, "-c", PROBE, name]
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, env=environment, capture_output=True, text=True, timeout=60, check=True
         )
-        driver, version = json.loads(done.stdout)
+        driver, version = json.loads(process.stdout)
     except (subprocess.SubprocessError, OSError, ValueError):
         return None
     return Backend(name, driver, version)
@@ -101,14 +101,14 @@ def describe_backend() -> list[dict[str, object]]:
     """Return one row per back end of this platform: name, whether it works, its driver, its package."""
     rows: list[dict[str, object]] = []
     for name in ORDER:
-        found = probe(name)
+        backend = probe(name)
         rows.append(
             {
                 "name": name,
-                "works": found is not None,
-                "driver": found.driver if found else "",
-                "version": found.version if found else "",
-                "software": found.software if found else None,
+                "works": backend is not None,
+                "driver": backend.driver if backend else "",
+                "version": backend.version if backend else "",
+                "software": backend.software if backend else None,
                 "package": PACKAGES.get(name, ""),
             }
         )
@@ -116,7 +116,9 @@ def describe_backend() -> list[dict[str, object]]:
 
 
 @contextmanager
-def renderer(model: mujoco.MjModel, size: tuple[int, int], backend: Backend) -> Generator[mujoco.Renderer]:
+def renderer(
+    model: mujoco.MjModel, resolution: tuple[int, int], backend: Backend
+) -> Generator[mujoco.Renderer]:
     """Open a MuJoCo renderer of (width, height) pixels on a back end, and close it afterwards.
 
     MuJoCo fixes its back end when it is first imported; a caller may have done that long ago
@@ -125,14 +127,14 @@ def renderer(model: mujoco.MjModel, size: tuple[int, int], backend: Backend) -> 
     before = getattr(gl_context, "GLContext", None)
     gl_context.GLContext = importlib.import_module(f"mujoco.{backend.name}").GLContext
     try:
-        drawing = mujoco.Renderer(model, height=size[1], width=size[0])
+        drawing = mujoco.Renderer(model, height=resolution[1], width=resolution[0])
     finally:
         gl_context.GLContext = before
     with drawing:
         yield drawing
 
 
-def _settled() -> str | None:
+def _current_backend() -> str | None:
     """The back end that PyOpenGL was fixed on when it was first imported here, if it was."""
     if "OpenGL.platform" not in sys.modules:
         return None
@@ -142,5 +144,5 @@ def _settled() -> str | None:
 
 def _preferred() -> tuple[str, ...]:
     """The order to try, with what MUJOCO_GL asks for first."""
-    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
-    return tuple(sorted(ORDER, key=lambda name: name != asked))
+    requested = os.environ.get("MUJOCO_GL", "").lower().strip()
+    return tuple(sorted(ORDER, key=lambda name: name != requested))

@@ -19,51 +19,58 @@ if TYPE_CHECKING:
     from PIL import Image, ImageFont
 from collections.abc import Mapping
 
-# points nearer than this share one label, in pixels; a label keeps so far off another
-TOGETHER, APART = 3.0, 2.0
+# points nearer than this share one label, in pixels
+SHARED_DISTANCE = 3.0
+# distance that a label keeps from another, in pixels
+LABEL_GAP = 2.0
 # sides on which a label may stand, and how many times as far off as usual it may go
 SIDES = ((1, -1), (-1, -1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (0, 1))
 FARTHER = (1.0, 1.8, 2.8)
 # what a place costs: over another label, over a point, out of the picture, elsewhere than in the frame before
 LABEL, POINT, OUT, MOVED = 10.0, 1.0, 100.0, 2.5
-Place = tuple[tuple[int, int], float]
+Placement = tuple[tuple[int, int], float]
 
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
     """A part of a picture in pixels, y downwards."""
 
-    left: float
-    top: float
-    right: float
-    bottom: float
+    x_low: float
+    y_low: float
+    x_high: float
+    y_high: float
 
     def meets(self, other: "Rectangle") -> bool:
         """Return whether it overlaps another, or nearly."""
         return not (
-            self.right + APART < other.left
-            or other.right + APART < self.left
-            or self.bottom + APART < other.top
-            or other.bottom + APART < self.top
+            self.x_high + LABEL_GAP < other.x_low
+            or other.x_high + LABEL_GAP < self.x_low
+            or self.y_high + LABEL_GAP < other.y_low
+            or other.y_high + LABEL_GAP < self.y_low
         )
 
-    def inside(self, size: tuple[int, int]) -> bool:
+    def inside(self, resolution: tuple[int, int]) -> bool:
         """Return whether it lies in a picture of a size."""
-        return self.left >= 0.0 and self.top >= 0.0 and self.right <= size[0] and self.bottom <= size[1]
+        return (
+            self.x_low >= 0.0
+            and self.y_low >= 0.0
+            and self.x_high <= resolution[0]
+            and self.y_high <= resolution[1]
+        )
 
 
 def shared(points: Mapping[str, Array]) -> list[tuple[str, Array]]:
     """Return names, those of points that coincide in one, and where in pixels, (2,)."""
     groups: list[tuple[list[str], Array]] = []
-    for name, at in points.items():
-        for names, there in groups:
-            if float(np.hypot(*(at - there))) < TOGETHER:
+    for name, position in points.items():
+        for names, other in groups:
+            if float(np.hypot(*(position - other))) < SHARED_DISTANCE:
                 if name not in names:
                     names.append(name)
                 break
         else:
-            groups.append(([name], at))
-    return [(", ".join(names), at) for names, at in groups]
+            groups.append(([name], position))
+    return [(", ".join(names), position) for names, position in groups]
 
 
 def placed(
@@ -71,10 +78,10 @@ def placed(
     widths: Sequence[float],
     height: float,
     off: float,
-    size: tuple[int, int],
-    taken: Sequence[Rectangle] = (),
-    before: Sequence[Place | None] = (),
-) -> list[tuple[Rectangle, Place]]:
+    resolution: tuple[int, int],
+    occupied: Sequence[Rectangle] = (),
+    before: Sequence[Placement | None] = (),
+) -> list[tuple[Rectangle, Placement]]:
     """Return where labels stand, each off the middle of all points where nothing else is in its place.
 
     Args:
@@ -82,8 +89,8 @@ def placed(
         widths: of the labels in pixels.
         height: of a line in pixels.
         off: how far a label keeps off its point, in pixels.
-        size: of the picture.
-        taken: what is written there already.
+        resolution: of the picture.
+        occupied: what is written there already.
         before: side and distance where each stood in the frame before, which it leaves only where another
             label or the edge is in its way.
 
@@ -92,35 +99,35 @@ def placed(
     """
     middle = np.mean(np.array(points), axis=0) if len(points) else np.zeros(2)
     dots = [Rectangle(x - 2.0, y - 2.0, x + 2.0, y + 2.0) for x, y in points]
-    busy, found = list(taken), list[tuple[Rectangle, Place]]()
-    for i, (at, width) in enumerate(zip(points, widths, strict=True)):
-        leftwards = len(points) > 1 and at[0] < middle[0]
+    busy, placements = list(occupied), list[tuple[Rectangle, Placement]]()
+    for i, (point, width) in enumerate(zip(points, widths, strict=True)):
+        leftwards = len(points) > 1 and point[0] < middle[0]
         sides = sorted(SIDES, key=lambda side: side[0] != (-1 if leftwards else 1))
-        places = [(side, far) for far in FARTHER for side in sides]
-        spots = [_spot(at, width, height, off * far, side) for side, far in places]
+        candidates = [(side, factor) for factor in FARTHER for side in sides]
+        spots = [_spot(point, width, height, off * factor, side) for side, factor in candidates]
         others, last = [dot for k, dot in enumerate(dots) if k != i], before[i] if before else None
         costs = [
-            _cost(spot, size, busy, others) + (MOVED if last not in (None, place) else 0.0)
-            for spot, place in zip(spots, places, strict=True)
+            _cost(spot, resolution, busy, others) + (MOVED if last not in (None, candidate) else 0.0)
+            for spot, candidate in zip(spots, candidates, strict=True)
         ]
         best = int(np.argmin(costs))
         busy.append(spots[best])
-        found.append((spots[best], places[best]))
-    return found
+        placements.append((spots[best], candidates[best]))
+    return placements
 
 
-def _spot(at: Array, width: float, height: float, off: float, side: tuple[int, int]) -> Rectangle:
+def _spot(point: Array, width: float, height: float, off: float, side: tuple[int, int]) -> Rectangle:
     x, y = side
-    left = at[0] + (off if x > 0 else -off - width if x < 0 else -0.5 * width)
-    top = at[1] + (off if y > 0 else -off - height if y < 0 else -0.5 * height)
-    return Rectangle(left, top, left + width, top + height)
+    x_low = point[0] + (off if x > 0 else -off - width if x < 0 else -0.5 * width)
+    y_low = point[1] + (off if y > 0 else -off - height if y < 0 else -0.5 * height)
+    return Rectangle(x_low, y_low, x_low + width, y_low + height)
 
 
 def _cost(
-    spot: Rectangle, size: tuple[int, int], busy: Sequence[Rectangle], dots: Sequence[Rectangle]
+    spot: Rectangle, resolution: tuple[int, int], busy: Sequence[Rectangle], dots: Sequence[Rectangle]
 ) -> float:
     return (
-        (0.0 if spot.inside(size) else OUT)
+        (0.0 if spot.inside(resolution) else OUT)
         + LABEL * sum(spot.meets(other) for other in busy)
         + POINT * sum(spot.meets(dot) for dot in dots)
     )
@@ -156,7 +163,7 @@ def written(
     clear: float,
     notes: Notes | None,
     instant: str,
-    stood: dict[str, Place],
+    stood: dict[str, Placement],
 ) -> Picture:
     """Return a picture with labels at points and, if there are notes, name, scale bar and crank angle.
 
@@ -167,26 +174,26 @@ def written(
         clear: how far labels keep off their points, in [m].
         notes: what stands at the edges; None for nothing.
         instant: that it shows, in words; empty where it shows many.
-        stood: label -> where it stood beside its point in the frame before; changed to where it now does.
+        stood: label -> where it was placed in the frame before; updated.
     """
     with needs("pictures"):
         from PIL import Image
     image = Image.fromarray(picture)
-    edge = letters(camera.size)
-    taken = _notes(image, camera, notes, instant, edge) if notes else []
-    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge, taken, stood)
+    edge = letters(camera.resolution)
+    occupied = _notes(image, camera, notes, instant, edge) if notes else []
+    _labels(image, camera, labels, 0.7 * clear * camera.scale + 0.3 * edge, edge, occupied, stood)
     return np.asarray(image)
 
 
-def letters(size: tuple[int, int]) -> int:
+def letters(resolution: tuple[int, int]) -> int:
     """Return the height of the letters on a picture of a size, in pixels."""
-    return max(10, round(size[1] / 34))
+    return max(10, round(resolution[1] / 34))
 
 
-def foot(size: tuple[int, int], lines: int) -> float:
+def foot(resolution: tuple[int, int], lines: int) -> float:
     """Return the share of a picture's height that so many lines of a legend take, 0.4 at most."""
     # over a margin and the line of the scale bar
-    return min(0.4, (0.8 + 1.5 + LINE * lines) * letters(size) / size[1]) if lines else 0.0
+    return min(0.4, (0.8 + 1.5 + LINE * lines) * letters(resolution) / resolution[1]) if lines else 0.0
 
 
 def _labels(
@@ -195,17 +202,19 @@ def _labels(
     labels: dict[str, Array],
     off: float,
     edge: int,
-    taken: Sequence[Rectangle],
-    stood: dict[str, Place],
+    occupied: Sequence[Rectangle],
+    stood: dict[str, Placement],
 ) -> None:
-    """Write names beside their points where there is room; points that coincide share one."""
-    named = shared({name: camera.pixel(place) for name, place in labels.items()})
+    """Write names next to their points; points that coincide share one."""
+    named = shared({name: camera.pixel(placement) for name, placement in labels.items()})
     widths = [_font(edge).getlength(name) for name, _ in named]
     before = [stood.get(name) for name, _ in named]
-    spots = placed([at for _, at in named], widths, 1.1 * edge, off, camera.size, taken, before)
-    for (name, _), (spot, place) in zip(named, spots, strict=True):
-        stood[name] = place
-        _text(image, (spot.left, spot.bottom - 0.2 * edge), name, edge, "ls")
+    spots = placed(
+        [position for _, position in named], widths, 1.1 * edge, off, camera.resolution, occupied, before
+    )
+    for (name, _), (spot, placement) in zip(named, spots, strict=True):
+        stood[name] = placement
+        _text(image, (spot.x_low, spot.y_high - 0.2 * edge), name, edge, "ls")
 
 
 def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edge: int) -> list[Rectangle]:
@@ -213,14 +222,14 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
 
     A legend that would reach over the scale bar stands above it.
     """
-    width, height = camera.size
+    width, height = camera.resolution
     pad, long = round(0.8 * edge), _font(edge).getlength
     name = notes.name.replace("_", "-")
     _text(image, (pad, pad), name, edge, "la")
-    taken = [Rectangle(0.0, 0.0, pad + long(name), pad + 1.3 * edge)]
+    occupied = [Rectangle(0.0, 0.0, pad + long(name), pad + 1.3 * edge)]
     if instant:
         _text(image, (width - pad, pad), instant, edge, "ra")
-        taken.append(Rectangle(width - pad - long(instant), 0.0, width, pad + 1.3 * edge))
+        occupied.append(Rectangle(width - pad - long(instant), 0.0, width, pad + 1.3 * edge))
     length, text = scale_bar(camera)
     pixels = length * camera.scale
     y = height - pad
@@ -233,28 +242,28 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
     bar = Rectangle(0.0, y - 1.2 * edge, pad + pixels + 0.8 * edge + long(text), float(height))
     lines = list(reversed(notes.legend))
     widest = max((long(line) for line, _ in lines), default=0.0)
-    stand = y - 1.5 * edge if width - pad - widest < bar.right else float(y)
+    stand = y - 1.5 * edge if width - pad - widest < bar.x_high else float(y)
     for i, (line, ink) in enumerate(lines):
         _text(image, (width - pad, stand + 1 - LINE * edge * i), line, edge, "rs", ink)
     if lines:
         top = stand - LINE * edge * len(lines)
-        taken.append(Rectangle(width - pad - widest, top, width, float(height)))
-    return [*taken, bar]
+        occupied.append(Rectangle(width - pad - widest, top, width, float(height)))
+    return [*occupied, bar]
 
 
 def scale_bar(camera: Camera) -> tuple[float, str]:
     """Return a round length of about a sixth of the picture's width in [m], and how it is written."""
-    length = nice(camera.size[0] / camera.scale / 5.0)
+    length = nice(camera.resolution[0] / camera.scale / 5.0)
     return length, prefixed(length, "m")
 
 
 def _text(
-    image: "Image.Image", at: tuple[float, float], text: str, edge: int, anchor: str, ink: Ink = INK
+    image: "Image.Image", anchor_point: tuple[float, float], text: str, edge: int, anchor: str, ink: Ink = INK
 ) -> None:
     """Write a text with its left ("l") or right ("r") end at a place, hung ("a") or standing ("s") there."""
-    stamp, left, top, right = _stamp(text, edge, anchor[1], ink)
-    x = at[0] + left if anchor[0] == "l" else at[0] - right
-    image.paste(stamp, (round(x), round(at[1] + top)), stamp)
+    stamp, x_offset, y_offset, right = _stamp(text, edge, anchor[1], ink)
+    x = anchor_point[0] + x_offset if anchor[0] == "l" else anchor_point[0] - right
+    image.paste(stamp, (round(x), round(anchor_point[1] + y_offset)), stamp)
 
 
 # drawing letters with a halo costs more than all else on a picture, and names stay the same
@@ -264,12 +273,12 @@ def _stamp(text: str, edge: int, hang: str, ink: Ink) -> tuple["Image.Image", fl
     from PIL import Image, ImageDraw
 
     font = _font(edge)
-    left, top, right, bottom = font.getbbox(text, anchor=f"l{hang}", stroke_width=HALO_WIDTH)
-    stamp = Image.new("RGBA", (int(np.ceil(right - left)) + 2, int(np.ceil(bottom - top)) + 2), (*HALO, 0))
+    x_low, top, right, bottom = font.getbbox(text, anchor=f"l{hang}", stroke_width=HALO_WIDTH)
+    stamp = Image.new("RGBA", (int(np.ceil(right - x_low)) + 2, int(np.ceil(bottom - top)) + 2), (*HALO, 0))
     pen = ImageDraw.Draw(stamp)
-    at = -left + 1, -top + 1
-    pen.text(at, text, fill=ink, font=font, anchor=f"l{hang}", stroke_width=HALO_WIDTH, stroke_fill=HALO)
-    return stamp, left - 1, top - 1, right - HALO_WIDTH
+    origin = -x_low + 1, -top + 1
+    pen.text(origin, text, fill=ink, font=font, anchor=f"l{hang}", stroke_width=HALO_WIDTH, stroke_fill=HALO)
+    return stamp, x_low - 1, top - 1, right - HALO_WIDTH
 
 
 @cache
@@ -277,7 +286,7 @@ def _font(edge: int) -> "ImageFont.FreeTypeFont":
     """DejaVu Sans, which matplotlib brings along: Pillow's own font knows neither powers nor Greek."""
     from PIL import ImageFont
 
-    found = find_spec("matplotlib")
-    assert found is not None
-    assert found.origin is not None
-    return ImageFont.truetype(Path(found.origin).parent / "mpl-data/fonts/ttf/DejaVuSans.ttf", edge)
+    spec = find_spec("matplotlib")
+    assert spec is not None
+    assert spec.origin is not None
+    return ImageFont.truetype(Path(spec.origin).parent / "mpl-data/fonts/ttf/DejaVuSans.ttf", edge)

@@ -20,10 +20,10 @@ def parse_pixels(text: str) -> tuple[int, int]:
     Raises:
         InputError: for what is none.
     """
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.strip().isdecimal() and len(part) < 9 for part in parts):
+    numbers = text.lower().split("x")
+    if len(numbers) != 2 or not all(text.strip().isdecimal() and len(text) < 9 for text in numbers):
         raise InputError(f"--size is {text!r}; write width x height in pixels, as in 960x720")
-    return int(parts[0]), int(parts[1])
+    return int(numbers[0]), int(numbers[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +116,8 @@ def changed(look: Look | None, options: dict[str, Any]) -> Look:
     Raises:
         InputError: for a field there is not, or a value that it cannot have.
     """
-    known = [field.name for field in fields(Look)]
+    names = [field.name for field in fields(Look)]
     for name in options:
-        if name not in known:
-            raise InputError(f"a picture has no option {name!r}; known are {', '.join(known)}")
+        if name not in names:
+            raise InputError(f"a picture has no option {name!r}; known are {', '.join(names)}")
     return replace(look or Look(), **options)

@@ -1,4 +1,4 @@
-"""What a picture shows beside the solids: shadow, paths, projections, arrows, the sense of the crank."""
+"""Overlays of a picture: shadow, paths, projections, arrows, the rotation arrow of the crank."""
 
 import mujoco
 import numpy as np
@@ -41,7 +41,7 @@ class Shadow:
         light = scenery.light_direction(drawn.camera, wall.normal)
         along = np.outer(light, wall.normal) / float(light @ wall.normal)
         self.press = np.eye(3) - along + FLAT * np.outer(wall.normal, wall.normal)
-        lit, unlit = scenery.brightness(drawn.camera, wall.normal, drawn.missed(wall))
+        lit, unlit = scenery.brightness(drawn.camera, wall.normal, drawn.missing_light(wall))
         shares = np.arange(1, LAYERS + 1) / LAYERS
         tones = np.multiply.outer(np.minimum(lit + shares * (unlit - lit), 1.0), scenery.PAPER)
         self.colours = np.column_stack([tones / (1.0 + GLOW), np.ones(LAYERS)]).astype(np.float32)
@@ -57,14 +57,14 @@ class Shadow:
         # the uppermost layer first, so that what it hides of the others is not drawn at all
         for layer in reversed(range(LAYERS)):
             wider = SPREAD * (1.0 - 2.0 * layer / (LAYERS - 1))
-            places = flat + (layer + 1) * step * self.normal
+            positions = flat + (layer + 1) * step * self.normal
             sizes = np.maximum(self.sizes + wider * above, 0.1 * self.sizes)
-            solids = zip(self.types, self.meshes, sizes, places, matrices, strict=True)
-            for kind, mesh, size, place, matrix in solids:
+            solids = zip(self.types, self.meshes, sizes, positions, matrices, strict=True)
+            for kind, mesh, half_size, position, matrix in solids:
                 if ngeom >= scene.maxgeom:
                     break
                 geom = geoms[ngeom]
-                mujoco.mjv_initGeom(geom, kind, size, place, matrix, self.colours[layer])
+                mujoco.mjv_initGeom(geom, kind, half_size, position, matrix, self.colours[layer])
                 geom.specular, geom.emission, geom.category = 0.0, GLOW, DECOR
                 if kind == MESH:
                     geom.dataid = mesh
@@ -73,7 +73,7 @@ class Shadow:
 
 
 class Trace:
-    """What is put into the scene of a drawn model frame by frame, beside the solids."""
+    """Overlays that are added to the scene of a drawn model in every frame."""
 
     def __init__(self, drawn: DrawnModel):
         self.drawn, look = drawn, drawn.look
@@ -92,7 +92,7 @@ class Trace:
         if look.trace == "whole":
             self.fixed.extend(self.paths.values())
         if look.sense:
-            self.fixed.extend(self._sense())
+            self.fixed.extend(self._rotation_arrow())
 
     def put(self, scene: mujoco.MjvScene, frame: int) -> None:
         """Add shadow, lines and arrows of a frame to a scene."""
@@ -107,27 +107,27 @@ class Trace:
             arrows.put(scene, starts, frame, 0.45 * self.drawn.radius)
         if trace not in ("grow", "tail"):
             return
-        done = int(now.passed[frame])
+        passed = int(now.passed[frame])
         for name, path in self.paths.items():
             start = 0
             if trace == "tail":
                 length = len(path) // 4
-                start = max(0, done - 1 - length)
-                if now.closed and done - 1 < length:
-                    path.put(scene, len(path) + done - 1 - length)
-            path.put(scene, start, done - 1)
-            reached, here = now.paths[name][done - 1], now.points[name][frame]
-            if not np.array_equal(reached, here):
-                chain(np.array([reached, here]), self.width, path.rgba).put(scene)
+                start = max(0, passed - 1 - length)
+                if now.closed and passed - 1 < length:
+                    path.put(scene, len(path) + passed - 1 - length)
+            path.put(scene, start, passed - 1)
+            reached, current = now.paths[name][passed - 1], now.points[name][frame]
+            if not np.array_equal(reached, current):
+                chain(np.array([reached, current]), self.width, path.rgba).put(scene)
 
-    def _sense(self) -> list[Chain]:
+    def _rotation_arrow(self) -> list[Chain]:
         """An arrow around the crank shaft, in the direction it turns, on the camera's side."""
         drawn = self.drawn
         end, radius = drawn.mechanism.driven_joints[0].a, drawn.radius
         axis, forward = np.asarray(end.axis), drawn.forward
         lift = 3.0 * radius * axis * np.sign(axis @ drawn.camera.back + 1e-12)
-        turn = np.linspace(0.0, 1.5 * np.pi, 49) * (1.0 if forward else -1.0)
-        ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(49)]) @ end.frame.T
+        angle = np.linspace(0.0, 1.5 * np.pi, 49) * (1.0 if forward else -1.0)
+        ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(49)]) @ end.frame.T
         arc = np.asarray(end.point) + lift + 5.0 * radius * ring
         tip, ahead = arc[-1], arc[-1] - arc[-2]
         ahead /= np.linalg.norm(ahead)

@@ -9,7 +9,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
-from mechsim.shapes import Facets, Rgba, Shape, free_sides, link_shapes, rod_radius
+from mechsim.shapes import Mesh, Rgba, Shape, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, travels
 from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, stands
@@ -48,7 +48,7 @@ def add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
     geom.mass = 0.0
 
 
-def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: Facets, rgba: Rgba) -> None:
+def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: Mesh, rgba: Rgba) -> None:
     name = f"facets{len(spec.meshes)}"
     # a sheet has no inside
     mesh = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
@@ -59,14 +59,14 @@ def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: Facets, rgba:
     geom.mass = 0.0
 
 
-def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, cell: float, emission: float) -> None:
+def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, grid_step: float, emission: float) -> None:
     """Add a plane of paper with grid lines.
 
     Args:
         spec: what to add to.
         name: of texture and material.
         wall: where it stands.
-        cell: edge of a grid cell in [m].
+        grid_step: edge of a grid cell in [m].
         emission: light of its own, for what a slanting plane misses of the camera's.
     """
     texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
@@ -79,7 +79,7 @@ def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, cell: float, emission: 
     textures = material.textures
     textures[int(mujoco.mjtTextureRole.mjTEXROLE_RGB)] = name
     material.textures = textures
-    material.texrepeat = [2.0 * half / cell for half in wall.half]
+    material.texrepeat = [2.0 * half / grid_step for half in wall.half]
     material.specular, material.shininess, material.emission = 0.0, 0.0, emission
     plane = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, pos=wall.point, material=name)
     plane.size = [*wall.half, 1.0]
@@ -145,7 +145,7 @@ def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
     """Set what is the same in every picture: material, soft light from the camera, distances."""
     # a geom whose colour is MuJoCo's usual one takes that of its material: the same
     spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=GREY)
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.size
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.resolution
     spec.visual.quality.shadowsize = 2048
     # parts are small in the picture: fewer facets than MuJoCo's 28 and 16 look as round and draw faster
     spec.visual.quality.numslices = 20
@@ -161,12 +161,12 @@ def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
     spec.visual.map.znear = 0.01
     spec.visual.map.zfar = 12.0
     # the box in which shadows fall is as deep as it is wide: a smaller one leaves specks on the floor
-    spec.visual.map.shadowclip = 1.25 * float(np.hypot(1.0, camera.size[0] / camera.size[1]))
+    spec.visual.map.shadowclip = 1.25 * float(np.hypot(1.0, camera.resolution[0] / camera.resolution[1]))
 
 
 CAMERA = "view"
-SIZE = (960, 720)
-# sites stand for points and ends of joints; MuJoCo draws groups 0 to 2 unless told otherwise
+RESOLUTION = (960, 720)
+# sites stand for points and ends of joints; MuJoCo draws groups 0 to 2 by default
 SITE_GROUP = 3
 
 
@@ -203,12 +203,12 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         shapes[GROUND].extend(posts)
         feet, widths = extent([(poses[GROUND], posts)])
         balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
-    camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, SIZE)
-    cell, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
-    wall = backdrop(mechanism, camera, up, low, high, cell)
+    camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, RESOLUTION)
+    grid_step, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
+    wall = backdrop(mechanism, camera, up, low, high, grid_step)
     scenery.prepare(spec, camera, middle)
     scenery.add_light(spec, camera, middle, wall.normal, shadow=True)
-    scenery.add_grid(spec, "grid", wall, cell, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))
+    scenery.add_grid(spec, "grid", wall, grid_step, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))
     scenery.add_camera(spec, CAMERA, camera)
     for link, body in bodies.items():
         for shape in shapes[link]:

@@ -18,14 +18,14 @@ from mechsim.files import written_beside
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.render.drawing import frames, still
-from mechsim.pictures.render.frame_poses import SEEN, comes_round
+from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
 from mechsim.pictures.render.labels import Picture
 from mechsim.pictures.render.look import Look
 
 PICTURES = (".png",)
 VIDEOS = (".mp4", ".webm", ".gif")
 
-# how mediapy is told to compress each kind; webm plays without patents, mp4 everywhere
+# options of mediapy for each kind; webm plays without patents, mp4 everywhere
 CODECS: dict[str, dict[str, Any]] = {
     ".mp4": {"codec": "h264", "crf": 20, "ffmpeg_args": "-preset veryfast"},
     # "good" and a row of threads: the default takes ten times as long for the same picture
@@ -50,9 +50,9 @@ def write_picture(
         MissingToolError: where this machine has no OpenGL.
     """
     path = Path(path)
-    _known(path, PICTURES)
-    with written_beside(path) as beside:
-        _write_png(beside, still(mechanism, motion, look, **options))
+    _require_extension(path, PICTURES)
+    with written_beside(path) as temporary:
+        _write_png(temporary, still(mechanism, motion, look, **options))
 
 
 def write_video(
@@ -63,7 +63,7 @@ def write_video(
     *,
     fps: float = 30.0,
     angles: ArrayLike | None = None,
-    done: Callable[[], None] = lambda: None,
+    progress: Callable[[], None] = lambda: None,
     **options: Any,
 ) -> int:
     """Write a motion as mp4, webm or gif, or, for a path without extension, as a directory of PNG files.
@@ -75,7 +75,7 @@ def write_video(
         look: what the pictures show; None is the usual.
         fps: frames per second.
         angles: crank angles of the frames in [rad]; `turn_angles` makes evenly spaced ones.
-        done: called after each frame.
+        progress: called after each frame.
         options: see `frames` and `Look`.
 
     Returns:
@@ -90,11 +90,13 @@ def write_video(
     if not 0.0 < fps <= 1000.0:
         raise InputError(f"{fps} frames per second; give a rate above 0 and up to 1000")
     if path.suffix == "":
-        return _write_sequence(path, frames(mechanism, motion, look, angles=angles, **options), done)
-    _known(path, VIDEOS)
+        return _write_sequence(path, frames(mechanism, motion, look, angles=angles, **options), progress)
+    _require_extension(path, VIDEOS)
     ffmpeg = find_ffmpeg()
-    with written_beside(path) as beside:
-        return _encode(beside, frames(mechanism, motion, look, angles=angles, **options), fps, ffmpeg, done)
+    with written_beside(path) as temporary:
+        return _encode(
+            temporary, frames(mechanism, motion, look, angles=angles, **options), fps, ffmpeg, progress
+        )
 
 
 def turn_angles(mechanism: Mechanism, motion: Motion, per_turn: int = 36) -> np.ndarray:
@@ -108,7 +110,7 @@ def turn_angles(mechanism: Mechanism, motion: Motion, per_turn: int = 36) -> np.
     first, last = float(motion.angle[0]), float(motion.angle[-1])
     steps = abs(last - first) * per_turn / (2.0 * np.pi)
     whole = abs(steps - round(steps)) < 1e-6 and round(steps) % per_turn == 0 and round(steps) > 0
-    again = whole and comes_round(mechanism, motion, SEEN, SEEN)
+    again = whole and comes_round(mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
     count = round(steps) if again else int(np.floor(steps + 1e-6)) + 1
     return first + np.sign(last - first) * np.arange(count) * 2.0 * np.pi / per_turn
 
@@ -119,9 +121,9 @@ def find_ffmpeg() -> str:
     Raises:
         MissingToolError: where there is neither.
     """
-    found = shutil.which("ffmpeg")
-    if found and _runs(found):
-        return found
+    executable = shutil.which("ffmpeg")
+    if executable and _runs(executable):
+        return executable
     try:
         import imageio_ffmpeg
 
@@ -130,7 +132,7 @@ def find_ffmpeg() -> str:
             return brought
     except (ImportError, RuntimeError):
         pass
-    what = f"{found} does not run" if found else "there is no ffmpeg here"
+    what = f"{executable} does not run" if executable else "there is no ffmpeg here"
     raise MissingToolError(
         f"no video can be written: {what}; install the system package ffmpeg "
         "or the Python package imageio-ffmpeg"
@@ -138,22 +140,22 @@ def find_ffmpeg() -> str:
 
 
 @functools.cache
-def _runs(program: str) -> bool:
+def _runs(executable: str) -> bool:
     try:
-        done = subprocess.run([program, "-version"], capture_output=True, timeout=30, check=False)
+        process = subprocess.run([executable, "-version"], capture_output=True, timeout=30, check=False)
     except (OSError, subprocess.SubprocessError):
         return False
-    return done.returncode == 0 and done.stdout.startswith(b"ffmpeg")
+    return process.returncode == 0 and process.stdout.startswith(b"ffmpeg")
 
 
 def _encode(
-    path: Path, pictures: Iterator[Picture], fps: float, ffmpeg: str, done: Callable[[], None]
+    path: Path, pictures: Iterator[Picture], fps: float, ffmpeg: str, progress: Callable[[], None]
 ) -> int:
     with needs("pictures"):
         import mediapy
 
     mediapy.set_ffmpeg(ffmpeg)
-    # the first frame is drawn before the encoder starts, so that a refusal leaves no process behind
+    # the first frame is drawn before the encoder starts, so that an error leaves no process behind
     first = next(pictures)
     shape = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2  # codecs want even edges
     count = 0
@@ -163,21 +165,21 @@ def _encode(
             mediapy.VideoWriter(path, shape, fps=fps, **CODECS[path.suffix]) as writer,
             ThreadPoolExecutor(max_workers=1) as line,
         ):
-            taken = line.submit(lambda: None)
+            pending = line.submit(lambda: None)
             for picture in chain([first], pictures):
                 frame = np.ascontiguousarray(picture[: shape[0], : shape[1]])
-                taken.result()
-                taken = line.submit(writer.add_image, frame)
+                pending.result()
+                pending = line.submit(writer.add_image, frame)
                 count += 1
-                done()
-            taken.result()
+                progress()
+            pending.result()
     except (RuntimeError, OSError, subprocess.SubprocessError) as error:
         reason = str(error).strip().splitlines()[-1:] or ["no reason given"]
         raise OutputError(f"cannot write {path.suffix[1:]} video: ffmpeg failed: {reason[0]}") from error
     return count
 
 
-def _write_sequence(path: Path, pictures: Iterator[Picture], done: Callable[[], None]) -> int:
+def _write_sequence(path: Path, pictures: Iterator[Picture], progress: Callable[[], None]) -> int:
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise OutputError(f"cannot write pictures to {path}: it is not an empty directory; name a new one")
     if not path.parent.is_dir():
@@ -185,13 +187,13 @@ def _write_sequence(path: Path, pictures: Iterator[Picture], done: Callable[[], 
     count = 0
     try:
         with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as scratch:
-            beside = Path(scratch) / "frames"
-            beside.mkdir()
+            temporary = Path(scratch) / "frames"
+            temporary.mkdir()
             for picture in pictures:
-                _write_png(beside / f"{count:05d}.png", picture)
+                _write_png(temporary / f"{count:05d}.png", picture)
                 count += 1
-                done()
-            beside.replace(path)
+                progress()
+            temporary.replace(path)
     except OSError as error:
         raise OutputError(f"cannot write pictures to {path}: {error.strerror or error}") from error
     return count
@@ -204,7 +206,7 @@ def _write_png(path: Path, picture: Picture) -> None:
     Image.fromarray(picture).save(path, optimize=True)
 
 
-def _known(path: Path, extensions: tuple[str, ...]) -> None:
+def _require_extension(path: Path, extensions: tuple[str, ...]) -> None:
     if path.suffix not in extensions:
         raise InputError(
             f"cannot write {path.name}: extension {path.suffix or '(none)'!r} "

@@ -27,7 +27,7 @@ from mechsim.shapes.camera import stands
 TEMPLATES = Path(__file__).parent / "templates"
 LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
 # poses that the room a mechanism takes is measured over
-SOME = 360
+MAX_POSES = 360
 
 
 def page(view: View, library: str = "") -> str:
@@ -35,7 +35,7 @@ def page(view: View, library: str = "") -> str:
 
     Args:
         view: what it shows.
-        library: file beside the page that holds three.js; empty puts it into the page.
+        library: file in the same folder that holds three.js; empty puts it into the page.
 
     Raises:
         MissingToolError: where the package that brings three.js is not installed.
@@ -65,8 +65,8 @@ def three_js() -> str:
     Raises:
         MissingToolError: where it is not installed.
     """
-    found = find_spec(LIBRARY)
-    folders = [] if found is None else list(found.submodule_search_locations or ())
+    spec = find_spec(LIBRARY)
+    folders = [] if spec is None else list(spec.submodule_search_locations or ())
     for folder in folders:
         if (Path(folder) / BUILD).is_file():
             return (Path(folder) / BUILD).read_text(encoding="utf-8")
@@ -104,15 +104,15 @@ def _data(view: View) -> dict[str, Any]:
 
 def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:
     """Return poses of every link over all grids, as many as tell how much room they take."""
-    found = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
     for link in mechanism.links:
-        places = np.concatenate([grid.position[link.name].reshape(-1, 3) for grid in grids])
+        positions = np.concatenate([grid.position[link.name].reshape(-1, 3) for grid in grids])
         turns = np.concatenate([grid.quaternion[link.name].reshape(-1, 4) for grid in grids])
-        step = max(1, len(places) // SOME)
-        places, turns = places[::step], turns[::step]
-        stand = np.isfinite(places).all(1)
-        found[link.name] = Pose(places[stand], _rotations(turns[stand]))
-    return found
+        step = max(1, len(positions) // MAX_POSES)
+        positions, turns = positions[::step], turns[::step]
+        stand = np.isfinite(positions).all(1)
+        poses[link.name] = Pose(positions[stand], _rotations(turns[stand]))
+    return poses
 
 
 def _rotations(q: Array) -> Array:
@@ -135,14 +135,14 @@ def _solid(shape: Shape) -> dict[str, Any]:
             "half": [],
             "vertices": _packed(shape.facets.vertices),
             "faces": _counted(shape.facets.faces),
-            "rgba": [float(f"{part:.3g}") for part in shape.rgba],
+            "rgba": [float(f"{channel:.3g}") for channel in shape.rgba],
         }
     return {
         "kind": shape.kind,
         "at": _short(shape.centre),
         "turn": _short(quaternions(shape.frame)),
         "half": _short(np.array(shape.half_sizes)),
-        "rgba": [float(f"{part:.3g}") for part in shape.rgba],
+        "rgba": [float(f"{channel:.3g}") for channel in shape.rgba],
     }
 
 
@@ -170,20 +170,20 @@ def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 def _cameras(mechanism: Mechanism, balls: Array, radii: Array, vertical: Up | None) -> list[dict[str, Any]]:
     """Return the directions to look from; the first is the usual one."""
-    found: list[dict[str, Any]] = []
+    presets: list[dict[str, Any]] = []
     flat = hinged_normals(mechanism) is not None
     usual = {"iso": "straight on" if flat else "corner", "top": "top", "side": "side"}
     if not flat:
         usual["shaft"] = "along shaft"
     for preset, name in usual.items():
         back, up = cameras.directions(mechanism, preset, vertical)
-        framed = cameras.framed(back, up, balls, radii, (1, 1), margin=0.0)
+        framed = cameras.framed(back, up, balls, radii, (1, 1), border=0.0)
         right = np.cross(up, back)
         across = float((balls @ right + radii).max() - (balls @ right - radii).min())
         over = float((balls @ up + radii).max() - (balls @ up - radii).min())
         depth = float((balls @ back + radii).max() - (balls @ back - radii).min())
         centre = framed.position - back * (framed.height + depth / 2.0)
-        found.append(
+        presets.append(
             {
                 "name": name,
                 "back": _short(back),
@@ -194,7 +194,7 @@ def _cameras(mechanism: Mechanism, balls: Array, radii: Array, vertical: Up | No
                 "depth": depth,
             }
         )
-    return found
+    return presets
 
 
 def _grid(grid: PoseGrid) -> dict[str, Any]:
@@ -204,7 +204,7 @@ def _grid(grid: PoseGrid) -> dict[str, Any]:
     )  # (*shape, links, 7)
     return {
         "name": grid.name,
-        "said": grid.said,
+        "said": grid.note,
         "sliders": [_slider(slider) for slider in grid.sliders],
         "links": links,
         "poses": _packed(poses),
@@ -212,8 +212,8 @@ def _grid(grid: PoseGrid) -> dict[str, Any]:
             {
                 "name": readout.name,
                 "unit": readout.unit,
-                "parts": list(readout.parts),
-                "values": _packed(np.stack(list(readout.parts.values()), -1)),
+                "parts": list(readout.components),
+                "values": _packed(np.stack(list(readout.components.values()), -1)),
             }
             for readout in grid.readouts
         ],
@@ -228,12 +228,15 @@ def _slider(slider: Slider) -> dict[str, Any]:
         "nodes": [float(f"{node:.15g}") for node in slider.nodes],
         "ring": slider.ring,
         "start": slider.start,
-        "marks": [{"at": mark.value, "said": mark.label, "kind": mark.kind} for mark in slider.landmarks],
+        "marks": [
+            {"at": landmark.value, "said": landmark.label, "kind": landmark.kind}
+            for landmark in slider.landmarks
+        ],
     }
 
 
 def _ghost(ghost: GhostTrack, links: Sequence[str]) -> dict[str, Any]:
-    both = np.stack([np.concatenate([ghost.shift[link], ghost.turn[link]], -1) for link in links], -2)
+    both = np.stack([np.concatenate([ghost.shift[link], ghost.rotation[link]], -1) for link in links], -2)
     return {
         "name": ghost.name,
         "nodes": [float(f"{node:.15g}") for node in ghost.nodes],

@@ -62,12 +62,12 @@ class Readout:
     Attributes:
         name: of what.
         unit: in SI, "rad", "m", "m/s", "".
-        parts: what a part is called -> its values, of the shape of the grid; "" where there is one.
+        components: what a part is called -> its values, of the shape of the grid; "" where there is one.
     """
 
     name: str
     unit: str
-    parts: Mapping[str, Array]
+    components: Mapping[str, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,14 +78,14 @@ class GhostTrack:
         name: of the road.
         nodes: rising values of the slider, (k,).
         shift: link -> displacement of its first joint, (k, 3) in [m].
-        turn: link -> turn as a vector, (k, 3) in [rad].
+        rotation: link -> turn as a vector, (k, 3) in [rad].
         by: factor that makes the differences plain to see.
     """
 
     name: str
     nodes: Array
     shift: Mapping[str, Array]
-    turn: Mapping[str, Array]
+    rotation: Mapping[str, Array]
     by: float
 
 
@@ -98,10 +98,10 @@ class PoseGrid:
         sliders: one for each driver; the grid is the product of their nodes.
         position: link -> place of its origin, (*shape, 3) in [m]; NaN where it cannot stand.
         quaternion: link -> its orientation, (*shape, 4), scalar first.
-        readouts: what is written beside the picture and drawn as curves.
+        readouts: quantities shown as numbers and as curves.
         ghost: of another road; None where there is none.
         error: largest error of a place between the nodes in [m], measured; NaN where it was not.
-        said: more on where it comes from.
+        note: more on where it comes from.
     """
 
     name: str
@@ -111,7 +111,7 @@ class PoseGrid:
     readouts: tuple[Readout, ...] = ()
     ghost: GhostTrack | None = None
     error: float = float("nan")
-    said: str = ""
+    note: str = ""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -163,9 +163,9 @@ def quaternions(rotation: Array) -> Array:
     }.items():
         table[..., i, j] = table[..., j, i] = value
     row = np.argmax(squares, -1)[..., None, None]
-    found = np.take_along_axis(table, row, -2)[..., 0, :]
-    found = found / np.sqrt((found**2).sum(-1, keepdims=True))
-    return np.where(found[..., :1] < 0.0, -found, found)
+    q = np.take_along_axis(table, row, -2)[..., 0, :]
+    q = q / np.sqrt((q**2).sum(-1, keepdims=True))
+    return np.where(q[..., :1] < 0.0, -q, q)
 
 
 def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:
@@ -177,38 +177,40 @@ def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:
     low = int(np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, max(n - 2, 0)))
     count = min(STENCIL, n)
     if slider.ring:
-        period, places = nodes[-1] - nodes[0], range(low - 1, low - 1 + count)
-        laps = [i // (n - 1) for i in places]
-        at = [i % (n - 1) for i in places]
-        where = [float(nodes[i] + period * lap) for i, lap in zip(at, laps, strict=True)]
+        period, positions = nodes[-1] - nodes[0], range(low - 1, low - 1 + count)
+        revolutions = [i // (n - 1) for i in positions]
+        indices = [i % (n - 1) for i in positions]
+        where = [
+            float(nodes[i] + period * revolution) for i, revolution in zip(indices, revolutions, strict=True)
+        ]
     else:
         first = int(np.clip(low - 1, 0, n - count))
-        at = list(range(first, first + count))
-        where = [float(nodes[i]) for i in at]
+        indices = list(range(first, first + count))
+        where = [float(nodes[i]) for i in indices]
     weights = [
         float(np.prod([(value - b) / (a - b) for k, b in enumerate(where) if k != j]))
         for j, a in enumerate(where)
     ]
-    return at, weights
+    return indices, weights
 
 
 def interpolated(
-    sliders: Sequence[Slider], values: Array, at: Sequence[float], *, turns: bool = False
+    sliders: Sequence[Slider], values: Array, setting: Sequence[float], *, turns: bool = False
 ) -> Array:
     """Return values of a grid, (*shape, c), at a setting of its sliders, (c,).
 
     Args:
         sliders: of the grid.
         values: at the nodes.
-        at: a value for each slider.
+        setting: a value for each slider.
         turns: whether the values are quaternions, of which both signs mean one turn.
     """
-    places = [stencil(slider, value) for slider, value in zip(sliders, at, strict=True)]
-    block = values[np.ix_(*(nodes for nodes, _ in places))]
+    stencils = [stencil(slider, value) for slider, value in zip(sliders, setting, strict=True)]
+    block = values[np.ix_(*(nodes for nodes, _ in stencils))]
     if turns:
         first = block.reshape(-1, block.shape[-1])[0]
         block = np.where((block @ first)[..., None] < 0.0, -block, block)
-    for _, weights in places:
+    for _, weights in stencils:
         block = np.tensordot(np.array(weights), block, axes=(0, 0))
     return block / np.linalg.norm(block) if turns else block
 
@@ -221,7 +223,7 @@ def motion_grid(
     driver: str,
     unit: SliderUnit = "rad",
     nodes: Array | None = None,
-    marks: Sequence[Landmark] = (),
+    landmarks: Sequence[Landmark] = (),
     extra: Sequence[Readout] = (),
     ghost: GhostTrack | None = None,
     speeds: bool = True,
@@ -235,18 +237,18 @@ def motion_grid(
         driver: what the slider is called.
         unit: of its values.
         nodes: its values, (n,); None takes the crank angles.
-        marks: places with a name.
+        landmarks: places with a name.
         extra: quantities besides places, speeds and joints, (n,) each.
         ghost: of another road.
-        speeds: whether the motion's rates are told.
+        speeds: whether the motion's rates are shown.
     """
     nodes = motion.angle if nodes is None else nodes
     poses = moved_links(mechanism, motion)
     position = {name: pose.position for name, pose in poses.items()}
     quaternion = {name: quaternions(pose.rotation) for name, pose in poses.items()}
-    slider = Slider(driver, unit, nodes, comes_round(mechanism, motion), float(nodes[0]), tuple(marks))
-    told = (*_readouts(mechanism, motion, speeds), *extra)
-    return PoseGrid(name, (slider,), position, quaternion, told, ghost)
+    slider = Slider(driver, unit, nodes, comes_round(mechanism, motion), float(nodes[0]), tuple(landmarks))
+    readouts = (*_readouts(mechanism, motion, speeds), *extra)
+    return PoseGrid(name, (slider,), position, quaternion, readouts, ghost)
 
 
 def ghost_of(
@@ -262,42 +264,42 @@ def ghost_of(
         rows: instants over which the slider rises: all of a crank that turns, half of a swing.
     """
     spinning = shown.spinning | other.spinning
-    found = errors(mechanism, moved_links(mechanism, shown), moved_links(mechanism, other), spinning)
-    shift = {link: pair[0][rows] for link, pair in found.items()}
-    turn = {link: pair[1][rows] for link, pair in found.items()}
+    deviations = errors(mechanism, moved_links(mechanism, shown), moved_links(mechanism, other), spinning)
+    shift = {link: pair[0][rows] for link, pair in deviations.items()}
+    rotation = {link: pair[1][rows] for link, pair in deviations.items()}
     nodes = shown.time if shown.drivers and shown.time is not None else shown.angle
-    return GhostTrack(name, nodes[rows], shift, turn, factor(mechanism, found))
+    return GhostTrack(name, nodes[rows], shift, rotation, factor(mechanism, deviations))
 
 
-def between(grid: PoseGrid, exact: Motion, at: Array) -> float:
+def between(grid: PoseGrid, exact: Motion, values: Array) -> float:
     """Return the largest error of a tracked or joint place between the nodes of a slider, in [m].
 
     Args:
         grid: with one slider.
         exact: the motion solved at values of the slider.
-        at: these values, (n,).
+        values: these values, (n,).
     """
     worst = 0.0
     for link, moved in exact.links.items():
-        for i, value in enumerate(at):
-            place = interpolated(grid.sliders, grid.position[link], [float(value)])
-            worst = max(worst, float(np.linalg.norm(place - moved.position[i])))
+        for i, value in enumerate(values):
+            approximate = interpolated(grid.sliders, grid.position[link], [float(value)])
+            worst = max(worst, float(np.linalg.norm(approximate - moved.position[i])))
     return worst
 
 
 def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readout]:
     """Return places and speeds of the points that move, and the joints' coordinates."""
-    found: list[Readout] = []
+    readouts: list[Readout] = []
     for name, point in motion.points.items():
         if name in mechanism.points and mechanism.points[name][0] == GROUND:
             continue
-        found.append(Readout(name, "m", dict(zip("xyz", point.position.T, strict=True))))
+        readouts.append(Readout(name, "m", dict(zip("xyz", point.position.T, strict=True))))
         if speeds:
             speed = np.sqrt((point.velocity**2).sum(1))
-            found.append(Readout(f"{name} speed", "m/s", {"": speed}))
+            readouts.append(Readout(f"{name} speed", "m/s", {"": speed}))
     for name, joint in motion.joints.items():
-        found.append(Readout(f"joint {name}", joint.unit, {"": _unwound(joint)}))
-    return found
+        readouts.append(Readout(f"joint {name}", joint.unit, {"": _unwound(joint)}))
+    return readouts
 
 
 def _unwound(joint: JointMotion) -> Array:
