@@ -5,7 +5,7 @@ NEAR_ONE = "loops in units of their size have largest singular values near one"
 SPEED = "changes what a run costs, not what it gives"
 LOOPS = "simulation/model_loops.py"
 CUTS = "simulation/mjcf/loop_cuts.py"
-POSED = "simulation/posed_bodies.py"
+POSED = "simulation/state.py"
 MOTION = "analytic/loops/oracle.py"
 PATH = "analytic/loops/path.py"
 SOLVER = "analytic/loops/solver.py"
@@ -33,7 +33,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "factor = np.where(angle > 1e-08, np.sin(half) / np.where(angle > 1e-08, angle, 1.0), 0.5)",
         "factor = np.where(angle > 1e-08, np.sin(half) / np.where(angle > 1e-09, angle, 1.0), 0.5)",
     ): "what is divided there is not taken",
-    ("simulation/recorded_motion.py", "CHUNK = 2048", "..."): SPEED,
+    ("simulation/recording.py", "CHUNK = 2048", "..."): SPEED,
     (CUTS, "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
     (
         CUTS,

@@ -82,14 +82,14 @@ KILLERS: dict[str, list[str]] = {
         "studies/test_driven_efforts.py",
     ],
     "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
-    "simulation/posed_bodies.py": ["simulation/test_posed_bodies.py"],
+    "simulation/state.py": ["simulation/test_posed_bodies.py"],
     "numerics/rank.py": ["numerics/test_rank.py"],
-    "simulation/loop_constraints.py": [
+    "simulation/equality_rows.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",
         "simulation/test_model_loops.py",
     ],
-    "simulation/recorded_motion.py": [
+    "simulation/recording.py": [
         "simulation/test_loop_constraints.py",
         "simulation/test_recorded_motion.py",
         "simulation/test_motion_laws.py",

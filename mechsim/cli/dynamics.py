@@ -41,7 +41,8 @@ from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_motion
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
-from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.result import Driven
 from mechsim.simulation.stepping import Progress
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import profile_of

@@ -12,7 +12,7 @@ from mechsim.cli.verdict_text import print_verdict
 from mechsim.model.efforts import Fluctuation, FreeRun
 from mechsim.report.facts import run_facts, study_facts
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
-from mechsim.simulation.dynamics.prescribed_motion import Driven
+from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Verdict
 
 Row = tuple[str, str, str, str, str]

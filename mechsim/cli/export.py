@@ -29,8 +29,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import Settings, mjcf
-from mechsim.simulation.mjcf.changes import set_drive_inertia
-from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS
+from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
 from mechsim.studies.scene import turning_model
 from mechsim.subjects.toml_writer import to_toml
 

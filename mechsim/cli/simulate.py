@@ -211,7 +211,7 @@ def _run(
             method=options.method,  # pyright: ignore[reportArgumentType]
             samples=options.records(motion),
             scene=scene,
-            watch=tick,
+            progress=tick,
         )
 
 

@@ -200,7 +200,7 @@ def figure_svg(figure: Any) -> str | None:
 # (module, class) -> what kind of data shows it, and how that is made
 SHOWN = {
     ("mechsim.verdict.checks", "Verdict"): ("text/html", verdict_html),
-    ("mechsim.simulation.run_result", "Run"): ("text/html", run_html),
+    ("mechsim.simulation.result", "Run"): ("text/html", run_html),
     ("matplotlib.figure", "Figure"): ("image/svg+xml", figure_svg),
 }
 

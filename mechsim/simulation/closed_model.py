@@ -1,62 +1,58 @@
-"""A model with closed loops: the start of every run in MuJoCo."""
+"""A compiled model with closed loops: what every run in MuJoCo starts from."""
 
-import os
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol, cast
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError, InputError
-from mechsim.model.link_poses import rough_poses
-from mechsim.model.links import Pose
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
-from mechsim.simulation.antiparallel_axes import require_aligned
-from mechsim.simulation.contact_filtering import exclude_contacts
-from mechsim.simulation.drivers import find_drivers, with_parameter_joint
-from mechsim.simulation.mjcf import compiled, generate, quiet
-from mechsim.simulation.mjcf.changes import lock_joints, require_single
-from mechsim.simulation.mjcf.joints import CRANK, model_names
-from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import Track, add_sensors
-from mechsim.simulation.redundant_drivers import immobile_drivers, overdetermined_error
-from mechsim.simulation.straight_path import move_drivers
+from mechsim.simulation.recording import Track
+
+# bits of a contact mask without the sign bit
+BITS = 31
 
 
-class HasMechanism(Protocol):
-    """An object with a mechanism description, such as a catalogue mechanism."""
+def exclude_contacts(model: mujoco.MjModel, determined: NDArray[np.bool_]) -> None:
+    """Exclude the contacts between some bodies of a compiled model; none if no free mask bit remains.
 
-    @property
-    def mechanism(self) -> Any:
-        """The description, a `Mechanism`; its type is checked on use."""
-        ...
+    Contacts with other bodies remain: every mask pair of the geoms gets a bit of its own, which the other
+    geoms' masks contain.
 
-
-class ReadModel(Protocol):
-    """An MJCF file after reading: its specification and the mechanism that it describes.
-
-    Attributes:
-        spec: of the file, with a site at every tracked point.
-        mechanism: description, with its drivers and locked joints.
-        qpos: initial state, (nq,).
+    Args:
+        model: changed in place.
+        settled: which bodies, (nbody,).
     """
+    if determined.all():
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        return
+    excluded = determined[model.geom_bodyid]
+    kind, affinity = model.geom_contype.copy(), model.geom_conaffinity.copy()
+    used = int(np.bitwise_or.reduce(kind | affinity, initial=0))
+    free_bits = [1 << bit for bit in range(BITS) if not used >> bit & 1]
+    masks = {(int(a), int(b)) for a, b in zip(kind[excluded], affinity[excluded], strict=True) if a or b}
+    if len(masks) > len(free_bits):
+        return
+    for bit, (mine, finds) in zip(free_bits, sorted(masks), strict=False):
+        same = excluded & (kind == mine) & (affinity == finds)
+        meets = ~excluded & (((kind & finds) | (affinity & mine)) != 0)
+        model.geom_contype[same], model.geom_conaffinity[same] = 0, bit
+        model.geom_contype[meets] |= bit
+    # MuJoCo checks the masks of whole bodies first
+    for whole, each in (
+        (model.body_contype, model.geom_contype),
+        (model.body_conaffinity, model.geom_conaffinity),
+    ):
+        whole[:] = 0
+        np.bitwise_or.at(whole, model.geom_bodyid, each)
 
-    spec: mujoco.MjSpec
-    mechanism: Mechanism
-    qpos: Array
-
-
-Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
-Source = Model | HasMechanism | ReadModel
 
 NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+
+
 # displacement, in [rad] or characteristic lengths, by which an undetermined DOF is probed
 NUDGE = 1e-4
 
@@ -95,10 +91,10 @@ class ClosedModel:
         """Whether contacts are enabled."""
         return not self.model.opt.disableflags & NO_CONTACT
 
-    def without_contacts(self, settled: NDArray[np.bool_]) -> "ClosedModel":
+    def without_contacts(self, determined: NDArray[np.bool_]) -> "ClosedModel":
         """Return the model without contacts between the bodies of a mask, (nbody,)."""
         loops = self.loops.with_model_copy()
-        exclude_contacts(loops.model, settled)
+        exclude_contacts(loops.model, determined)
         return replace(self, loops=loops)
 
     def point_positions(self, states: Array) -> Array:
@@ -126,290 +122,3 @@ class ClosedModel:
         return (
             np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.characteristic_length
         )
-
-
-def from_source(
-    source: Source,
-    scene: Scene | None = None,
-    *,
-    drivers: Sequence[str] | str | None = None,
-    lock: Mapping[str, float | None] | None = None,
-    key: str | None = None,
-) -> ClosedModel:
-    """Return a mechanism, or a custom model, ready to be run.
-
-    Args:
-        source: the mechanism or model.
-        scene: contents of the model of a mechanism; with the source's forces where it names none.
-        drivers: of a custom model: the hinge that is the crank, or a sequence of the joints that follow
-            motion laws; None for the hinge "crank". Of a mechanism: a sequence if its crank
-            follows a motion law; several drivers always do.
-        lock: joint of a custom model -> value at which it is locked, in [m] or [rad]; None for its initial
-            value, the only choice for a ball or a free joint.
-        key: initial keyframe of a custom model; None for its reference configuration.
-
-    Raises:
-        InputError: where the model cannot be read, or has no point to track.
-        AssemblyError: if its loops do not close at the drivers' initial values.
-    """
-    closed = _from_source(source, scene, drivers, lock, key)
-    closed.loops.change_point = getattr(source, "change_point", "smooth")
-    return closed
-
-
-def _from_source(
-    source: Source,
-    scene: Scene | None,
-    drivers: Sequence[str] | str | None,
-    holds: Mapping[str, float | None] | None,
-    key: str | None,
-) -> ClosedModel:
-    read = read_model(source)
-    if read is not None:
-        return _from_read_model(source, read, drivers)
-    model = description(source)
-    spec = load(model, (scene or Scene()).under(getattr(source, "forces", None)))
-    points = tracked_points(model, spec)
-    if isinstance(model, Mechanism):
-        programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))
-        return from_mechanism(model, spec, points, programmed=programmed)
-    return _custom_model(
-        spec, points, CRANK if drivers is None else drivers, holds or {}, _keyframe_qpos(spec, key)
-    )
-
-
-def read_model(source: Source) -> ReadModel | None:
-    """Return the MJCF file of a source that is one or has one; else None."""
-    for one in (source, getattr(source, "source", None)):
-        if isinstance(getattr(one, "spec", None), mujoco.MjSpec):
-            return cast(ReadModel, one)
-    return None
-
-
-def _from_read_model(source: Source, read: ReadModel, drivers: Sequence[str] | str | None) -> ClosedModel:
-    """Return the model of an MJCF file; where its digits let no loop close, of the corrected mechanism.
-
-    The joints of the corrected mechanism were moved until the loops close.
-    """
-    told, asked = read.mechanism, drivers if drivers is not None else read.mechanism.driver
-    try:
-        return _custom_model(read.spec.copy(), tuple(told.points), asked, told.locked, read.qpos)
-    except AssemblyError:
-        meant = getattr(source, "mechanism", told)
-        if meant is told or not isinstance(meant, Mechanism):
-            raise
-    note = (
-        "to the digits of the file its loops close in no pose: what was run is the mechanism read from it, "
-        "its joints moved until they do, without the file's masses, contacts and actuators"
-    )
-    return replace(from_source(meant, drivers=drivers), note=note)
-
-
-def _custom_model(
-    spec: mujoco.MjSpec,
-    points: tuple[str, ...],
-    drivers: Sequence[str] | str,
-    holds: Mapping[str, float | None],
-    start: Array | None,
-) -> ClosedModel:
-    """Return a custom model with locked joints, in the closed state nearest to its initial state."""
-    spec, holds, start = without_locked_bodies(spec, holds, start)
-    if holds:
-        require_single(spec, holds)
-        moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
-        loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)))
-        loops, begin = _closed_at_drivers(loops, _start_qpos(loops, start))
-        assert loops.drivers is not None
-        stands = zip(loops.drivers.names, begin[loops.drivers.addresses].tolist(), strict=True)
-        there = {name: value if (asked := holds.get(name)) is None else asked for name, value in stands}
-        start = move_drivers(loops, begin, np.array([*there.values()]), "where joints are held")
-        start = np.delete(start, loops.crank_address)
-        lock_joints(spec, {name: there[name] for name in holds})
-    return replace(from_spec(spec, points, drivers, start=start), custom=True)
-
-
-def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
-    """Return the state of a keyframe, (nq,); None without a name."""
-    if key is None:
-        return None
-    model = compiled(spec.copy())
-    names = [model.key(i).name for i in range(model.nkey)]
-    if key not in names:
-        known = ", ".join(names) or "none"
-        raise InputError(f"{spec.modelname}: there is no keyframe {key!r} (it has {known})")
-    return model.key_qpos[names.index(key)]
-
-
-def from_mechanism(
-    mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, programmed: bool
-) -> ClosedModel:
-    """Return the model generated from a mechanism; `programmed` if its drivers follow motion laws."""
-    asked = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
-    closed = from_spec(spec, points, asked, called=_coordinate_names(mechanism, programmed=programmed))
-    hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
-    return replace(closed, track=replace(closed.track, hidden=hidden))
-
-
-def description(source: Source) -> Model:
-    """Return the mechanism of an object that has one, or the model itself.
-
-    Raises:
-        InputError: for an object that is no model.
-    """
-    model = getattr(source, "mechanism", source)
-    if not isinstance(model, Mechanism | mujoco.MjSpec | str | os.PathLike):
-        raise InputError(
-            f"a {type(source).__name__} cannot be simulated; give a mechanism, one of the catalogue, "
-            "an MJCF file or a specification"
-        )
-    return model
-
-
-def from_spec(
-    spec: mujoco.MjSpec,
-    points: tuple[str, ...],
-    drivers: Sequence[str] | str = CRANK,
-    *,
-    called: Mapping[str, tuple[str, int | None]] | None = None,
-    start: Array | None = None,
-) -> ClosedModel:
-    """Return the model of a specification with sensors for the tracked points.
-
-    Args:
-        spec: of the model.
-        points: sites to track.
-        drivers: the hinge that is the crank, or the joints that follow motion laws.
-        coordinates: joint of the model -> the coordinate it is recorded as, as in `Track`.
-        start: initial state, (nq,); None for the reference configuration.
-    """
-    track = replace(add_sensors(spec, points), coordinates=called or {})
-    loops = closed_loops(spec, drivers)
-    if loops.drivers is not None:
-        loops.drivers = replace(
-            loops.drivers, names=tuple(track.name(name)[0] for name in loops.drivers.names)
-        )
-    loops, closed = _closed_at_drivers(loops, _start_qpos(loops, start))
-    return ClosedModel(loops, track, closed)
-
-
-def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoops:
-    """Return the loops of a specification with a crank, or with drivers locked at their reference values."""
-    if isinstance(drivers, str):
-        return ModelLoops(compiled(spec), drivers)
-    model = compiled(with_parameter_joint(spec))
-    return ModelLoops(model, drivers=find_drivers(model, tuple(drivers)))
-
-
-def _closed(loops: ModelLoops, rough: Array) -> Array:
-    """Return the closed state nearest to an initial guess, (nq,).
-
-    Raises:
-        MobilityError: where redundant drivers prevent closure.
-    """
-    try:
-        return loops.close(rough[None])[0]
-    except AssemblyError:
-        locked = () if loops.drivers is None else immobile_drivers(loops, loops.linearise(rough[None])[1][0])
-        if locked:
-            raise overdetermined_error(loops, locked, 0.0) from None
-        raise
-
-
-def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
-    """Return an initial state of the model with the path parameter, if any; without one, the reference."""
-    if start is None:
-        return loops.model.qpos0.copy()
-    return start.copy() if loops.drivers is None else np.insert(start, loops.crank_address, 0.0)
-
-
-def _closed_at_drivers(loops: ModelLoops, rough: Array) -> tuple[ModelLoops, Array]:
-    """Return loops with the drivers locked as in an initial guess, and the nearest closed state, (nq,)."""
-    if loops.drivers is not None:
-        loops = loops.with_drivers_locked(rough[loops.drivers.addresses])
-    return loops, _closed(loops, rough)
-
-
-def _coordinate_names(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
-    """Return joint of the model -> coordinate and its index in the joint; a single crank is named "crank"."""
-    of = model_names(mechanism)
-    called: dict[str, tuple[str, int | None]] = {
-        of[name]: (name, i if len(joint.coordinates) > 1 else None)
-        for joint in mechanism.joints
-        for i, name in enumerate(joint.coordinates)
-        if name in of
-    }
-    return called if programmed else called | {CRANK: (CRANK, None)}
-
-
-def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Return the points of a mechanism, or the named sites of a custom model."""
-    sites = (site.name for site in spec.sites if site.name and "@" not in site.name)
-    points = tuple(source.points if isinstance(source, Mechanism) else sites)
-    if not points:
-        raise InputError("the model has no point to track; put a named site at each point of interest")
-    return points
-
-
-def load(source: Model, scene: Scene | None = None) -> mujoco.MjSpec:
-    """Return the specification of a mechanism, an MJCF file or MJCF text."""
-    if isinstance(source, Mechanism):
-        return assembled(source, scene or Scene())
-    if isinstance(source, mujoco.MjSpec):
-        return source.copy()
-    text = str(source)
-    if "<" not in text and not os.path.isfile(text):
-        raise InputError(f"there is no MJCF file {text!r}; give a file that can be read")
-    try:
-        return mujoco.MjSpec.from_string(text) if "<" in text else mujoco.MjSpec.from_file(text)
-    except ValueError as error:
-        raise InputError(f"MuJoCo cannot read the model: {' '.join(str(error).split())}") from error
-
-
-@quiet()
-def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
-    """Return the model of a mechanism with its loops closed in the reference configuration.
-
-    The crank is at the mechanism's `start`. The model solves its own assembly from the initial guess, which
-    selects the assembly mode; lengths come from the description only.
-
-    Raises:
-        AssemblyError: if the loops do not close.
-    """
-    loops, rough = initial_guess(mechanism, scene)
-    many = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
-    poses = {name: pose.at(0) for name, pose in many.items()}
-    require_aligned(mechanism, poses)
-    return generate(mechanism, scene, poses)
-
-
-def link_poses(mechanism: Mechanism, model: mujoco.MjModel, states: Array) -> dict[str, Pose]:
-    """Return n poses of each link at states (n, nq) of a model whose bodies have the links' names."""
-    data = mujoco.MjData(model)
-    places = {link.name: np.empty((len(states), 3)) for link in mechanism.links}
-    turns = {link.name: np.empty((len(states), 3, 3)) for link in mechanism.links}
-    for i, state in enumerate(states):
-        data.qpos[:] = state
-        mujoco.mj_kinematics(model, data)
-        for name in places:
-            body = data.body(name)
-            places[name][i], turns[name][i] = body.xpos, body.xmat.reshape(3, 3)
-    return {name: Pose(places[name], turns[name]) for name in places}
-
-
-def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
-    """Return the model of the mechanism's initial guess, and its state at `start`, (nq,).
-
-    The loops are not closed in that state.
-    """
-    spec = generate(mechanism, scene, rough_poses(mechanism))
-    if mechanism.has_crank:
-        loops = closed_loops(spec, CRANK)
-        rough = loops.model.qpos0.copy()
-        rough[loops.crank_address] = mechanism.start
-        return loops, rough
-    loops = closed_loops(spec, mechanism.drivers)
-    assert loops.drivers is not None
-    rough = loops.model.qpos0.copy()
-    for name, place in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
-        rough[place] = mechanism.counted.get(name, rough[place])
-    return loops.with_drivers_locked(rough[loops.drivers.addresses]), rough

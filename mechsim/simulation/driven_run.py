@@ -1,4 +1,4 @@
-"""A model put through one crank motion, by solved poses or stepped in time, and judged by such poses."""
+"""A model driven through one crank motion, by solved poses or by time stepping, and its verdict."""
 
 import time as clock
 from dataclasses import dataclass, replace
@@ -14,59 +14,59 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import half_extent
 from mechsim.numerics.resources import ProcessorBudget, require_room
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.divergence_cause import STIFFNESS_MESSAGE, limit_or_contact, near_singular
-from mechsim.simulation.model_loops import CLOSED, ModelLoops
-from mechsim.simulation.passed_change_points import (
+from mechsim.simulation.configurations import (
     change_points_text,
+    in_another_assembly,
     passed_change_points,
+    pose_errors,
     require_regular_start,
     undecided_note,
 )
-from mechsim.simulation.pose_errors import in_another_assembly, pose_errors
-from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_point_motion import held_off, mended
-from mechsim.simulation.recorded_motion import States, evaluate
-from mechsim.simulation.run_result import Run
-from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Progress, Steps, no_progress, step
-from mechsim.simulation.stiffest_element import stiffness_cause
-from mechsim.simulation.undetermined_dofs import (
+from mechsim.simulation.divergence import STIFFNESS_MESSAGE, limit_or_contact, near_singular, stiffness_cause
+from mechsim.simulation.mobility import (
     floating_bodies_note,
     require_path_within_limits,
     require_within_limits,
 )
+from mechsim.simulation.model_loops import CLOSED, ModelLoops
+from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.change_point_motion import interpolated, moved_away
+from mechsim.simulation.recording import States, evaluate
+from mechsim.simulation.result import Run
+from mechsim.simulation.settings import Settings
+from mechsim.simulation.stepping import Progress, Steps, no_progress, step
 
-# instants recorded a turn where nothing else is asked
+# default number of recorded instants per revolution
 SAMPLES = 72
-# what stepping sets of a model that has settings of its own
+# notes on the changes that stepping makes to a custom model
 CHANGED = (
     "the model's own time step, integrator, solver and softness of constraints gave way to the settings of "
     "the run, and its drivers carry flywheels; gravity, masses, friction and actuators are its own"
 )
 TOUCHING = ", and so are contacts of what the drivers leave open"
 UNTOUCHED = ", and contacts do not act, for the drivers settle every place"
-# bytes held for each number that is recorded of an instant, with what is in between
+# bytes per recorded number, with intermediate arrays
 HELD = 32.0
-# crank angles at which a profile is probed, so that a crank that cannot go there is refused
+# crank angles at which a profile is probed for closure
 PROBES = 64
-# a crank this far from where it is driven, in [rad], is driven no more
+# distance of the crank from its prescribed angle, in [rad], at which the drive has failed
 LOST = np.pi
-# distance from a singular pose at which rounding leaves of rates six digits
+# distance from a singular pose at which six significant digits of rates remain
 HELD_LEAST = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
 class DrivenRun:
-    """A closed model and the crank motion it is put through in time.
+    """A closed model and the crank motion of its run.
 
     Attributes:
         closed: the model.
         profile: of the crank.
         start: closed state and rates at time zero, (nq,) and (nv,).
-        samples: instants recorded after the first; None takes about `SAMPLES` a turn.
-        watch: told now and then how far a run has come, in words and as a part of the whole.
-        total: steps over the whole motion; None as the settings have them.
-        ending: where the run ends, if not with the motion that was requested, in one sentence.
+        samples: instants recorded after the first; None takes about `SAMPLES` per revolution.
+        progress: callback with the progress of a run as text and as a fraction.
+        total: steps of the whole motion; None takes the settings' number.
+        ending: note on the end of the run, if it differs from the requested one.
         budget: of processor time; a run that exceeds it ends in a BudgetError. None is no limit.
     """
 
@@ -81,12 +81,12 @@ class DrivenRun:
 
     @property
     def cycle(self) -> float:
-        """Turns over which steps are counted: one, or all of a motion to and fro that is shorter."""
+        """Revolutions per cycle, over which steps are counted: one, or all of a shorter oscillation."""
         return 1.0 if self.profile.steady else min(1.0, self.profile.turns)
 
     @property
     def min_steps(self) -> int:
-        """Steps in a cycle of which fewer are taken as so many: for the motion's shape and its records."""
+        """Minimum number of steps per cycle, for the motion's shape and its records."""
         least = max(self.profile.least, self.samples or 0)
         return int(np.ceil(least * self.cycle / self.profile.turns - 1e-9))
 
@@ -121,7 +121,7 @@ class DrivenRun:
         )
 
     def errors_by_turn(self, settings: Settings) -> Array:
-        """Return the worst distance from the solved poses in each turn, (turns,) in [m]; inf if it broke."""
+        """Return the largest position error in each revolution, (turns,) in [m]; inf on failure."""
         steps, motion = self._stepped(settings)
         turns = max(1, round(self.profile.turns))
         if self._failure(steps, motion):
@@ -133,9 +133,9 @@ class DrivenRun:
         return np.array([errors[of == turn].max() for turn in range(turns)])
 
     def over_first_turns(self, turns: float) -> "DrivenRun":
-        """Return the run over the first turns; over all of them where it has no more, or is not steady.
+        """Return the run over the first revolutions, if it has more and its speed is constant.
 
-        Over all of it, too, where programs drive it: no part stands for another.
+        Under motion laws it is the whole run, for no part represents another.
         """
         if not self.profile.steady or self.profile.turns <= turns or self.closed.loops.drivers is not None:
             return self
@@ -143,7 +143,7 @@ class DrivenRun:
         return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
 
     def _note(self) -> str:
-        """Return what is to be said of a stepped run, in sentences; nothing where there is nothing."""
+        """Return the notes on a stepped run; empty without any."""
         changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
         said = (
             self.closed.note,
@@ -154,15 +154,15 @@ class DrivenRun:
         return "; ".join(one for one in said if one)
 
     def _change_points_note(self) -> str:
-        """Return where two assemblies meet on the motion, in one sentence; nothing where none do."""
+        """Return the note on change points of the motion; empty without any."""
         return undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
 
     def require_decided(self) -> None:
-        """Refuse a motion of which no dynamics decide how it begins or goes on.
+        """Reject a motion whose start or continuation dynamics do not determine.
 
         Raises:
-            InputError: where it is to fold, for links would have to jump in speed.
-            AssemblyError: where it begins at a pose in which two assemblies meet.
+            InputError: where it is to stay on the branch at a change point, for speeds would jump.
+            AssemblyError: where it starts at a change point.
         """
         loops, met = self.closed.loops, passed_change_points(self.closed, self.profile)
         require_regular_start(loops, met, float(self.profile.state(np.zeros(1))[0][0]))
@@ -175,17 +175,17 @@ class DrivenRun:
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = self.closed.loops.with_model_copy()
         total, stride = self._counts(settings)
-        steps = step(loops, settings, self.profile, self.start, total, stride, watch=self._report_progress)
+        steps = step(loops, settings, self.profile, self.start, total, stride, progress=self._report_progress)
         return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
 
     def _report_progress(self, done: str, part: float) -> None:
-        """Report how far a run has come; end it where the budget is spent."""
+        """Report the progress of a run; end it where the budget is spent."""
         self.progress(done, part)
         if self.budget is not None and part < 1.0:
             self.budget.require_left(done)
 
     def _counts(self, settings: Settings) -> tuple[int, int]:
-        """Return how many steps the run takes and how many lie between two records."""
+        """Return the number of steps of the run and the number between two records."""
         wanted = self.profile.turns * settings.steps_per_turn
         what = f"a motion of {self.profile.turns:g} turns with {settings.steps_per_turn:,} steps a turn"
         if self.total is not None:
@@ -198,7 +198,7 @@ class DrivenRun:
         return stride * self.samples, stride
 
     def _cause(self, steps: Steps) -> str:
-        """Return what a run met before it went bad: a singular pose, a limit, a contact, else stiffness."""
+        """Return the cause of a divergence: a singular pose, a limit, a contact, else stiffness."""
         loops, states = self.closed.loops, steps.states
         distance = loops.conditioning(loops.linearise(states.qpos)[1])
         seen = near_singular(states.time, distance)
@@ -210,7 +210,7 @@ class DrivenRun:
         return stiffness_cause(run.model) or STIFFNESS_MESSAGE
 
     def _failure(self, steps: Steps, motion: Motion) -> str:
-        """Return in one sentence why a run is none; nothing where it is one."""
+        """Return the reason why a run failed, as a sentence; empty if it did not."""
         if steps.diverged:
             return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s, by {self._cause(steps)}"
         meant = self.profile.state(steps.states.time)[0]
@@ -238,7 +238,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
     """Return the closed state and the rates at time zero of a crank motion, (nq,) and (nv,).
 
     Raises:
-        AssemblyError: where the crank cannot make all of it.
+        AssemblyError: where the loops do not close over all of it.
     """
     angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
     qpos = follow.follow(closed.loops, closed.qpos, angle)[:1]
@@ -246,7 +246,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
 
 
 def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
-    """Return the bound on the places of a motion's points where none is asked for, in [m]."""
+    """Return the default position tolerance of a motion, in [m]."""
     extent = half_extent(motion.points[name].position for name in closed.driven_points)
     return max(POSITION_TOLERANCE * extent, CLOSED * closed.loops.characteristic_length)
 
@@ -256,7 +256,7 @@ def solved_run(
     profile: CrankProfile,
     samples: int | None,
     tolerance: float | None = None,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> Run:
     """Return a crank motion with every pose solved by itself; a tolerance of None is `POSITION_TOLERANCE`.
 
@@ -267,22 +267,22 @@ def solved_run(
     time = np.linspace(0.0, profile.duration, samples + 1)
     angle, speed, acceleration = profile.state(time)
     if not profile.steady:
-        # between two samples it may go where it cannot
+        # the loops may fail to close between two samples
         first_state(closed, profile)
     begin = clock.perf_counter()
-    qpos, path = follow.followed(closed.loops, closed.qpos, angle)
+    qpos, path = follow.follow_path(closed.loops, closed.qpos, angle)
     seconds = clock.perf_counter() - begin
     require_path_within_limits(closed, angle)
     require_within_limits(closed, qpos)
-    near = list(path.blind(angle))
-    away = held_off(qpos, near)
+    near = list(path.near_change_points(angle))
+    away = moved_away(qpos, near)
     jacobian = closed.loops.linearise(away)[1]
     _require_held(closed.loops, jacobian, angle)
     states = States(time, away, closed.loops.tangent(jacobian) * speed[:, None])
     motion = evaluate(
-        closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, watch=watch
+        closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, progress=progress
     )
-    motion = mended(motion, closed.loops, closed.track, qpos, near, (speed, acceleration))
+    motion = interpolated(motion, closed.loops, closed.track, qpos, near, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
     tolerance = default_tolerance(closed, motion) if tolerance is None else tolerance
@@ -300,7 +300,7 @@ def solved_run(
 
 
 def _require_held(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
-    """Refuse poses at which the loops hold so little that nothing says how they go on."""
+    """Reject singular poses, at which the continuation is ambiguous."""
     lost = loops.conditioning(jacobian) < HELD_LEAST
     if lost.any():
         where = loops.driver_text(float(angle[np.argmax(lost)]))

@@ -39,9 +39,9 @@ class Drivers:
     law: Law
     text: Callable[[float], str]
 
-    def with_law(self, law: Law, said: Callable[[float], str]) -> "Drivers":
+    def with_law(self, law: Law, text: Callable[[float], str]) -> "Drivers":
         """Return the same drivers under another law."""
-        return replace(self, law=law, text=said)
+        return replace(self, law=law, text=text)
 
     def locked_at(self, values: Array) -> "Drivers":
         """Return drivers locked at values (k,), or (k, n) for n states."""
@@ -86,25 +86,25 @@ def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
     }
     for name in names:
         if name not in single:
-            known = ", ".join(one for one in single if one and one != PARAMETER_JOINT)
+            known_names = ", ".join(one for one in single if one and one != PARAMETER_JOINT)
             raise InputError(
-                f"the model has no hinge or slide called {name!r} to drive (it has {known or 'none'})"
+                f"the model has no hinge or slide called {name!r} to drive (it has {known_names or 'none'})"
             )
     joints = np.array([single[name] for name in names], dtype=np.intp)
-    places = model.jnt_qposadr[joints].astype(np.intp)
+    addresses = model.jnt_qposadr[joints].astype(np.intp)
     slides = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE)
-    law, said = _constant_law(names, model.qpos0[places])
-    return Drivers(names, places, model.jnt_dofadr[joints].astype(np.intp), slides, law, said)
+    law, text = _constant_law(names, model.qpos0[addresses])
+    return Drivers(names, addresses, model.jnt_dofadr[joints].astype(np.intp), slides, law, text)
 
 
 def _constant_law(names: tuple[str, ...], values: Array) -> tuple[Law, Callable[[float], str]]:
     values = np.asarray(values, dtype=np.float64).reshape(len(names), -1)
 
     def law(angle: Array) -> tuple[Array, Array, Array]:
-        still = np.zeros((len(values), len(angle)))
-        return values + still, still, still
+        zeros = np.zeros((len(values), len(angle)))
+        return values + zeros, zeros, zeros
 
-    def said(_: float) -> str:
+    def text(_: float) -> str:
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values[:, 0], strict=True))
 
-    return law, said
+    return law, text

@@ -1,8 +1,8 @@
-"""Dense or sparse matrices in MuJoCo's constraint solver: which are quicker, and whether they agree.
+"""Choice between dense and sparse matrices in MuJoCo's constraint solver, by speed and agreement.
 
-MuJoCo 4.0.0 factorises some sparse matrices wrongly (mended in 4.0.1): in 19 of 400 random chains with
-random loops the accelerations were off by up to 140 times their size, and nothing warned. The pattern of
-a model whose only constraints are equalities never changes, so one look tells.
+MuJoCo 4.0.0 factorises some sparse matrices wrongly (fixed in 4.0.1): in 19 of 400 random chains with random
+loops the accelerations were wrong by up to 140 times their magnitude, without a warning. The sparsity pattern
+of a model whose only constraints are equalities is constant, so one comparison suffices.
 """
 
 from typing import Literal
@@ -17,21 +17,21 @@ KINDS: dict[Jacobian, int] = {
     "dense": int(mujoco.mjtJacobian.mjJAC_DENSE),
     "sparse": int(mujoco.mjtJacobian.mjJAC_SPARSE),
 }
-# below so many freedoms, or where more than this part of the matrix is filled, sparse is no quicker by
-# more than a tenth, or slower (validation/choices/matrices.py)
-FREEDOMS, FILLED = 40, 0.25
-# accelerations that differ by more than this part of the largest differ by more than rounding
+# below this number of DOFs, or above this fraction of nonzero entries, sparse matrices are at most a tenth
+# quicker (validation/choices/matrices.py)
+SPARSE_MIN_DOFS, SPARSE_MAX_FILL = 40, 0.25
+# difference of accelerations, relative to the largest, above which it is not rounding
 SAME = 1e-6
 
 
 def quicker(model: mujoco.MjModel) -> Jacobian:
-    """Return which matrices a model whose only constraints are equalities is better stepped with."""
-    if model.nv < FREEDOMS:
+    """Return the quicker kind of matrices for a model whose only constraints are equalities."""
+    if model.nv < SPARSE_MIN_DOFS:
         return "dense"
     before = int(model.opt.jacobian)
     try:
         dense, filled = look(model, "dense")
-        if filled > FILLED:
+        if filled > SPARSE_MAX_FILL:
             return "dense"
         sparse, _ = look(model, "sparse")
     finally:
@@ -41,7 +41,7 @@ def quicker(model: mujoco.MjModel) -> Jacobian:
 
 
 def look(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array, float]:
-    """Return the accelerations, (nv,), at rates like no others, and what part of the matrix is filled."""
+    """Return the accelerations, (nv,), at distinct rates, and the fraction of nonzero matrix entries."""
     model.opt.jacobian = KINDS[kind]
     data = mujoco.MjData(model)
     data.qvel[:] = np.sin(np.arange(model.nv) + 1.0)
@@ -58,7 +58,7 @@ def look(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array, float]:
 def dense_rows(data: mujoco.MjData) -> Array:
     """Return the Jacobian of the constraints of a model that keeps it dense, (nefc, nv).
 
-    MuJoCo's array is longer where rows moved nothing and were left out.
+    MuJoCo's array is longer where constraints without effect were left out.
     """
     nv = data.model.nv
     return data.efc_J[: data.nefc * nv].reshape(data.nefc, nv)

@@ -17,10 +17,10 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, significant
-from mechsim.simulation import followers
+from mechsim.simulation import equality_rows
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers, Law
-from mechsim.simulation.loop_constraints import CouplingConstraint, constraints
-from mechsim.simulation.posed_bodies import PosedBodies, rotated
+from mechsim.simulation.equality_rows import CouplingConstraint, constraints
+from mechsim.simulation.state import PosedBodies, rotated
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)
@@ -169,7 +169,7 @@ class ModelLoops:
             value, slope, _ = self.drivers.law(angle)
             values |= dict(zip(self.drivers.addresses.tolist(), value, strict=True))
             speeds |= dict(zip(self.drivers.dofs.tolist(), slope * speed, strict=True))
-        found = followers.rates(self._chain, values, speeds)
+        found = equality_rows.rates(self._chain, values, speeds)
         return np.stack([found[int(dof)] for dof in self.actuated_dofs], 1)
 
     @property
@@ -178,13 +178,13 @@ class ModelLoops:
 
     @cached_property
     def _chain(self) -> list[CouplingConstraint]:
-        return followers.chained(self.couplings, self._driven)
+        return equality_rows.chained(self.couplings, self._driven)
 
-    def with_law(self, law: Law, said: Callable[[float], str]) -> "ModelLoops":
+    def with_law(self, law: Law, text: Callable[[float], str]) -> "ModelLoops":
         """Return the same loops with another motion law."""
         assert self.drivers is not None
         other = copy.copy(self)
-        other.drivers = self.drivers.with_law(law, said)
+        other.drivers = self.drivers.with_law(law, text)
         return other
 
     def with_drivers_locked(self, values: Array) -> "ModelLoops":

@@ -1,33 +1,86 @@
 """One call from a mechanism or a model to its motion in MuJoCo, with an outcome."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.limits import require_steps
 from mechsim.model.mechanism import Mechanism, starting_at
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
 from mechsim.model.scene import Scene
 from mechsim.numerics.inputs import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget
-from mechsim.simulation import closed_model
-from mechsim.simulation.closed_model import ClosedModel, Source
+from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved_run
-from mechsim.simulation.fixed_step import with_timestep
-from mechsim.simulation.initial_state import at_initial_state, parameter_profile
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.position_tolerance import run_within
-from mechsim.simulation.run_result import Method, Run
-from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Progress, no_progress
-from mechsim.simulation.undetermined_dofs import (
+from mechsim.simulation.mobility import (
     require_determined,
     require_movable,
     require_path_within_limits,
     require_within_limits,
     residual_mobility,
 )
+from mechsim.simulation.position_tolerance import run_within
+from mechsim.simulation.result import Method, Run
+from mechsim.simulation.settings import Settings
+from mechsim.simulation.source import Source, at_initial_state, description, from_source, parameter_profile
+from mechsim.simulation.stepping import Progress, check_step, no_progress
 from mechsim.units import si
+
+# fraction of a step by which a duration may differ from a whole number of steps
+WHOLE = 1e-6
+
+
+def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[DrivenRun, Settings]:
+    """Return a run of whole steps of a given length, and the settings of such a run.
+
+    The run ends with the last whole step within its duration.
+
+    Args:
+        run: the motion to be stepped.
+        settings: how to step; their number of steps is replaced.
+        timestep: in [s].
+
+    Raises:
+        InputError: for a step that is too long or too short for the motion, or that does not fit the records.
+    """
+    profile, laws = run.profile, run.closed.loops.drivers is not None
+    steps = check_step(timestep, profile, "a cycle of the motion laws" if laws else "a turn of the crank")
+    total = int(np.floor(profile.duration / timestep + WHOLE))
+    require_steps(
+        f"a motion of {profile.duration:g} s in steps of {timestep:g} s", total, "take longer steps"
+    )
+    if total < profile.least:
+        most = profile.duration / profile.least
+        raise InputError(
+            f"time step is {timestep:g} s, but the motion lasts {profile.duration:.6g} s and needs "
+            f"{profile.least} steps at least; take {most:.3g} s at the most"
+        )
+    if run.samples is not None and total % run.samples:
+        fitting = _divisors(total)
+        near = sorted(
+            {fitting[fitting <= run.samples].max(), fitting[fitting >= min(run.samples, total)].min()}
+        )
+        intervals, rows = (" or ".join(str(count + more) for count in near) for more in (0, 1))
+        raise InputError(
+            f"{run.samples} equal intervals between records do not fit {total} steps of {timestep:g} s; take "
+            f"{intervals} intervals (--samples {rows}), or leave the time step out"
+        )
+    end = total * timestep
+    note = ""
+    if profile.duration - end > WHOLE * timestep:
+        note = f"the run ends at {end:.9g} s, with the last whole step within {profile.duration:.9g} s"
+    fixed = replace(run, profile=replace(profile, duration=end), total=total, ending=note)
+    return fixed, replace(settings, steps_per_turn=steps)
+
+
+def _divisors(total: int) -> np.ndarray:
+    """Return all divisors of a number in ascending order."""
+    low = np.arange(1, int(np.sqrt(total)) + 1)
+    low = low[total % low == 0]
+    return np.unique(np.concatenate([low, total // low]))
 
 
 @quiet()
@@ -47,49 +100,49 @@ def simulate(
     drive: str | None = None,
     lock: Mapping[str, float | None] | None = None,
     key: str | None = None,
-    watch: Progress | None = None,
+    progress: Progress | None = None,
     budget: ProcessorBudget | None = None,
 ) -> Run:
-    """Run a mechanism, or a model of one's own, in MuJoCo under a driven crank or programs of its drivers.
+    """Run a mechanism, or a custom model, in MuJoCo under a driven crank or motion laws of its drivers.
 
     Args:
-        source: a Mechanism, or what has one, as those of the catalogue have; or a specification, an
-            MJCF file or text whose sites are the tracked points. `mechsim.simulate` takes a name of the
-            catalogue or the gallery, FILE.toml and FILE.py:OBJECT as well.
+        source: a Mechanism, or an object that has one, such as those of the catalogue; or a specification, an
+            MJCF file or text whose sites are the tracked points. `mechsim.simulate` also takes a name of the
+            catalogue or the gallery, FILE.toml and FILE.py:OBJECT.
         speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
-        tolerance: bound on the place of any tracked point, in [m] or text, as "10um"; the number of steps
-            is then chosen by trials and the result checked against it. None steps as the settings say and
-            calls the run met within a ten-thousandth of the stroke.
-        settings: how to step; with a tolerance their number of steps is replaced, and where no number keeps
-            it, their compliance, unless that is given.
+        tolerance: position tolerance of all tracked points, in [m] or text, as "10um"; the number of steps
+            is then chosen by trials and the result checked against it. None takes the settings' steps, and a
+            ten-thousandth of the stroke as the tolerance.
+        settings: of the stepping; with a tolerance their number of steps is replaced, and where no number
+            satisfies it, their compliance, unless that is set.
         timestep: in [s] or text, as "2ms"; kept exactly: the run ends with the last whole step within its
             duration. It replaces the number of steps of the settings.
-        method: "step" integrates in time; "pose" solves each crank angle by itself, to rounding. None
-            takes what is asked for: "step" where a tolerance or settings are given, or where the crank
-            leaves the tracked points a freedom; else "pose". The run names it.
+        method: "step" integrates in time; "pose" solves each crank angle separately, to rounding. None takes
+            "step" with a tolerance or settings, or where the drivers do not determine the tracked points;
+            else "pose". The run reports it.
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
-        scene: what the model holds; None takes `Scene(level="motion")`, in which no forces act. From level
-            "dynamics" on those of the source do, as a file's `[forces]`, where the scene names none.
+        scene: contents of the model; None takes `Scene(level="motion")`, in which no forces act. From level
+            "dynamics" on, the source's forces act, as a file's `[forces]`, unless the scene names others.
         motion_laws: how the drivers move, in place of speed or profile; None takes those that the source has.
-            They go straight from where the model has them to where their programs begin. In a model of one's
-            own the joints of these names are driven.
-        drive: the hinge that is the crank, in a model of one's own; None for that called "crank".
-        holds: joints of a model of one's own -> value at which they are held, in [m] or [rad]; None for where
-            they start, at which alone a ball or a free joint can be held.
-        key: keyframe of a model of one's own in which it starts.
-        watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
+            The drivers first move along a straight path from the model's reference to the start of the laws.
+            In a custom model the joints of these names are driven.
+        drive: the hinge that is the crank of a custom model; None for the joint named "crank".
+        lock: joint of a custom model -> value at which it is locked, in [m] or [rad]; None for its initial
+            value, the only choice for a ball or a free joint.
+        key: initial keyframe of a custom model.
+        progress: callback with the progress of the run as text and as a fraction, 0 to 1.
         budget: of processor time for the stepped runs that a tolerance needs; the best run so far is then
-            returned, and its note says that it did not converge. None is no limit.
+            returned, and its note states that it did not converge. None is no limit.
 
     Raises:
         BudgetError: where not even one run ends within the budget.
-        InputError: for values that cannot be used, and for a stepped motion that is to fold.
-        AssemblyError: if the loops close nowhere or only over part of the crank motion, or a joint would
-            leave its range.
-        MobilityError: where the crank does not settle the poses asked for, or cannot move.
+        InputError: for invalid values, and for a stepped motion that is to stay on the branch.
+        AssemblyError: if the loops close nowhere or only over a fraction of the crank motion, or a joint
+            would leave its range.
+        MobilityError: where the drivers do not determine the requested poses, or cannot move.
     """
     speed, tolerance = si(speed, "rad/s", "the crank speed"), si(tolerance, "m", "the tolerance")
     timestep = si(timestep, "s", "the time step")
@@ -110,7 +163,7 @@ def simulate(
     if profile is not None:
         source = starting_at(source, profile.angles)
     drivers = drive if motion_laws is None else motion_laws.drivers
-    closed = closed_model.from_source(source, scene, drivers=drivers, lock=lock, key=key)
+    closed = from_source(source, scene, drivers=drivers, lock=lock, key=key)
     if motion_laws is not None:
         profile = parameter_profile(motion_laws)
     elif profile is None:
@@ -123,12 +176,12 @@ def simulate(
         method = "step"
     closed, method, determined = _movable(closed, method, motion_laws)
     if method == "pose":
-        return solved_run(closed, profile, samples, tolerance, watch or no_progress)
+        return solved_run(closed, profile, samples, tolerance, progress or no_progress)
     start = first_state(closed, profile)
     require_within_limits(closed, start[0][None])
     if determined:
         require_path_within_limits(closed, profile.angles)
-    run = DrivenRun(closed, profile, start, samples, watch or no_progress, budget=budget)
+    run = DrivenRun(closed, profile, start, samples, progress or no_progress, budget=budget)
     run.require_decided()
     settings = settings or Settings()
     if timestep is not None:
@@ -139,7 +192,7 @@ def simulate(
 def _check(
     tolerance: float | None, method: Method | None, samples: int | None, timestep: float | None
 ) -> None:
-    """Refuse values that cannot be used."""
+    """Reject invalid values."""
     if timestep is not None and not 0.0 < number(timestep) < np.inf:
         raise InputError(f"time step is {timestep} s; give a finite time above 0")
     if timestep is not None and (tolerance is not None or method == "pose"):
@@ -159,12 +212,12 @@ def _check(
 def _movable(
     closed: ClosedModel, method: Method | None, motion_laws: MotionLaws | None
 ) -> tuple[ClosedModel, Method, bool]:
-    """Return a model where its motion begins, the method, and whether the drivers determine all poses.
+    """Return a model at the start of its motion, the method, and whether the drivers determine all poses.
 
-    What leaves a degree of freedom is stepped.
+    A model with undetermined degrees of freedom is stepped.
 
     Raises:
-        MobilityError: where the crank cannot move, or poses are asked for that it does not settle.
+        MobilityError: where the drivers cannot move, or do not determine the requested poses.
     """
     found = residual_mobility(closed)
     method = method or ("step" if found.undetermined else "pose")
@@ -188,7 +241,7 @@ def require_programs(source: Source, motion_laws: MotionLaws | None, else_given:
     """
     if motion_laws is not None and else_given is not None:
         raise InputError("both programs and a crank's motion were given; give one of them")
-    model = closed_model.description(source)
+    model = description(source)
     if not isinstance(model, Mechanism):
         return
     if motion_laws is None and not model.has_crank:

@@ -1,29 +1,86 @@
-"""How a model is stepped: integrator, step, constraint softness, flywheel; each declares all told of it."""
+"""Settings of time stepping: integrator, step, constraint compliance, virtual drive inertia and others."""
 
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.errors import InputError
+from mechsim.numerics import inputs
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import setting_fields
 from mechsim.simulation.matrices import KINDS, quicker
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 
+
+def choice(default: str | None, options: tuple[str, ...], about: str, **told: Any) -> Any:
+    """Declare a setting that takes one of a few words."""
+    return setting(default, about, options=options, **told)
+
+
+def switch(default: bool, about: str, **told: Any) -> Any:
+    """Declare a setting that is on or off."""
+    return setting(default, about, **told)
+
+
+def number(
+    default: float | None,
+    about: str,
+    *,
+    least: float = np.nextafter(0.0, 1.0),
+    remedy: str = "{name} is {value}; give a finite number above 0",
+    **told: Any,
+) -> Any:
+    """Declare a setting that is a finite number, and the message for other values."""
+    return setting(default, about, least=least, remedy=remedy, **told)
+
+
+def numbers(
+    default: tuple[float, ...] | None, count: int, about: str, *, fewest: int | None = None, **told: Any
+) -> Any:
+    """Declare a setting that is a fixed count of finite numbers; those after the fewest are optional."""
+    return setting(default, about, count=count, fewest=fewest or count, **told)
+
+
+def setting(default: Any, about: str, **told: Any) -> Any:
+    """Declare a setting.
+
+    Args:
+        default: value if none is set.
+        about: meaning of the setting.
+        metadata: `doc`, its help if it is a command-line option, with the keys of `units.option`; `row`, its
+            name in a report and the function of its text; its valid values.
+    """
+    shown = {"unit": None, "read": None, "text": None, "name": None, "metavar": None, "many": False}
+    return field(default=default, metadata={"about": about, **shown, **told})
+
+
+def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
+    """Raise InputError for what the declaration of a setting does not allow."""
+    if "options" in rule and value not in rule["options"]:
+        raise InputError(f"there is no {name} {value!r}; known are {', '.join(rule['options'])}")
+    if "least" in rule and not rule["least"] <= inputs.number(value) < np.inf:
+        raise InputError(rule["remedy"].format(name=name, value=value))
+    if "count" in rule:
+        values = inputs.numbers(value)
+        if values.shape != (rule["count"],) or not np.isfinite(values).all():
+            raise InputError(f"{name} is {value}; give {rule['count']} finite numbers")
+
+
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 JACOBIANS = ("auto", *KINDS)
 SOLVERS = ("PGS", "CG", "Newton")
-# time constant of the constraints, in steps, below which stepping rings
+# time constant of the constraints, in steps, below which stepping oscillates
 LEAST_CONSTANT = 10.0
 
 
-# factor on softness where none is asked for: measured in validation/choices/constraint_settings.py
+# default factor on constraint compliance: measured in validation/choices/constraint_settings.py
 COMPLIANCE = 1e-8
-# steps of Newton's method where there is more than equalities, at least
+# minimum Newton iterations of the constraint solver where there are other constraints than equalities
 ITERATIONS = 100
 
 
@@ -39,23 +96,23 @@ def _steps(value: float | None) -> str:
 class Settings:
     """Settings of a time-stepped run.
 
-    The defaults are the hard loop: fourth-order steps, constraints stiffened beyond MuJoCo's cap of
-    0.9999 by scaling the inverse weights it softens them with, and a time constant that is a tenth of
-    a turn. A time constant that shrinks with the step keeps a stiff mode in every step, and the order
-    of Runge's method falls from four to two. Measured in validation/choices/constraint_settings.py.
+    The defaults give stiff loops: fourth-order steps, constraints stiffened beyond MuJoCo's limit of 0.9999
+    by scaling the inverse weights in their regularisation, and a time constant of a tenth of a revolution. A
+    time constant proportional to the step would keep a stiff mode in every step and reduce the order of the
+    Runge-Kutta method from four to two. Measured in validation/choices/constraint_settings.py.
 
-    Each field declares all that is told of it: what it is, which values it takes and how others are
-    refused; `doc` is its help on the command line, `row` its name and text in a report.
+    Each field declares its meaning, its valid values and the message for others; `doc` is its help on the
+    command line, `row` its name and text in a report.
     """
 
-    integrator: str = setting_fields.choice(
+    integrator: str = choice(
         "RK4",
         INTEGRATORS,
         "How MuJoCo steps.",
         doc=f"{', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}.",
         row=("integrator", str),
     )
-    steps_per_turn: int = setting_fields.number(
+    steps_per_turn: int = number(
         1000,
         "Steps in a turn of the crank.",
         least=4,
@@ -63,87 +120,87 @@ class Settings:
         doc="Steps in a turn of the crank.",
         row=("steps per turn", str),
     )
-    constant_steps: float | None = setting_fields.number(
+    constant_steps: float | None = number(
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
         doc="Time constant of the constraints, in steps; a tenth of a turn if left out, in a file 20.",
         row=("constraint time constant", _steps),
     )
-    solref: tuple[float, float] | None = setting_fields.numbers(
+    solref: tuple[float, float] | None = numbers(
         None,
         2,
         "MuJoCo's two numbers, as they are; None for (time constant, 1).",
         doc="Two numbers with a comma, as MuJoCo takes them.",
     )
-    solimp: tuple[float, float, float, float, float] = setting_fields.numbers(
+    solimp: tuple[float, float, float, float, float] = numbers(
         (0.9999, 0.9999, 0.001, 0.5, 2.0),
         5,
         "MuJoCo's five numbers (dmin, dmax, width, midpoint, power).",
         doc="Two to five numbers with commas, as MuJoCo takes them.",
         fewest=2,
     )
-    compliance: float | None = setting_fields.number(
+    compliance: float | None = number(
         None,
         "Factor on the compliance of constraints; 1 is MuJoCo's own. None takes 1e-8, and another value "
         "where a position tolerance requires it.",
         doc="Factor on constraint compliance; 1 is MuJoCo's own. Default 1e-8, or what a tolerance needs.",
         row=("constraint compliance", _compliance),
     )
-    refsafe: bool = setting_fields.switch(
+    refsafe: bool = switch(
         False,
         "Whether MuJoCo keeps the time constant at two steps or more.",
         doc="Whether MuJoCo keeps the time constant at two steps or more.",
     )
-    diagexact: bool = setting_fields.switch(
+    diagexact: bool = switch(
         False,
         "Whether MuJoCo computes the diagonal of the constraint inertia exactly.",
         doc="Whether the diagonal of the constraint inertia is exact.",
     )
-    jacobian: str = setting_fields.choice(
+    jacobian: str = choice(
         "auto",
         JACOBIANS,
         "Matrices in the constraint solver; auto takes the quicker, and dense wherever the two do not agree.",
         doc=f"Matrices in the constraint solver: {', '.join(JACOBIANS[:-1])} or {JACOBIANS[-1]}.",
     )
-    solver: str | None = setting_fields.choice(
+    solver: str | None = choice(
         None,
         SOLVERS,
         "MuJoCo's constraint solver; None takes Newton's method.",
         doc=f"{', '.join(SOLVERS[:-1])} or {SOLVERS[-1]}; {SOLVERS[-1]} if left out.",
     )
-    iterations: int | None = setting_fields.number(
+    iterations: int | None = number(
         None,
         "Iterations of the solver, at most; None takes what is exact.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
         doc="Iterations of the solver, at most; what is exact if left out.",
     )
-    ls_iterations: int | None = setting_fields.number(
+    ls_iterations: int | None = number(
         None,
         "Iterations of the solver's line search, at most; None leaves MuJoCo's.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
         doc="Iterations of the solver's line search, at most.",
     )
-    residual: float | None = setting_fields.number(
+    residual: float | None = number(
         None,
         "At which the solver stops; None never before its iterations are made.",
         least=0.0,
         remedy="{name} is {value}; give a finite number, 0 or above",
         doc="At which the solver stops.",
     )
-    eulerdamp: bool = setting_fields.switch(
+    eulerdamp: bool = switch(
         True,
         "Whether Euler takes joint damping implicitly.",
         doc="Whether Euler takes joint damping implicitly.",
     )
-    island: bool = setting_fields.switch(
+    island: bool = switch(
         False,
         "Whether constraints are solved island by island.",
         doc="Whether constraints are solved island by island.",
     )
-    drive_inertia: float | None = setting_fields.number(
+    drive_inertia: float | None = number(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
         "of the links, which no reaction of theirs and no redundant constraint turns.",
@@ -154,7 +211,7 @@ class Settings:
         for one in fields(self):
             value = getattr(self, one.name)
             if value is not None or one.default is not None:
-                setting_fields.check(one.name, value, one.metadata)
+                check(one.name, value, one.metadata)
 
     def timestep(self, speed: float) -> float:
         """Return the step in [s] at a crank speed in [rad/s]."""
@@ -167,19 +224,19 @@ class Settings:
 
     @property
     def compliance_used(self) -> float:
-        """The compliance that is taken."""
+        """The compliance in effect."""
         return COMPLIANCE if self.compliance is None else self.compliance
 
-    def apply(self, loops: ModelLoops, timestep: float, *, bending: bool = False) -> "Settings":
+    def apply(self, loops: ModelLoops, timestep: float, *, velocity_products: bool = False) -> "Settings":
         """Set up a compiled model for a run; its own constraint and solver settings are replaced.
 
         Args:
             loops: of the model.
             timestep: in [s].
-            bending: whether constraints will ask for the accelerations by which couplings bend.
+            velocity_products: whether constraints will include the velocity-product terms of couplings.
 
         Returns:
-            The settings, with what was left to choose chosen.
+            The settings with all automatic choices made.
         """
         model = loops.model
         option = model.opt
@@ -187,7 +244,7 @@ class Settings:
         option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
         option.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
         equalities = _only_equalities(model)
-        # beside flywheels what is left of a gradient is always a small part
+        # relative to the virtual inertia a remaining gradient is always small
         option.iterations, option.tolerance = max(option.iterations, ITERATIONS), 0.0
         if equalities and not (self.integrator == "discrete" and _springy(model)):
             # the cost is then quadratic: one step of Newton's method is exact
@@ -197,7 +254,7 @@ class Settings:
             option.solver = int(getattr(mujoco.mjtSolver, f"mjSOL_{self.solver.upper()}"))
         option.iterations = option.iterations if self.iterations is None else int(self.iterations)
         option.ls_iterations = option.ls_iterations if self.ls_iterations is None else int(self.ls_iterations)
-        # this takes accelerations anew from the forces: their rounding, over the softness of hard loops
+        # noslip recomputes accelerations from forces, whose rounding is divided by the small compliance
         option.noslip_iterations = 0
         option.tolerance = option.tolerance if self.residual is None else self.residual
         _set(option, "disableflags", int(disable.mjDSBL_SENSOR), True)
@@ -210,8 +267,8 @@ class Settings:
         model.body_invweight0[:] *= self.compliance_used
         model.dof_invweight0[:] *= self.compliance_used
         model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
-        if not bending:
-            # a constraint leaves out the bend of a polynomial: the sooner it draws back the better
+        if not velocity_products:
+            # a constraint omits the velocity-product term of a polynomial; a short time constant corrects it
             bent = [one.equality for one in loops.couplings if one.nonlinear]
             model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
         set_armature(
@@ -229,7 +286,7 @@ class Settings:
         return used
 
     def _solref(self, timestep: float, steps: float) -> tuple[float, float]:
-        """Return a time constant in steps, or stiffness and damping where its square is MuJoCo's zero."""
+        """Return the time constant and damping ratio, or stiffness and damping where MuJoCo needs these."""
         constant = steps * timestep
         if constant**2 > 1e-12 or self.refsafe:
             return constant, 1.0
@@ -240,31 +297,31 @@ class Settings:
         return asdict(self)
 
     def rows(self) -> dict[str, str]:
-        """Return the settings that a report tells, by name."""
+        """Return the settings of a report, by name."""
         told = ((one.metadata.get("row"), getattr(self, one.name)) for one in fields(self))
         return {row[0]: row[1](value) for row, value in told if row}
 
 
 def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float | Array) -> None:
-    """Give freedoms an armature in a compiled model.
+    """Set the armature of DOFs in a compiled model.
 
-    Of a body whose mass matrix is a diagonal anywhere MuJoCo keeps that diagonal from its compiler on.
+    MuJoCo's compiler stores the mass matrix of bodies for which it is constant and diagonal; it is updated.
     """
     model.dof_M0[dofs] += armature - model.dof_armature[dofs]
     model.dof_armature[dofs] = armature
 
 
 def drive_inertia(mass: Array, inertia: Array, size: Any, compliance: float) -> Any:
-    """Return the inertia that holds a crank's speed, in [kg m2], or (d,) of d designs.
+    """Return the virtual drive inertia that keeps a crank's speed, in [kg m2], or (d,) of d designs.
 
-    It is so many times that of all links about a point as far off as the longest of them, and as much more as
-    loops are held harder than usual: in that proportion redundant constraints fight: at compliance 1e-10 this
-    made the crank of a Bennett linkage 7e-8 faster.
+    It is a multiple of the inertia of all links at the distance of the characteristic length. It grows with
+    the stiffness of the loops beyond the default, as the conflict of redundant constraints does: at
+    compliance 1e-10 this made the crank of a Bennett linkage 7e-8 faster.
 
     Args:
         mass: of the bodies, (..., nbody) in [kg].
         inertia: their principal moments, (..., nbody, 3) in [kg m2].
-        size: yardstick of lengths, in [m], or (d,).
+        size: characteristic length, in [m], or (d,).
         compliance: of the loops, as in `Settings`.
     """
     return (
@@ -275,7 +332,7 @@ def drive_inertia(mass: Array, inertia: Array, size: Any, compliance: float) -> 
 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
-    """Return the tendons that couplings of a model are of."""
+    """Return the tendons of a model's couplings."""
     numbers = [one.equality for one in loops.couplings]
     of = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
     return sorted({int(end) for i in of for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
@@ -294,5 +351,5 @@ def _only_equalities(model: mujoco.MjModel) -> bool:
 
 
 def _springy(model: mujoco.MjModel) -> bool:
-    """Say whether forces depend on the state, so that `discrete` has equations of its own to iterate on."""
+    """Return whether forces depend on the state, so that `discrete` solves equations iteratively."""
     return bool(model.nu or model.ntendon or model.dof_damping.any() or model.jnt_stiffness.any())

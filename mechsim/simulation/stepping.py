@@ -1,4 +1,4 @@
-"""Motion by stepping MuJoCo in time under a driven crank."""
+"""Time stepping in MuJoCo under a driven crank or driven joints."""
 
 import time as clock
 from collections.abc import Callable
@@ -15,15 +15,15 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_room
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import SLIDE, ModelLoops
-from mechsim.simulation.recorded_motion import States
+from mechsim.simulation.recording import States
 from mechsim.simulation.settings import Settings, set_armature
 
-# is told how far a run has come: in words, and what part of the whole that is, 0 to 1
+# callback with the progress of a run: text, and fraction from 0 to 1
 Progress = Callable[[str, float], None]
 
-# steps in one call into C: long enough that the call costs nothing, short enough for memory
+# steps per call into C: enough that the call's cost is negligible, few enough for memory
 BLOCK = 4096
-# bytes held for each step of a crank whose speed changes
+# bytes per step of a drive with variable speed
 BYTES_PER_STEP = 64.0
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
@@ -35,14 +35,14 @@ class Steps:
 
     Attributes:
         states: at time zero and after every `stride` steps, up to where the run ended.
-        force: on the crank at each state, (n,) in [N m], None at constant speed; or on all `moved_dofs` of
+        force: on the crank at each state, (n,) in [N m], None at constant speed; or on all `actuated_dofs` of
             the loops, (n, k) in [N m] or [N].
         count: steps taken.
         seconds: time spent stepping.
         timestep: in [s].
         diverged: whether MuJoCo warned of a bad state or a number was not finite.
-        settings: as they were used: what was left to choose is named.
-        processor: processor time spent stepping, in [s]; other programs' share is not in it.
+        settings: in effect, with all automatic choices made.
+        processor: processor time spent stepping, in [s].
     """
 
     states: States
@@ -56,7 +56,7 @@ class Steps:
 
 
 def no_progress(_: str, __: float) -> None:
-    """Take no notice."""
+    """Ignore the progress."""
 
 
 @quiet()
@@ -68,25 +68,25 @@ def step(
     total: int,
     stride: int,
     controls: Array | None = None,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> Steps:
     """Step a model along a crank profile.
 
-    The crank carries a flywheel so heavy that no reaction of the linkage changes its speed; a changing
-    speed is made by a torque on it, constant over each step, that gives the wanted speed at its end.
-    How this drive was chosen: validation/choices/drive.py. Where programs move several drivers each of them
-    has its flywheel and its force, and the clock turns freely; so has a coordinate that a coupling bends with
-    them, as MuJoCo's constraints ask for accelerations that leave out the bend.
+    The crank has a virtual inertia so large that no reaction of the linkage changes its speed. A variable
+    speed results from a torque, constant over each step, that gives the prescribed speed at the end of the
+    step (choice of this drive: validation/choices/drive.py). With several drivers each has its virtual
+    inertia and its force, and the path parameter advances freely. So has a coordinate with a nonlinear
+    coupling to them, because MuJoCo's constraints omit the velocity-product term.
 
     Args:
         loops: of the model; its settings are replaced.
-        settings: how to step.
+        settings: of the stepping.
         profile: the crank's motion.
         start: closed state and rates at time zero, (nq,) and (nv,).
-        total: steps to take over the whole profile.
+        total: steps over the whole profile.
         stride: steps from one record to the next; the last step is recorded too.
-        controls: of the model's actuators at the beginning of each step, (total, nu); None is none.
-        watch: told after every block how far the run has come.
+        controls: of the model's actuators at the start of each step, (total, nu); None without controls.
+        progress: callback after every block.
     """
     timestep = profile.duration / total
     driven = not profile.steady or len(loops.actuated_dofs) > 1 or loops.drivers is not None
@@ -112,12 +112,12 @@ def step(
         number = np.arange(done + 1, done + count + 1)
         kept = np.flatnonzero((number % stride == 0) | (number == total))
         number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())
-        # MuJoCo sets a bad state back to time zero
+        # MuJoCo resets a bad state to time zero
         good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
         records.append((number[good], qpos[good], qvel[good]))
         diverged = bool(not good.all() or sims.warning[..., 1].any())
         done += count
-        watch(f"{done:,} of {total:,} steps", done / total)
+        progress(f"{done:,} of {total:,} steps", done / total)
     at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     force = None if torque is None else torque[np.minimum(at, total - 1)]
     if force is not None and driven and force.shape[1] == 1 and loops.drivers is None:
@@ -126,26 +126,26 @@ def step(
 
 
 def _add_drive_inertia(loops: ModelLoops) -> None:
-    """Put the crank's flywheel on all that is driven, and take out the constraints of what bends with it."""
+    """Set the crank's virtual inertia on all driven DOFs; disable the constraints of nonlinear followers."""
     model, moved = loops.model, loops.actuated_dofs
     flywheel = model.dof_armature[loops.crank]
-    # on a slide the mass that has this inertia as far off as the longest link reaches
+    # on a slide: the mass that has this inertia at the distance of the characteristic length
     slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
     set_armature(model, moved, np.where(slides, flywheel / loops.characteristic_length**2, flywheel))
-    # by these MuJoCo scales the softness of couplings: what carries a flywheel gives way to nothing
+    # MuJoCo scales the compliance of couplings by these
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
     model.eq_active0[[one.equality for one in loops.followers]] = 0
     rescale_coupled_tendons(loops, model)
 
 
 def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:
-    """Weigh the sums of coordinates that are coupled by what these weigh now.
+    """Update the inverse weights of coupled sums of coordinates to the present inertias.
 
-    MuJoCo softens them by what they weighed when they were compiled, without flywheels: a light link on the
-    driven side made the coupling give way by a hundredth.
+    MuJoCo regularises these constraints by the inverse weights at compilation, without virtual inertia: a
+    light link on the driven side made a coupling yield by a hundredth.
     """
     weights = model.dof_invweight0.copy()
-    # a crank that runs freely carries none
+    # a free crank has no virtual inertia
     driven = [dof for dof in loops.driven_dofs if model.dof_armature[dof]]
     weights[driven] = np.minimum(weights[driven], 1.0 / model.dof_armature[driven])
     for one in loops.couplings:
@@ -158,7 +158,7 @@ def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:
 
 
 def _controls(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array | None) -> Array | None:
-    """Return what feeds actuators and drives over some steps, (1, steps, nu + nv); None for nothing."""
+    """Return the controls of actuators and drives over some steps, (1, steps, nu + nv); None without any."""
     given = [one[steps] for one in (controls, torque) if one is not None]
     if not given:
         return None
@@ -179,12 +179,12 @@ def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: in
 
 
 def check_step(timestep: float, profile: CrankProfile, cycle: str = "a turn of the crank") -> int:
-    """Return the steps a turn that a time step makes, or say that it is too large or too small.
+    """Return the steps per revolution of a time step; reject one that is too large or too small.
 
     Args:
         timestep: in [s].
-        profile: of the crank, or of the clock of motion laws.
-        cycle: what takes a turn of the profile, for messages.
+        profile: of the crank, or of the path parameter of motion laws.
+        cycle: name of a revolution of the profile, for messages.
     """
     if not 0.0 < timestep < np.inf:
         raise InputError(f"time step is {timestep} s; give a finite time above 0")

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from mechsim.analytic.dynamics import Machine, free_run, prescribed
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
-from mechsim.simulation.dynamics.prescribed_motion import Driven
+from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Verdict
 from mechsim.verdict.judge import judge_efforts, judge_free_run
 from mechsim.verdict.tolerances import Tolerance

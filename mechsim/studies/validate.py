@@ -171,7 +171,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
     wanted = speed if profile.steady and drive.motion_laws is None else None
     published = None
     watch("poses", 0.0)
-    poses = run = simulated(drive, profile, method="pose", watch=lambda done, _: watch(done, 0.0))
+    poses = run = simulated(drive, profile, method="pose", progress=lambda done, _: watch(done, 0.0))
     verdicts["pose"] = crosscheck(poses.motion, drive, speed=wanted)
     if not quick:
         place = position_tolerance(exact, drive.mechanism, tolerance)

@@ -13,7 +13,7 @@ from mechsim.analytic.loops.start import assembled
 from mechsim.errors import MobilityError
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
-from mechsim.simulation import closed_model, undetermined_dofs
+from mechsim.simulation import mobility, source
 from mechsim.simulation.dynamics import determinacy
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -117,7 +117,7 @@ def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_
     with pytest.raises(MobilityError, match="underdetermined: with what is driven held, B is left open"):
         linkage.solve(t=np.linspace(0.0, 1.0, 5))
     lone = spherical(tmp_path, ["crank"])
-    standing = undetermined_dofs.residual_mobility(closed_model.from_source(lone.mechanism))
+    standing = mobility.residual_mobility(source.from_source(lone.mechanism))
     assert "point P" in standing.undetermined
     assert not standing.immobile_drivers
 
@@ -135,7 +135,7 @@ def shaft_in(length, tmp_path):
 
 def written(linkage, tmp_path, *, exactly):
     """A file of MJCF, with all digits or with MuJoCo's six."""
-    spec = closed_model.assembled(linkage.mechanism, Scene(level="motion"))
+    spec = source.assembled(linkage.mechanism, Scene(level="motion"))
     path = tmp_path / "written.xml"
     path.write_text(to_xml(spec) if exactly else spec.to_xml())
     return str(path)

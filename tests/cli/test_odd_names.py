@@ -23,7 +23,7 @@ from mechsim.pictures import plots
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
 from mechsim.simulation import mjcf
-from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.source import assembled
 from mechsim.subjects.toml_reader import toml_model
 from mechsim.subjects.toml_values import read_source
 from mechsim.subjects.toml_writer import to_toml

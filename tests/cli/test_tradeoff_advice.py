@@ -8,7 +8,7 @@ import pytest
 
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
-from mechsim.simulation.closed_model import assembled, from_mechanism
+from mechsim.simulation.source import assembled, from_mechanism
 from mechsim.studies.tradeoff import Build, Family, Point
 from mechsim.studies.tradeoff.work_precision import command, exporting
 from mechsim.subjects.readers import load

@@ -12,7 +12,7 @@ from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.scenery import CAMERA, exported
 from mechsim.shapes import link_colours
 from mechsim.simulation import Settings, mjcf, simulate
-from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.source import assembled
 
 NAMES = list(catalog.DRIVES)
 

@@ -13,9 +13,9 @@ HOME = {
     "mechsim.model.joint_kinds",
     "mechsim.analytic.loops.maximal_coordinates",
     "mechsim.simulation.mjcf.joints",
-    "mechsim.simulation.mjcf_reader.joint_types",
+    "mechsim.simulation.mjcf_reader.kinematic_tree",
     "mechsim.shapes.joints",
-    "mechsim.simulation.mjcf_text.included_lines",  # "fixed" is an element of MJCF there
+    "mechsim.simulation.mjcf_text.included_files",  # "fixed" is an element of MJCF there
     "mechsim.cli.verdict_text",  # "planar" describes a mechanism there
 }
 CATALOG = "mechsim.analytic.catalog."

@@ -9,10 +9,11 @@ from mechsim.analytic import dynamics
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
-from mechsim.simulation import closed_model, constant, simulate
+from mechsim.simulation import constant, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_points import meeting_between
+from mechsim.simulation.poses.change_points import change_point_between
+from mechsim.simulation.source import from_source
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 OTHERS = [
@@ -87,7 +88,10 @@ def test_efforts_at_a_meeting_are_limits(drive):
 
 def test_what_cannot_fold_is_refused_with_its_angle():
     rhombus = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.1, rocker=0.1, branch=-1)
-    with pytest.raises(AssemblyError, match=r"cannot pass crank angle .* by folding, for it does not turn"):
+    with pytest.raises(
+        AssemblyError,
+        match=r"crank angle .*: it cannot move in the other assembly",
+    ):
         simulate(LoopForm(rhombus.mechanism, change_point="branch"), speed=20.0)
 
 
@@ -116,7 +120,7 @@ def test_a_stepped_run_that_begins_where_assemblies_meet_is_told_how_to_be_held(
 @pytest.mark.parametrize("over", [0.01, 0.05])
 def test_a_first_stride_past_a_meeting_does_not_end_in_the_other_assembly(lead, over):
     drive = catalog.make("four_bar", ground=0.12, crank=0.04, coupler=0.09, rocker=0.07)
-    closed, at = closed_model.from_source(drive), drive.change_points()[0]
+    closed, at = from_source(drive), drive.change_points()[0]
     start = follow.follow(closed.loops, closed.qpos, [at - lead])[0]
     places = closed.point_positions(follow.follow(closed.loops, start, [at + over]))[0]
     for name, place in zip(closed.track.points, places, strict=True):
@@ -126,14 +130,14 @@ def test_a_first_stride_past_a_meeting_does_not_end_in_the_other_assembly(lead, 
 
 def test_meetings_are_measured_and_beside_them_there_are_none():
     drive = OTHERS[0]
-    closed = closed_model.from_source(drive)
-    _, path = follow.followed(closed.loops, closed.qpos, np.linspace(-4.0, 4.0, 33))
-    for meeting in path.meetings:
+    closed = from_source(drive)
+    _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(-4.0, 4.0, 33))
+    for meeting in path.change_points:
         assert (
             np.min(np.abs(np.exp(1j * meeting.angle) - np.exp(1j * np.array(drive.change_points())))) < 1e-9
         )
     states = follow.follow(closed.loops, closed.qpos, [0.3, 1.0])
-    assert meeting_between(closed.loops, *states) is None
+    assert change_point_between(closed.loops, *states) is None
 
 
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])

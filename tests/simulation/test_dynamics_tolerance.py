@@ -10,7 +10,7 @@ from mechsim import catalog, dynamics
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.motors import TorqueSpeedLine
-from mechsim.simulation import Settings, refine, swing
+from mechsim.simulation import Settings, swing, tolerance
 from mechsim.simulation.dynamics import torque_tolerance
 from mechsim.simulation.dynamics.determinacy import settled
 from mechsim.simulation.dynamics.free_motion import free_run
@@ -72,7 +72,7 @@ def test_each_of_the_two_estimates_sees_an_error_that_is_there(monkeypatch):
     monkeypatch.setattr(torque_tolerance, "believed_order", lambda *_: 4.0)
     # poses that claim all is well let too few steps through, halving does not
     assert asked().estimates["halving"] <= 1e-6
-    monkeypatch.setattr(refine, "MOST", torque_tolerance.EVEN)
+    monkeypatch.setattr(tolerance, "MAX_STEPS", torque_tolerance.EVEN)
     blind = asked()
     assert not blind.satisfied
     assert blind.estimates["halving"] > 1e-6
@@ -111,7 +111,7 @@ def test_a_free_run_of_given_time_keeps_its_tolerance_and_one_below_what_is_spen
     run = free_run(machine.mechanism, machine.forces, speed=30.0, duration=0.2, tolerance=1e-6)
     assert crosscheck_free(run, machine).passed
     assert run.motion.time[-1] == pytest.approx(0.2, rel=1e-12)
-    monkeypatch.setattr(refine, "MOST", 500)
+    monkeypatch.setattr(tolerance, "MAX_STEPS", 500)
     below = free_run(machine.mechanism, machine.forces, speed=30.0, duration=0.05, tolerance=1e-14)
     assert below.free.outcome == "failed"
     assert "leave the crank angle off by" in below.free.reason

@@ -3,10 +3,10 @@ import pytest
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.explicit_predictor import sprint
+from mechsim.simulation.poses.trace import explicit_trace
+from mechsim.simulation.source import assembled
 
 TURN = 2.0 * np.pi
 # of the longest link: 48 steps of fourth order leave 2e-5 on the worst of these
@@ -22,7 +22,7 @@ def loops_of(name: str, **changed: float) -> ModelLoops:
 def sprinted(loops: ModelLoops, turns: float) -> np.ndarray | None:
     start = loops.model.qpos0
     jacobian = loops.linearise(start[None])[1]
-    return sprint(loops, start, float(start[loops.crank_address]) + TURN * turns, jacobian)
+    return explicit_trace(loops, start, float(start[loops.crank_address]) + TURN * turns, jacobian)
 
 
 def numbers(loops: ModelLoops) -> list[np.ndarray]:

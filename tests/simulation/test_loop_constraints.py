@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.simulation.followers import chained
-from mechsim.simulation.loop_constraints import CouplingConstraint, Sum
+from mechsim.simulation.equality_rows import CouplingConstraint, Sum, chained
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import (
+from mechsim.simulation.recording import (
     States,
     add_sensors,
     closure_acceleration,

@@ -10,10 +10,13 @@ import mechsim as ms
 from mechsim.analytic.catalog.many_designs import started
 from mechsim.model.design_arrays import started_designs
 from mechsim.simulation import Settings
-from mechsim.simulation.many.design_fields import quaternions
-from mechsim.simulation.many.design_models import design_models, like_model
-from mechsim.simulation.many.design_motion import design_motion
-from mechsim.simulation.many.stepped_designs import judged, parted, stepped_designs
+from mechsim.simulation.many.design_models import design_models, quaternions, shared_model
+from mechsim.simulation.many.stepped_designs import (
+    check_designs,
+    design_motion,
+    first_open_angle,
+    stepped_designs,
+)
 
 STEPS, SPEED = 60, 40.0
 SETTINGS = Settings(steps_per_turn=STEPS, jacobian="dense")
@@ -28,7 +31,7 @@ VARIED = {
 
 def models_of(name, rows):
     form = ms.catalog.make(name)
-    like = like_model(form.mechanism)
+    like = shared_model(form.mechanism)
     return design_models(like, started(form, {key: np.array(values) for key, values in rows.items()}))
 
 
@@ -43,9 +46,9 @@ def forms_of(name, rows):
 def test_designs_step_together_as_each_by_itself(name):
     rows = VARIED[name]
     stepped = stepped_designs(models_of(name, rows), SETTINGS, SPEED, STEPS, 1)
-    verdict = judged(stepped)
-    assert stepped.whole.all()
-    assert verdict.kept.all()
+    verdict = check_designs(stepped)
+    assert stepped.valid.all()
+    assert verdict.same_assembly.all()
     assert (verdict.estimate <= verdict.tolerance).all()
     motion = design_motion(stepped, np.arange(2), np.arange(STEPS), "rates")
     for i, form in enumerate(forms_of(name, rows)):
@@ -85,19 +88,19 @@ def test_a_design_that_leaves_its_assembly_or_its_poses_is_not_called_kept():
     # the second design's rocker off by a thousandth of a radian, then both in the other assembly half way
     off = stepped.qpos.copy()
     off[1, 30:] += [0.0, 1e-3, 0.0]
-    verdict = judged(replace(stepped, qpos=off))
+    verdict = check_designs(replace(stepped, qpos=off))
     assert (verdict.estimate <= verdict.tolerance).tolist() == [True, False]
     other = models_of("four_bar", VARIED["four_bar"] | {"branch": [-1, -1]})
     swapped = stepped.qpos.copy()
     swapped[:, 30:] = stepped_designs(other, SETTINGS, SPEED, STEPS, 1).qpos[:, 30:]
-    assert not judged(replace(stepped, qpos=swapped)).kept.any()
+    assert not check_designs(replace(stepped, qpos=swapped)).same_assembly.any()
 
 
 def test_where_a_crank_cannot_go_is_told():
     form = ms.load("watt_six_bar")
     designs = [ms.load("watt_six_bar", {"crank": crank}).mechanism for crank in (0.025, 0.06)]
-    models = design_models(like_model(form.mechanism), started_designs(form.mechanism, designs))
-    open_at = parted(stepped_designs(models, SETTINGS, SPEED, STEPS, 1), np.arange(2))
+    models = design_models(shared_model(form.mechanism), started_designs(form.mechanism, designs))
+    open_at = first_open_angle(stepped_designs(models, SETTINGS, SPEED, STEPS, 1), np.arange(2))
     assert np.isnan(open_at[0])
     arcs = ms.load("watt_six_bar", {"crank": 0.06}).crank_range().arcs
     assert not any(low < open_at[1] < high for low, high in arcs)

@@ -52,7 +52,7 @@ def test_the_catalogue_is_stepped_with_dense_matrices_and_says_so() -> None:
 
 def test_a_loop_whose_freedoms_all_touch_is_stepped_with_dense_matrices(study) -> None:
     model = study.ready(study.polygons(1, 50))
-    assert model.nv >= matrices.FREEDOMS
+    assert model.nv >= matrices.SPARSE_MIN_DOFS
     assert study.gap(model)[1] == 1.0
     assert matrices.quicker(model) == "dense"
 
@@ -74,8 +74,8 @@ def test_matrices_that_disagree_are_never_taken_sparse(chain, study, monkeypatch
 @pytest.mark.skipif(mujoco.__version__ != "4.0.0", reason="the fault was mended in MuJoCo 4.0.1")
 def test_a_model_that_mujoco_gets_wrong_is_stepped_with_dense_matrices(study, monkeypatch) -> None:
     # whatever its size and filling, so that only what the two say is left to judge by
-    monkeypatch.setattr(matrices, "FREEDOMS", 1)
-    monkeypatch.setattr(matrices, "FILLED", 1.0)
+    monkeypatch.setattr(matrices, "SPARSE_MIN_DOFS", 1)
+    monkeypatch.setattr(matrices, "SPARSE_MAX_FILL", 1.0)
     random, taken = np.random.default_rng(0), []
     for _ in range(60):
         model = study.ready(study.tangle(random))

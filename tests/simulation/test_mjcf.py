@@ -12,8 +12,8 @@ from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.source import assembled
 
 CATALOGUE = ("rssr", "four_bar", "slider_crank")
 EVERYTHING = [

@@ -2,10 +2,15 @@ import mujoco
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.simulation.mjcf_text.edited_text import EditedText
-from mechsim.simulation.mjcf_text.element_spans import elements_of
+from mechsim.simulation.mjcf_text.edited_text import (
+    EditedText,
+    elements_of,
+    put_comment,
+    put_key,
+    set_compliance,
+    set_options,
+)
 from mechsim.simulation.mjcf_text.included_files import moved_to, with_included
-from mechsim.simulation.mjcf_text.setting_edits import put_comment, put_key, set_compliance, set_options
 
 TEXT = """<mujoco>
   <!-- <option timestep="9"/> äö -->

@@ -8,10 +8,10 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import model_loops
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.drivers import PARAMETER_JOINT, find_drivers
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import assembled
 
 EVERYTHING = [
     *(catalog.make(name).mechanism for name in ("rssr", "four_bar", "slider_crank")),

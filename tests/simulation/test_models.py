@@ -8,7 +8,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.source import assembled
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from coupled_wheels import assert_all_turn_alike, coupled_wheels
 
-from mechsim.simulation import closed_model, simulate
+from mechsim.simulation import simulate
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import from_source
 
 # as measured: 4e-14, 2e-12 and 1e-10 of a radius; with rods that lie flat 0.3 rad apart 1e-12, 1e-11, 1e-10
 BOUNDS = (1e-11, 1e-10, 3e-9)
@@ -22,10 +23,10 @@ def test_wheels_turn_alike_by_poses_where_all_rods_lie_flat(wheels, lag):
 @pytest.mark.parametrize("wheels", [3, 4])
 @pytest.mark.parametrize("samples", [17, 64, 73])
 def test_meetings_are_known_however_many_poses_are_asked_for(wheels, samples):
-    closed = closed_model.from_source(coupled_wheels(wheels))
-    _, path = follow.followed(closed.loops, closed.qpos, np.linspace(0.2, 6.1, samples))
-    assert [m.angle for m in path.meetings] == pytest.approx([np.pi], abs=1e-9)
-    assert [m.pairs for m in path.meetings] == [wheels - 1]
+    closed = from_source(coupled_wheels(wheels))
+    _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(0.2, 6.1, samples))
+    assert [m.angle for m in path.change_points] == pytest.approx([np.pi], abs=1e-9)
+    assert [m.multiplicity for m in path.change_points] == [wheels - 1]
     # one side from end to end, or another beyond: so each pose is known to lie on the path
     sides = closed.loops.determinant_sign(
         closed.loops.linearise(follow.follow(closed.loops, closed.qpos, [0.5, 4.0]))[1]

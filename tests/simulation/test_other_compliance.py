@@ -9,8 +9,8 @@ import mechsim as ms
 from mechsim import catalog
 from mechsim.cli import app
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.compliance_search import improving_compliance
 from mechsim.simulation.settings import COMPLIANCE
+from mechsim.simulation.tolerance import improving_compliance
 
 # a five-bar that bears its weight slowly: what the loop gives way by is in proportion to the time squared
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0"/><default><joint axis="0 0 1"/></default>

@@ -6,7 +6,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.simulation import simulate
-from mechsim.simulation.contact_filtering import exclude_contacts
+from mechsim.simulation.closed_model import exclude_contacts
 from mechsim.studies.validate import case_of
 
 # a five-bar whose cranks overlap by a little with the plates on which they turn

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim.simulation.posed_bodies import PosedBodies, rotated
+from mechsim.simulation.state import PosedBodies, rotated
 
 # an arm that turns about z, and on it a slider that moves across and up
 MODEL = """

@@ -90,7 +90,7 @@ def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
         def errors_by_turn(self, _settings):
             return np.zeros(max(1, round(self.profile.turns)))
 
-    assert position_tolerance.steps_needed(Exact(), Settings(), 1e-6)[0] == position_tolerance.LEAST_STEPS
+    assert position_tolerance.steps_needed(Exact(), Settings(), 1e-6)[0] == position_tolerance.MIN_STEPS
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.01])

@@ -7,9 +7,9 @@ import pytest
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import CHUNK, States, add_sensors, evaluate
+from mechsim.simulation.recording import CHUNK, States, add_sensors, evaluate
+from mechsim.simulation.source import assembled
 
 SPEED, ACCELERATION, STEP, MIDDLE = 1.3, -2.1, 2e-3, 4
 # first derivative by eighth-order differences

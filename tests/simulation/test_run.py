@@ -12,10 +12,10 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import swing
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import assembled
 from mechsim.subjects.readers import load
 from mechsim.units import rpm
 from mechsim.verdict.judge import crosscheck

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from mechsim.cli.declared_options import spread
 from mechsim.cli.simulate import simulate
 from mechsim.errors import InputError
-from mechsim.simulation import Settings, setting_fields
+from mechsim.simulation import Settings, settings
 
 FIELDS = fields(Settings)
 VALUES = {
@@ -72,7 +72,7 @@ def test_what_is_written_and_nothing_else_reaches_the_command(name) -> None:
 def test_a_setting_that_is_declared_is_an_option_a_refusal_and_a_row() -> None:
     @dataclass(frozen=True)
     class More(Settings):
-        noise: float = setting_fields.number(1.0, "Noise.", doc="How loud.", row=("noise", "{:g} dB".format))
+        noise: float = settings.number(1.0, "Noise.", doc="How loud.", row=("noise", "{:g} dB".format))
 
     assert More().rows() == Settings().rows() | {"noise": "1 dB"}
     with pytest.raises(InputError, match=r"noise is -2\.0; give a finite number above 0"):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.simulation import closed_model
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import from_source
 
 RADIUS = 0.05
 # past both flat poses, at them and close to them
@@ -60,7 +60,7 @@ def rocker_end(coupler, rocker, through, sign):
 )
 def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_beside(coupler, rocker, through):
     form = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).with_change_point(through)
-    model = closed_model.from_source(form)
+    model = from_source(form)
     states = follow.follow(model.loops, model.qpos, ANGLES)
     found = model.point_positions(states)[:, model.track.points.index("B")]
     off = min(np.abs(found - rocker_end(coupler, rocker, through, sign)).max() for sign in (1, -1)) / RADIUS

@@ -7,10 +7,9 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import closed_model
-from mechsim.simulation.closed_model import initial_guess
 from mechsim.simulation.poses.follow import follow
-from mechsim.simulation.poses.trace import LONGEST, walk
+from mechsim.simulation.poses.trace import MAX_DISPLACEMENT, trace
+from mechsim.simulation.source import from_source, initial_guess
 
 
 def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_leap():
@@ -29,17 +28,17 @@ def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_le
     mechanism = Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
     loops, rough = initial_guess(with_closed_guess(mechanism), Scene(level="pose"))
     start = loops.close(rough[None])[0]
-    states = np.array([start, *walk(loops, start, float(start[loops.crank_address]) + 0.4).states])
-    assert np.abs(np.diff(states, axis=0)).max() < 1.5 * LONGEST
+    states = np.array([start, *trace(loops, start, float(start[loops.crank_address]) + 0.4).states])
+    assert np.abs(np.diff(states, axis=0)).max() < 1.5 * MAX_DISPLACEMENT
 
 
 def test_a_stride_of_rounding_s_length_is_gone_close_to_a_dead_centre_too():
     """A recorded crank angle 50 units of rounding beside a knot of the path once ended in a refusal."""
     drive = catalog.make("four_bar", **catalog.DRIVES["four_bar"].swinging)
-    closed = closed_model.from_source(drive)
+    closed = from_source(drive)
     (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_address
     there = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
     for off in np.geomspace(1.01e-14, 1e-12, 40):
-        ends = walk(closed.loops, there, float(there[place]) - off).states
+        ends = trace(closed.loops, there, float(there[place]) - off).states
         assert abs(ends[-1][place] - there[place]) > 0.9 * off
         assert np.abs(ends[-1] - there).max() < 1e-8

@@ -5,8 +5,8 @@ import pytest
 
 from mechsim import catalog, simulate
 from mechsim.errors import AssemblyError, MobilityError
-from mechsim.simulation import closed_model
-from mechsim.simulation.undetermined_dofs import residual_mobility
+from mechsim.simulation.mobility import residual_mobility
+from mechsim.simulation.source import from_source
 
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 0 0"/><worldbody>
 <body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
@@ -81,7 +81,7 @@ def test_a_free_body_beside_a_sound_mechanism_and_an_idle_spin_are_no_freedom():
     model = tree(free).replace('<joint name="loose" axis="0 0 1"/>', "")
     assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "passed"
     for name in catalog.DRIVES:
-        found = residual_mobility(closed_model.from_source(catalog.make(name)))
+        found = residual_mobility(from_source(catalog.make(name)))
         assert (found.undetermined, found.immobile_drivers, found.at_change_point) == ((), (), False), name
 
 

@@ -5,7 +5,7 @@ import pytest
 import mechsim as ms
 from mechsim.errors import BudgetError
 from mechsim.numerics.resources import ProcessorBudget
-from mechsim.simulation.refine import Attempt, refine
+from mechsim.simulation.tolerance import Attempt, refine
 from mechsim.studies import validate
 from mechsim.studies.validate import case_of
 

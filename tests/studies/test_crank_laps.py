@@ -16,8 +16,8 @@ from mechsim.model.motion_laws import PART_OF_RANGE, arc_around, constant, swing
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import TURN
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.mjcf.exact_text import to_xml
+from mechsim.simulation.mjcf.compiling import to_xml
+from mechsim.simulation.source import assembled
 from mechsim.verdict.judge import crosscheck
 
 SWINGING = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")

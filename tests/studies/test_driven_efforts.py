@@ -15,7 +15,7 @@ from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.loop_constraints import CouplingConstraint
+from mechsim.simulation.equality_rows import CouplingConstraint
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))

@@ -10,7 +10,7 @@ from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.simulation import simulate
-from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.source import assembled
 from mechsim.studies.extremes import axes
 from mechsim.studies.extremes.stability_map import StabilityMap
 from mechsim.studies.extremes.trial import Trial, pushed

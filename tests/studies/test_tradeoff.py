@@ -13,9 +13,9 @@ from mechsim import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
 from mechsim.model.scene import LEVELS, Scene
-from mechsim.simulation import closed_model
 from mechsim.simulation.mjcf.alternatives import rod_of
 from mechsim.simulation.settings import INTEGRATORS, Settings
+from mechsim.simulation.source import from_spec
 from mechsim.studies import budget as clock
 from mechsim.studies.tradeoff import (
     BOUNDS,
@@ -176,7 +176,7 @@ def test_no_bound_is_kept_by_a_motion_that_diverged(found):
 
 def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
     drive = catalog.make("four_bar")
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
 
     own = subject_of_model(assembled(drive.mechanism, Scene()), "own", SPEED)
     known = subject_of(drive, SPEED)
@@ -190,7 +190,7 @@ def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
 
 
 def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     trntype = mujoco.mjtTrn.mjTRN_JOINT
@@ -209,7 +209,7 @@ def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
     [(["input"], None), ([], "names? joints by --drive"), (["input", "rocker"], "leave it one actuator")],
 )
 def test_a_hinge_of_any_name_is_driven_where_one_actuator_acts_on_it(acted, refusal):
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     spec.joint("crank").name = "input"
@@ -331,7 +331,7 @@ def test_a_budget_that_is_long_enough_leaves_nothing_out(monkeypatch):
 
 
 def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_nothing_finer(monkeypatch):
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     monkeypatch.setattr(
@@ -349,7 +349,7 @@ def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_noth
 
 
 def test_a_budget_too_short_for_any_reference_is_refused_with_one_that_would_do():
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took .* the budget is 0\.001 s; give --budget \d+s or more"):
@@ -358,7 +358,7 @@ def test_a_budget_too_short_for_any_reference_is_refused_with_one_that_would_do(
 
 def stiff_beside_a_four_bar():
     """A four-bar, and beside it a leaf on so stiff a hinge that no run of explicit steps bears it."""
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     leaf = spec.worldbody.add_body(name="leaf", pos=[1.0, 0.0, 0.0])
@@ -388,7 +388,7 @@ def test_a_reference_that_diverges_says_at_which_steps_and_what_may_help(monkeyp
 
 
 def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatch):
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     monkeypatch.setattr(
@@ -408,7 +408,7 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
 @pytest.mark.parametrize(("reading", "trials_made"), [(41.0, 0), (20.0, 1)])
 def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials_made):
     """A clock on which reading, compiling, starting and each trial take so long."""
-    from mechsim.simulation.closed_model import assembled
+    from mechsim.simulation.source import assembled
     from mechsim.studies.tradeoff import models
 
     now, made, compiled = [0.0], [], []
@@ -423,7 +423,7 @@ def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials
 
     monkeypatch.setattr(clock, "perf_counter", lambda: now[0])
     monkeypatch.setattr(Build, "made", taking(reading, [], Build.made))
-    monkeypatch.setattr(models.closed_model, "from_spec", taking(5.0, compiled, closed_model.from_spec))
+    monkeypatch.setattr(models, "from_spec", taking(5.0, compiled, from_spec))
     monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):

@@ -10,7 +10,7 @@ from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
-from mechsim.simulation.mjcf.exact_text import to_xml
+from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.studies.scene import turning_model
 from mechsim.subjects.readers import load
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.simulation.closed_model import from_source
 from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.source import from_source
 
 # a slider pushed along x by 500 N: the inertia of the links takes next to nothing beside it
 PRESS = """

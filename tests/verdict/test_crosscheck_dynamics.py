@@ -14,9 +14,9 @@ from mechsim.model.links import Inertia
 from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, mjcf, swing
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.source import assembled
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
 SPEED = 20.0 * np.pi

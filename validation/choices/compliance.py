@@ -22,7 +22,7 @@ import sheet
 from mechsim import catalog
 from mechsim.model.motion_laws import constant
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.subjects.readers import load
 
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0"/><default><joint axis="0 0 1"/></default>

@@ -16,8 +16,8 @@ from mechsim import catalog
 from mechsim.errors import AssemblyError
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
+from mechsim.simulation.source import assembled
 from mechsim.studies.tradeoff.setting_families import cuts_of
 
 SPEED = 20.0 * np.pi

@@ -22,9 +22,9 @@ from mujoco import batch
 from mechsim import catalog
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, mjcf
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import assembled
 
 SPEED = 20.0 * np.pi
 STEPS = 1000

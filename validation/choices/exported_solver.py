@@ -24,7 +24,7 @@ from mechsim.model.forces import Forces, Friction
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.scene import errors_of, step_times, stepped
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.subjects.readers import load

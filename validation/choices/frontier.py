@@ -29,7 +29,7 @@ from mechsim.numerics.convergence import richardson
 from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.recorded_motion import States, evaluate
+from mechsim.simulation.recording import States, evaluate
 from mechsim.studies.tradeoff import Subject, build_model, families, subject_of
 from mechsim.studies.tradeoff.models import SAMPLES
 

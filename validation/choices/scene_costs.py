@@ -24,9 +24,9 @@ from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.simulation.recorded_motion import add_sensors
+from mechsim.simulation.recording import add_sensors
+from mechsim.simulation.source import assembled
 from mechsim.studies.reduction.scene_costs import scene_costs
 from mechsim.studies.scene import scene_of
 from mechsim.subjects.readers import load

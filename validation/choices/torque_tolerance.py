@@ -31,7 +31,8 @@ from mechsim.analytic.dynamics import Machine
 from mechsim.model.forces import Forces
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.free_motion import free_run
-from mechsim.simulation.dynamics.prescribed_motion import Driven, driven
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 TURNS, FREE_TURNS = 10.0, 3.0

@@ -26,7 +26,7 @@ from tuned_grid import quickest_kept
 
 from mechsim.cli.scene_options import expressions, user_scene
 from mechsim.errors import MechsimError
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.scene import (
     UserScene,
     begun_closed,

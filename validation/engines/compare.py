@@ -26,8 +26,8 @@ from engines import Engine, installed
 from mechsim import catalog
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.source import assembled
 
 MECHANISMS = ("four_bar", "rssr", "looper")
 SPEED, STEPS, ITERATIONS = 20.0 * np.pi, 360, 2

@@ -15,10 +15,10 @@ from protocol import Setting, Solver
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, constant
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import assembled
 from mechsim.simulation.stepping import step
 
 CLOSED = "mechsim, closed form"

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from mechsim import catalog, closure
 from mechsim.errors import MechsimError
 from mechsim.model.motion import ChangePointPolicy
-from mechsim.simulation import closed_model
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import from_source
 
 Array = NDArray[np.float64]
 Lengths = tuple[float, float, float, float]
@@ -105,7 +105,7 @@ def by_loop_equations(drive: catalog.FourBar) -> Array:
 
 def by_poses(drive: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    closed = closed_model.from_source(drive)
+    closed = from_source(drive)
     return closed.point_positions(follow.follow(closed.loops, closed.qpos, ANGLES))[
         :, closed.track.points.index("B")
     ]

@@ -24,7 +24,7 @@ from closure_apart import worst_difference
 from mechsim.analytic.loops.start import assembled
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import make_motion_laws
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader import states_of
 from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
 

@@ -21,10 +21,9 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.simulation.findings import findings
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, swing
 from mechsim.simulation.findings.predicted_gap import drive_directions, gaps_in, loop_forces
-from mechsim.simulation.findings.swing import swing
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel, parsed_file, read_model, reading
 
 Spec = mujoco.MjSpec

@@ -18,10 +18,10 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.scene import Scene
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.explicit_predictor import sprint
+from mechsim.simulation.poses.trace import explicit_trace
+from mechsim.simulation.source import assembled
 
 sys.path.append(str(Path(__file__).parents[1] / "choices"))
 import random_drives
@@ -50,7 +50,7 @@ def tried(drive: ClosedForm) -> tuple[str, float]:
         return "refused", 0.0
     exact = drive.positions(angles)
     error = max(np.abs(places[:, loops.model.site(name).id] - exact[name]).max() for name in exact)
-    sure = sprint(loops, start, float(angles[-1]), loops.linearise(start[None])[1])
+    sure = explicit_trace(loops, start, float(angles[-1]), loops.linearise(start[None])[1])
     return "walked" if sure is None else "sprinted", float(error) / loops.characteristic_length
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.simulation.source import assembled
 
 NAMES = ("rssr", "four_bar", "slider_crank")
 COUNTS = (100, 1000, 10_000)

@@ -21,8 +21,8 @@ from mujoco import batch
 from mechsim import catalog
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, constant, simulate
-from mechsim.simulation.closed_model import assembled
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.source import assembled
 from mechsim.simulation.stepping import step
 
 SPEED = 20.0 * np.pi

@@ -15,9 +15,10 @@ import numpy as np
 from mujoco import batch
 
 import mechsim as ms
-from mechsim.simulation import Settings, closed_model
+from mechsim.simulation import Settings
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.source import from_source
 
 SPEED, STEPS, WANTED = 62.8, 100, 1.2
 SPANS = {"crank": (0.029, 0.035), "coupler": (0.085, 0.095)}
@@ -27,7 +28,7 @@ MEASURES = {"range:rocker": "range:rocker", "stroke of a point": "stroke:C", "ac
 
 def bare() -> tuple[ModelLoops, tuple[np.ndarray, np.ndarray]]:
     """Return a model set up for stepping, and the state in which it starts."""
-    closed = closed_model.from_source(ms.catalog.make("four_bar"))
+    closed = from_source(ms.catalog.make("four_bar"))
     profile = ms.simulation.constant(SPEED, 1.0, closed.angle)
     loops = closed.loops.with_model_copy()
     SETTINGS.apply(loops, profile.duration / STEPS)

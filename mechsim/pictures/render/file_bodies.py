@@ -11,10 +11,9 @@ from mechsim.model.links import Pose
 from mechsim.numerics.arrays import Array
 from mechsim.shapes import Kind, Mesh, Rgba, Shape
 from mechsim.shapes.shape import vector
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.link_frames import carriers, shifted
+from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, shifted
 
 ROUND: Mapping[int, Kind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",

@@ -13,9 +13,9 @@ from mechsim.shapes import Mesh, Rgba, Shape, free_sides, link_shapes, rod_radiu
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, travels
 from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, stands
-from mechsim.simulation.closed_model import assembled
-from mechsim.simulation.mjcf.body_inertia import quaternion
-from mechsim.simulation.poses.sweep import swept
+from mechsim.simulation.configurations import swept
+from mechsim.simulation.mjcf.force_elements import quaternion
+from mechsim.simulation.source import assembled
 
 GEOMS = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,

@@ -12,11 +12,10 @@ import numpy as np
 
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import believed_order
-from mechsim.simulation import refine
 from mechsim.simulation.dynamics.free_steps import FreeSteps
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.refine import Attempt, ToleranceReport
 from mechsim.simulation.settings import Settings
+from mechsim.simulation.tolerance import MAX_STEPS, Attempt, ToleranceReport, refine, rounded
 
 # steps a turn of the coarsest of three trials, each with twice those before
 COARSEST = 60
@@ -58,7 +57,7 @@ def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeSteppin
         tolerance: on the crank angle at every instant, in [rad].
         least: steps a turn of the coarsest trial, so that stepping is stable.
     """
-    coarsest = refine.rounded(max(COARSEST, least), 2)
+    coarsest = rounded(max(COARSEST, least), 2)
     first, second = let_run(coarsest), let_run(2 * coarsest, 2)
     before = 2 * coarsest, _apart(first, second)
 
@@ -83,12 +82,12 @@ def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeSteppin
         )
 
     spent = first.steps.steps + second.steps.steps
-    return refine.refine(attempt, tolerance, 4 * coarsest, _why, trials=spent, multiple=2)
+    return refine(attempt, tolerance, 4 * coarsest, _why, trials=spent, multiple=2)
 
 
 def _why(steps: int, estimate: float) -> str:
-    most = f"{refine.MOST} steps a turn, the most that are spent,"
-    end = most if steps >= refine.MOST else f"{steps} steps a turn"
+    most = f"{MAX_STEPS} steps a turn, the most that are spent,"
+    end = most if steps >= MAX_STEPS else f"{steps} steps a turn"
     return f"{end} leave the crank angle off by {estimate:.2g} rad; run fewer turns or allow more"
 
 

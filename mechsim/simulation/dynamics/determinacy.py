@@ -13,7 +13,7 @@ from mechsim.simulation.dynamics.inverse_dynamics import row_scale, situation
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
-from mechsim.simulation.recorded_motion import States
+from mechsim.simulation.recording import States
 
 # joint -> whether fx, fy, fz, mx, my, mz is settled, (6,)
 Known = Mapping[str, NDArray[np.bool_]]

@@ -14,7 +14,6 @@ from mechsim.model.mechanism import Mechanism, described
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
-from mechsim.simulation.closed_model import HasMechanism
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.free_steps import expect_speed, step_freely
 from mechsim.simulation.dynamics.inverse_dynamics import (
@@ -27,9 +26,10 @@ from mechsim.simulation.dynamics.inverse_dynamics import (
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
-from mechsim.simulation.run_result import SteppedFreeRun
+from mechsim.simulation.recording import CHUNK, States, evaluate
+from mechsim.simulation.result import SteppedFreeRun
 from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
+from mechsim.simulation.source import HasMechanism
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.units import si
 
@@ -246,7 +246,7 @@ def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoop
     loops = loaded.loops.with_model_copy()
     crank = np.array([loops.crank])
     flywheel = float(loops.model.dof_armature[loops.crank])
-    settings.apply(loops, step, bending=True)
+    settings.apply(loops, step, velocity_products=True)
     stiffen_friction(loops.model, step)
     set_armature(loops.model, crank, flywheel)
     # a driven crank forgives what one step of Newton's method leaves; here it would move the crank

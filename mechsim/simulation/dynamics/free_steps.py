@@ -18,7 +18,7 @@ from mechsim.simulation.dynamics.inverse_dynamics import tangent
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.recorded_motion import States
+from mechsim.simulation.recording import States
 from mechsim.simulation.stepping import Progress, no_progress
 
 TIME = int(mujoco.mjtState.mjSTATE_TIME)

@@ -27,9 +27,9 @@ from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_point_motion import Near, held_off
-from mechsim.simulation.poses.change_points import Meeting, fitted
-from mechsim.simulation.recorded_motion import CHUNK, States, closure_acceleration, link_motions
+from mechsim.simulation.poses.change_point_motion import NearRows, moved_away
+from mechsim.simulation.poses.change_points import ChangePoint, fit_weights
+from mechsim.simulation.recording import CHUNK, States, closure_acceleration, link_motions
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_tendons
 
@@ -264,7 +264,7 @@ class Posed:
 
     qpos: Array
     states: States
-    near: Near
+    near: NearRows
     found: Efforts
 
 
@@ -285,9 +285,9 @@ def required(
 
     Accuracy: rounding.
     """
-    qpos, path = follow.followed(loaded.loops, loaded.qpos, angle)
-    near = list(path.blind(angle))
-    away = held_off(qpos, near)
+    qpos, path = follow.follow_path(loaded.loops, loaded.qpos, angle)
+    near = list(path.near_change_points(angle))
+    away = moved_away(qpos, near)
     parts = []
     for first in range(0, len(time), CHUNK):
         part = slice(first, first + CHUNK)
@@ -309,7 +309,7 @@ def required(
 
 def _beside(
     loaded: LoadedModel,
-    meeting: Meeting,
+    meeting: ChangePoint,
     turned: float,
     time: float,
     angle: float,
@@ -323,7 +323,7 @@ def _beside(
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
     at = situation(loaded, states)
     around = efforts(loaded, at, *needed(loaded, at, np.full(count, acceleration)))
-    found = weighed(around, fitted(meeting.nodes, meeting.angle, np.array([turned])))
+    found = weighed(around, fit_weights(meeting.nodes, meeting.angle, np.array([turned])))
     # how friction acts is told, not reckoned with
     return replace(found, angle=np.array([angle]), sliding=np.round(found.sliding))
 

@@ -23,12 +23,12 @@ from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
 from mechsim.simulation.mjcf.force_elements import Actuators, actuators, motor_control
-from mechsim.simulation.posed_bodies import ONE_THREAD
-from mechsim.simulation.recorded_motion import States
+from mechsim.simulation.recording import States
+from mechsim.simulation.source import assembled, from_mechanism
+from mechsim.simulation.state import ONE_THREAD
 
 FIELDS = (
     "M",
@@ -205,9 +205,9 @@ def loaded_model(
     """
     described = with_inertia(mechanism)
     _require_heavy(described)
-    spec = closed_model.assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
+    spec = assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
-    closed = closed_model.from_mechanism(described, spec, tuple(points), programmed=programmed)
+    closed = from_mechanism(described, spec, tuple(points), programmed=programmed)
     return LoadedModel(
         loops=closed.loops,
         track=closed.track,

@@ -10,23 +10,18 @@ from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
-from mechsim.simulation.closed_model import HasMechanism
+from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
 from mechsim.simulation.dynamics.inverse_dynamics import efforts_of, required, started, stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
-from mechsim.simulation.initial_state import at_initial_state, parameter_profile
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.passed_change_points import (
-    passed_change_points,
-    require_regular_start,
-    undecided_note,
-)
-from mechsim.simulation.poses.change_point_motion import mended
-from mechsim.simulation.recorded_motion import CHUNK, States, evaluate
-from mechsim.simulation.refine import ToleranceReport
-from mechsim.simulation.run_result import Driven, Method
+from mechsim.simulation.poses.change_point_motion import interpolated
+from mechsim.simulation.recording import CHUNK, States, evaluate
+from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.settings import Settings
+from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
 from mechsim.simulation.stepping import Progress, no_progress, step
+from mechsim.simulation.tolerance import ToleranceReport
 from mechsim.units import si
 
 # instants recorded a turn where nothing else is asked
@@ -160,7 +155,7 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, wat
     posed = required(loaded, time, angle, speed, acceleration, watch)
     seconds = clock.perf_counter() - begin
     motion = evaluate(loaded.loops, loaded.track, posed.states, "pose", crank_acceleration=acceleration)
-    motion = mended(motion, loaded.loops, loaded.track, posed.qpos, posed.near, (speed, acceleration))
+    motion = interpolated(motion, loaded.loops, loaded.track, posed.qpos, posed.near, (speed, acceleration))
     return Driven(
         motion=motion,
         efforts=posed.found,

@@ -14,12 +14,11 @@ from mechsim.errors import AssemblyError
 from mechsim.model.efforts import Efforts
 from mechsim.numerics.arrays import Array, rms, worst
 from mechsim.numerics.convergence import believed_order
-from mechsim.simulation import refine
 from mechsim.simulation.dynamics.determinacy import Known, settled
 from mechsim.simulation.dynamics.inverse_dynamics import required
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
-from mechsim.simulation.refine import Attempt
-from mechsim.simulation.run_result import Driven
+from mechsim.simulation.result import Driven
+from mechsim.simulation.tolerance import MAX_STEPS, TARGET_FRACTION, Attempt, refine, rounded, steps_for
 
 # instants compared in a turn of a trial; halving asks for multiples of twice as many steps
 TRIAL_SAMPLES = 24
@@ -68,13 +67,13 @@ def within(
         estimates = {"torque": torque, "reactions": reactions, "halving": halving}
         return Attempt(run=run, steps=run.steps, estimates=estimates, order=order, trials=spent)
 
-    run, promise = refine.refine(
+    run, promise = refine(
         attempt,
         tolerance,
-        refine.rounded(refine.steps_for(TRIALS[1], second, refine.TARGET_FRACTION * tolerance, order), EVEN),
+        rounded(steps_for(TRIALS[1], second, TARGET_FRACTION * tolerance, order), EVEN),
         _why,
         trials=sum(one.steps for one in runs),
-        tried=TRIALS[1],
+        trial_steps=TRIALS[1],
         multiple=EVEN,
     )
     missed = "diverged" if run.outcome == "diverged" else "failed"
@@ -83,8 +82,8 @@ def within(
 
 def _why(steps: int, estimate: float) -> str:
     """Return why a tolerance is not kept."""
-    if steps >= refine.MOST:
-        return f"{refine.MOST} steps a turn, the most that are spent, leave {estimate:.2g}"
+    if steps >= MAX_STEPS:
+        return f"{MAX_STEPS} steps a turn, the most that are spent, leave {estimate:.2g}"
     return (
         f"{steps} steps a turn are no better than fewer: {estimate:.2g} is left of rounding and of "
         "how softly loops are held; solved poses have neither (method pose)"

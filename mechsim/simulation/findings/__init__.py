@@ -1,5 +1,56 @@
 """What is wrong with a scene before it runs, each thing with its size, its line in the file and a remedy."""
 
-from mechsim.simulation.findings.table import findings
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from mechsim.model.finding import Finding
+from mechsim.model.motion_laws import MotionLaws
+from mechsim.simulation.findings.actuation import fighting
+from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
+from mechsim.simulation.findings.implausible_numbers import impossible, mistaken_units
+from mechsim.simulation.findings.initial_state import collisions, outside_limits
+from mechsim.simulation.findings.inspected import Inspected
+from mechsim.simulation.findings.loop_closure import (
+    duplicate_loops,
+    gaps,
+    redundant_constraints,
+    undetermined,
+)
+from mechsim.simulation.mjcf_reader import MjcfModel
 
 __all__ = ["findings"]
+
+
+# what is looked for, in the order in which it is told: what breaks a run, what bends it, what is to be known
+CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
+    timestep,
+    gaps,
+    mistaken_units,
+    impossible,
+    outside_limits,
+    collisions,
+    duplicate_loops,
+    fighting,
+    refsafe,
+    compliant_loops,
+    undetermined,
+    redundant_constraints,
+)
+
+
+def findings(read: MjcfModel, motion_laws: MotionLaws | None = None) -> tuple[Finding, ...]:
+    """Return what is wrong with a scene, the gravest first.
+
+    Args:
+        read: what was read of its file.
+        motion_laws: of its drivers; None looks at a swing of them where a motion is needed.
+    """
+    scene = Inspected(read, motion_laws)
+    result: list[Finding] = []
+    for check in CHECKS:
+        # a state so wrong that it overflows is what other looks have found
+        with suppress(FloatingPointError, np.linalg.LinAlgError):
+            result += check(scene)
+    return tuple(result)

@@ -7,10 +7,9 @@ import numpy as np
 
 from mechsim.model.finding import FilePlace, Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import Inspected, rank
+from mechsim.simulation.findings.inspected import Inspected, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import moment_arms
-from mechsim.simulation.findings.swing import Swing, swing
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 
 # a servo whose target is farther from where its joint starts, in [rad] or parts of the size, kicks
 KICK = 1e-2

@@ -8,11 +8,10 @@ import numpy as np
 
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, rank
+from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden
-from mechsim.simulation.findings.swing import Swing, swing
 from mechsim.simulation.matrices import dense_rows
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.equality_constraints import TENDON
 
 # a gap that shows, in parts of the size or in [rad]

@@ -10,12 +10,43 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.implicit_damping import damping
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected
-from mechsim.simulation.findings.swing import Swing
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, Swing
 from mechsim.simulation.matrices import dense_rows
-from mechsim.simulation.mjcf.silence import quiet
-from mechsim.simulation.mjcf_reader.driven_joints import actuated_joints
+from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.mjcf_reader.coordinates import actuated_joints
+
+EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))
+OFF = mujoco.mjtDisableBit
+
+
+def damping(model: mujoco.MjModel, moment_arms: Array) -> Array:
+    """Return the dampers that a model's integrator takes implicitly, (nv, nv).
+
+    Args:
+        model: the model.
+        moment_arms: of its actuators by the freedoms, (nu, nv).
+    """
+    integrator, none = int(model.opt.integrator), np.zeros((model.nv, model.nv))
+    if integrator != EULER and integrator not in IMPLICIT:
+        return none
+    if _off(model, int(OFF.mjDSBL_DAMPER)) or (
+        integrator == EULER and _off(model, int(OFF.mjDSBL_EULERDAMP))
+    ):
+        result = none
+    else:
+        # a damper may be a polynomial, whose first coefficient counts at low speed
+        result = np.diag(np.reshape(model.dof_damping, (model.nv, -1))[:, 0])
+    if integrator in IMPLICIT and not _off(model, int(OFF.mjDSBL_ACTUATION)):
+        affine = model.actuator_biastype == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        rates = np.where(affine, -model.actuator_biasprm[:, 2], 0.0)
+        result = result + moment_arms.T @ (np.maximum(rates, 0.0)[:, None] * moment_arms)
+    return result
+
+
+def _off(model: mujoco.MjModel, bit: int) -> bool:
+    return bool(int(model.opt.disableflags) & bit)
+
 
 DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
 # of the interval in which a gap lies

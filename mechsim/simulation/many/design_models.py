@@ -1,48 +1,201 @@
 """The closed models of designs, and their stepping through a turn of the crank, all in one batch."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from mujoco import batch
 from numpy.typing import NDArray
 
-from mechsim.model.design_arrays import StartedDesigns
+from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.forces import Forces
-from mechsim.model.links import Pose, Vector
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closed_model
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.loaded_model import loaded_model
-from mechsim.simulation.many.design_fields import (
-    Fields,
-    inertia_fields,
-    placeholder_fields,
-    seated_fields,
-    site_fields,
-    with_constants,
+from mechsim.simulation.mjcf.force_elements import PLACEHOLDER, placeholder, principal
+from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
+from mechsim.simulation.mjcf.joints import (
+    CRANK,
+    Branch,
+    EndArrays,
+    coincident_points,
+    model_joints,
+    model_names,
+    seated_pose,
 )
-from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 from mechsim.simulation.model_loops import CLOSED, ModelLoops
+from mechsim.simulation.source import from_source
+
+Fields = dict[str, Array]
+BODY = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODY)
+INERTIA = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA)
+INERTIA_TURN = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIAROT)
+NONE = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
+IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def assembled_fields(
+    model: mujoco.MjModel, tree: Tree, arrays: DesignArrays, poses: Mapping[str, Pose]
+) -> tuple[Fields, Array]:
+    """Return the frames of bodies and joints of designs for given link poses, and the configurations.
+
+    Args:
+        model: of one of the designs, with the indices of bodies and joints.
+        tree: spanning tree of its loops, with cut joints.
+        arrays: the designs.
+        poses: link -> (d, 3) and (d, 3, 3).
+
+    Returns:
+        Fields of the model, (d, ...) each, whose reference configuration has these poses; and that
+        configuration, (d, nq).
+    """
+    count = arrays.count
+    names = ("body_pos", "body_quat", "jnt_pos", "jnt_axis")
+    fields: Fields = {name: np.repeat(getattr(model, name)[None], count, 0) for name in names}
+    qpos = np.repeat(model.qpos0[None], count, 0)
+    placed_poses = {GROUND: IDENTITY}
+    for tree_branch in tree.branches:
+        branch, link = _branch(tree_branch, arrays), tree_branch.child.link
+        parent = placed_poses[branch.parent.link]
+        local, values = seated_pose(branch, parent, poses[link])
+        body = model.body(link).id
+        fields["body_pos"][:, body] = local.position
+        fields["body_quat"][:, body] = quaternions(local.rotation)
+        for made in model_joints(tree.mechanism, branch, local, values):
+            joint = model.joint(made.name).id
+            fields["jnt_pos"][:, joint], fields["jnt_axis"][:, joint] = made.place, made.axis
+            if made.value is not None:
+                qpos[:, model.jnt_qposadr[joint]] = made.value
+        offset = (parent.rotation @ local.position[..., None])[..., 0]
+        placed_poses[link] = Pose(parent.position + offset, parent.rotation @ local.rotation)
+    return fields, qpos
+
+
+def _branch(branch: Branch, arrays: DesignArrays) -> Branch:
+    """Return a joint of the tree as all designs have it."""
+    point_a, frame_a, point_b, frame_b = arrays.sides()[branch.joint.name]
+    a = EndArrays(branch.joint.a.link, point_a, frame_a)
+    b = EndArrays(branch.joint.b.link, point_b, frame_b)
+    return Branch(branch.joint, *((a, b) if branch.sense > 0 else (b, a)), branch.sense)
+
+
+def site_fields(model: mujoco.MjModel, tree: Tree, arrays: DesignArrays) -> Fields:
+    """Return the local positions of the sites of designs, (d, nsite, 3): tracked and loop-closing points."""
+    positions = np.repeat(model.site_pos[None], arrays.count, 0)
+    for name, position in arrays.points.items():
+        positions[:, model.site(name).id] = position.T
+    site_names = {model.site(i).name for i in range(model.nsite)}
+    for joint in tree.cuts:
+        point_a, frame_a, point_b, frame_b = arrays.ends[joint.name]
+        heights = coincident_points(KINDS[joint.kind]) or ()
+        for suffix, height in zip(("", "+"), heights, strict=False):
+            for end, point, frame in ((joint.a, point_a, frame_a), (joint.b, point_b, frame_b)):
+                name = f"{joint.name}@{end.link}{suffix}"
+                if name in site_names:
+                    positions[:, model.site(name).id] = (point + height * arrays.size * frame[:, 2]).T
+    return {"site_pos": positions}
+
+
+def placeholder_fields(model: mujoco.MjModel, arrays: DesignArrays) -> Fields:
+    """Return the placeholder inertias of designs and virtual drive inertias, equal to the generator's."""
+    names = ("body_mass", "body_ipos", "body_inertia", "dof_armature")
+    fields: Fields = {name: np.repeat(getattr(model, name)[None], arrays.count, 0) for name in names}
+    size = arrays.size
+    for link in arrays.mechanism.links:
+        body = model.body(link.name).id
+        mass, centre, moment = placeholder(arrays.on(link.name), size)
+        fields["body_mass"][:, body], fields["body_ipos"][:, body] = mass, centre.T
+        fields["body_inertia"][:, body] = moment[:, None]
+    crank = model.jnt_dofadr[model.joint(CRANK).id]
+    fields["dof_armature"][:, crank] = DRIVE_INERTIA_RATIO * PLACEHOLDER * size
+    return fields
+
+
+def inertia_fields(model: mujoco.MjModel, designs: Sequence[Mechanism]) -> Fields:
+    """Return the inertias of designs, all of whose links must have inertias."""
+    names = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
+    fields: Fields = {name: np.repeat(getattr(model, name)[None], len(designs), 0) for name in names}
+    for i, design in enumerate(designs):
+        for link in design.links:
+            body, inertia = model.body(link.name).id, link.inertia
+            assert inertia is not None
+            fields["body_mass"][i, body], fields["body_ipos"][i, body] = inertia.mass, inertia.centre
+            fields["body_iquat"][i, body], fields["body_inertia"][i, body] = principal(inertia)
+    return fields
+
+
+def with_constants(model: mujoco.MjModel, fields: Mapping[str, Array], qpos0: Array) -> Fields:
+    """Return fields of designs and the constants that MuJoCo's compiler derives from them."""
+    sims = batch.Batch(model, len(qpos0), 1)
+    inputs = {**fields, "qpos0": qpos0, "qpos_spring": qpos0}
+    for name, values in inputs.items():
+        sims.expand(name)[:] = values
+    sims.set_const()
+    constants: Fields = {}
+    for name in sorted(batch.MODEL_FIELDS):
+        values = sims.expanded(name)
+        if values is not None:
+            constants[name] = np.array(values)
+    return constants
+
+
+def clear_same_frame(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None:
+    """Clear the compiler's flags of coincident frames where not all designs share them."""
+    for kind, local in (("site", fields["site_pos"]), ("body", fields["body_ipos"])):
+        same = getattr(model, f"{kind}_sameframe")
+        displaced = (local != 0.0).any((0, 2))
+        same[displaced & (same == BODY) | (same == INERTIA)] = NONE
+    if "body_iquat" in fields:
+        rotated = (fields["body_iquat"] != IDENTITY_QUATERNION).any((0, 2))
+        model.body_sameframe[rotated] = NONE
+        model.site_sameframe[model.site_sameframe == INERTIA_TURN] = NONE
+
+
+def quaternions(rotation: Array) -> Array:
+    """Return the unit quaternions (w, x, y, z) of rotation matrices, (d, 3, 3) -> (d, 4)."""
+    d = np.stack([rotation[:, i, i] for i in range(3)], 1)
+    trace = d.sum(1)
+    # four times the square of each part; the largest is divided by
+    squares = np.concatenate([1.0 + trace[:, None], 1.0 + 2.0 * d - trace[:, None]], 1)
+    r = rotation
+    products = np.empty((len(r), 4, 4))
+    index = np.arange(4)
+    products[:, index, index] = squares
+    pairs = {
+        (0, 1): r[:, 2, 1] - r[:, 1, 2],
+        (0, 2): r[:, 0, 2] - r[:, 2, 0],
+        (0, 3): r[:, 1, 0] - r[:, 0, 1],
+        (1, 2): r[:, 0, 1] + r[:, 1, 0],
+        (1, 3): r[:, 0, 2] + r[:, 2, 0],
+        (2, 3): r[:, 1, 2] + r[:, 2, 1],
+    }
+    for (i, j), product in pairs.items():
+        products[:, i, j] = products[:, j, i] = product
+    chosen = products[np.arange(len(r)), squares.argmax(1)]
+    return chosen / np.sqrt((chosen**2).sum(1))[:, None]
+
 
 Bools = NDArray[np.bool_]
 Rows = NDArray[np.intp]
-# as one model is closed: Newton steps, and a gap of rounding
-MOST_STEPS, ROUNDING = 50, 1e-11
+# as for a single model: maximum number of Newton steps, and closure error of rounding
+MAX_NEWTON_STEPS, ROUNDING = 50, 1e-11
 
 
 @dataclass(frozen=True)
-class LikeModel:
-    """The model of one of the designs, which says what all have in common.
+class SharedModel:
+    """The model of one of the designs, with the properties that all designs share.
 
     Attributes:
         closed: the model.
-        tree: of its loops, cut.
+        tree: spanning tree of its loops, with cut joints.
         gravity: in [m/s2], where inertias are real; None where they are placeholders.
     """
 
@@ -52,37 +205,41 @@ class LikeModel:
 
     @property
     def joints(self) -> dict[str, int]:
-        """The coordinates that a state holds, those of joints not cut -> the number of the model's joint."""
+        """The coordinates in a state, those of tree joints -> index of the model's joint."""
         model = self.closed.model
-        there = {model.joint(i).name: i for i in range(model.njnt)}
-        return {name: there[made] for name, made in model_names(self.tree.mechanism).items() if made in there}
+        joint_ids = {model.joint(i).name: i for i in range(model.njnt)}
+        return {
+            name: joint_ids[made]
+            for name, made in model_names(self.tree.mechanism).items()
+            if made in joint_ids
+        }
 
 
 @dataclass(frozen=True)
 class DesignModels:
-    """Models of d designs, each with its loops closed where its crank stands at first.
+    """Models of d designs, each with closed loops at its initial crank angle.
 
     Attributes:
-        like: what they have in common.
-        fields: of the models, (d, ...) each, as they are compiled.
+        shared: common properties.
+        fields: of the compiled models, (d, ...) each.
         qpos: closed states, (d, nq).
-        good: of which designs the loops close, (d,).
+        valid: whether the loops of each design close, (d,).
     """
 
-    like: LikeModel
+    shared: SharedModel
     fields: Fields
     qpos: Array
-    good: Bools
+    valid: Bools
 
 
-def like_model(mechanism: Mechanism, gravity: Vector | None = None) -> LikeModel | None:
+def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedModel | None:
     """Return the model of a mechanism whose designs can be stepped together; None where they cannot.
 
-    For that a crank turns all there is, loops are closed by points, and nothing is coupled or held.
+    This requires a crank that determines all motion, loops closed by points, and no coupled or locked joints.
 
     Args:
         mechanism: one of the designs.
-        gravity: in [m/s2], where links are to have real inertias; None gives them placeholders.
+        gravity: in [m/s2], for links with real inertias; None gives them placeholders.
 
     Raises:
         AssemblyError: where its own loops do not close.
@@ -91,85 +248,85 @@ def like_model(mechanism: Mechanism, gravity: Vector | None = None) -> LikeModel
         return None
     tree = cut_loops(mechanism, splits=True)
     if gravity is None:
-        closed: ClosedModel = closed_model.from_source(mechanism, Scene(level="motion"))
+        closed: ClosedModel = from_source(mechanism, Scene(level="motion"))
     else:
         closed = loaded_model(mechanism, Forces(gravity=gravity))
     loops = closed.loops
     if tree.mechanism is not mechanism or loops.frames or loops.couplings or closed.undetermined_points.any():
         return None
-    # what of the loops' rows says something is looked for once, in a model that is known to close
+    # the independent constraints are determined once, in a model whose loops close
     loops.tangent(loops.linearise(closed.qpos[None])[1])
     if gravity is not None and loops.has_undetermined_dofs:
-        # forces decide how fast what nothing determines begins to spin, and rounding does not
+        # forces determine the initial rate of passive DOFs, which kinematics does not
         return None
-    return LikeModel(closed, tree, gravity)
+    return SharedModel(closed, tree, gravity)
 
 
 def design_models(
-    like: LikeModel, started: StartedDesigns, designs: Sequence[Mechanism] = ()
+    shared: SharedModel, started: StartedDesigns, designs: Sequence[Mechanism] = ()
 ) -> DesignModels:
     """Return the models of designs, generated, compiled and closed as one is, on arrays.
 
     Args:
-        like: what they have in common.
+        shared: what they have in common.
         started: their numbers, and where they begin.
         designs: themselves, where their inertias are real.
     """
-    model, tree, arrays = like.closed.model, like.tree, started.arrays
+    model, tree, arrays = shared.closed.model, shared.tree, started.arrays
     sites = site_fields(model, tree, arrays)
-    fields, qpos = seated_fields(model, tree, arrays, started.guess)
-    place = like.closed.loops.crank_address
+    fields, qpos = assembled_fields(model, tree, arrays, started.guess)
+    address = shared.closed.loops.crank_address
     start = started.told[tree.mechanism.crank.name]
-    turns = TURN * np.round((start - qpos[:, place]) / TURN)
+    turns = TURN * np.round((start - qpos[:, address]) / TURN)
     fields |= {**sites, "qpos0": qpos.copy()}
-    fields["qpos0"][:, place] += turns
-    qpos[:, place] = start
-    loops = like.closed.loops.with_fields(fields)
-    qpos, good = closed_states(loops, qpos)
-    # links stand in the reference configuration as the closed loops have them
-    seated, rest = seated_fields(model, tree, arrays, _poses(loops, tree, qpos))
-    rest[:, place] += TURN * np.round((start - rest[:, place]) / TURN)
+    fields["qpos0"][:, address] += turns
+    qpos[:, address] = start
+    loops = shared.closed.loops.with_fields(fields)
+    qpos, valid = closed_states(loops, qpos)
+    # the reference configuration has the links' poses of the closed loops
+    seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
+    rest[:, address] += TURN * np.round((start - rest[:, address]) / TURN)
     real = [with_inertia(one) for one in designs]
-    weights = inertia_fields(model, real) if like.gravity is not None else placeholder_fields(model, arrays)
+    weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}
-    qpos, closed = closed_states(like.closed.loops.with_fields({**seated, **sites, "qpos0": rest}), rest)
+    qpos, closed = closed_states(shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest}), rest)
     fields = with_constants(model, fields, rest)
-    return DesignModels(like, fields, qpos, good & closed & _as_simple(model, fields))
+    return DesignModels(shared, fields, qpos, valid & closed & _simple_inertia(model, fields))
 
 
-def _as_simple(model: mujoco.MjModel, fields: Fields) -> Bools:
-    """Whether designs leave bodies so that MuJoCo takes the same shorter way with their inertia, (d,)."""
+def _simple_inertia(model: mujoco.MjModel, fields: Fields) -> Bools:
+    """Return for which designs MuJoCo may use the same simplified inertias of bodies as compiled, (d,)."""
     bodies = np.flatnonzero(model.body_simple)
     joints = np.flatnonzero(np.isin(model.jnt_bodyid, bodies))
-    good = (fields["body_ipos"][:, bodies] == model.body_ipos[bodies]).all((1, 2))
+    valid = (fields["body_ipos"][:, bodies] == model.body_ipos[bodies]).all((1, 2))
     for name in ("jnt_pos", "jnt_axis"):
-        good &= (fields[name][:, joints] == getattr(model, name)[joints]).all((1, 2))
-    return good
+        valid &= (fields[name][:, joints] == getattr(model, name)[joints]).all((1, 2))
+    return valid
 
 
 def closed_states(loops: ModelLoops, qpos: Array) -> tuple[Array, Bools]:
-    """Return states with their loops closed, their cranks held, (d, nq), and which of them closed.
+    """Return states with closed loops and unchanged crank angles, (d, nq), and which of them converged.
 
-    As `ModelLoops.close` for each.
+    Each state is closed as by `ModelLoops.close`.
     """
     before = np.full(len(qpos), np.inf)
-    going = np.ones(len(qpos), dtype=np.bool_)
-    gap = before
-    for _ in range(MOST_STEPS):
+    active = np.ones(len(qpos), dtype=np.bool_)
+    error = before
+    for _ in range(MAX_NEWTON_STEPS):
         residual, jacobian = loops.linearise(qpos)
-        gap = np.where(going, loops.closure_error(residual), gap)
-        going &= ~((gap <= CLOSED) | ((gap < ROUNDING) & (gap >= 0.5 * before)))
-        if not going.any():
+        error = np.where(active, loops.closure_error(residual), error)
+        active &= ~((error <= CLOSED) | ((error < ROUNDING) & (error >= 0.5 * before)))
+        if not active.any():
             break
-        before = gap
+        before = error
         step, _ = loops.newton_step(residual, jacobian)
-        qpos = np.where(going[:, None], loops.displaced(qpos, step), qpos)
-        going &= np.isfinite(qpos).all(1)
-    return qpos, gap < ROUNDING
+        qpos = np.where(active[:, None], loops.displaced(qpos, step), qpos)
+        active &= np.isfinite(qpos).all(1)
+    return qpos, error < ROUNDING
 
 
 def _poses(loops: ModelLoops, tree: Tree, qpos: Array) -> dict[str, Pose]:
-    """Return how links stand at states: link -> (d, 3) and (d, 3, 3)."""
+    """Return the poses of links at states: link -> (d, 3) and (d, 3, 3)."""
     position, rotation = loops.body_poses(qpos)
     number = {link.name: loops.model.body(link.name).id for link in tree.mechanism.links}
     return {name: Pose(position[:, i], rotation[:, i]) for name, i in number.items()}

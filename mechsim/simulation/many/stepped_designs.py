@@ -1,31 +1,43 @@
-"""Many designs stepped through a turn of the crank in one batch, and how far they are from solved poses."""
+"""Steps many designs through a revolution of the crank in one batch; compares them with solved poses."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
+import mujoco
 import numpy as np
 
 from mechsim.model.finding import POSITION_TOLERANCE
+from mechsim.model.motion import JointMotion, Motion, PointMotion, join
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.driven_run import LOST
-from mechsim.simulation.many.design_fields import Fields, loosened
-from mechsim.simulation.many.design_models import Bools, DesignModels, Rows, closed_states
+from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
+from mechsim.simulation.many.design_models import (
+    Bools,
+    DesignModels,
+    Fields,
+    Rows,
+    clear_same_frame,
+    closed_states,
+)
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import CLOSED, ModelLoops
+from mechsim.simulation.model_loops import CLOSED, HINGE, ModelLoops
+from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.settings import Settings, drive_inertia
 from mechsim.simulation.stepping import TIME
 
-# steps in one call into C: longer ones are remembered in parts, so that a long run needs little memory
+# steps per call into C, so that a long run needs little memory
 BLOCK = 1024
-# places in a turn, and its end, at which states are held against solved poses
-JUDGED = 8
-# what tells where links are
-PLACES = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "qpos0")
-# even steps in which a turn is followed where a run went wrong
-ROUND = 36
-# part of a first Newton step to a solved pose that a second one may be
-SECOND = 0.01
+# intervals of a revolution between states that are compared with solved poses
+CHECKED_POSITIONS = 8
+# model fields that determine positions of links
+POSITION_FIELDS = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "qpos0")
+# equal steps in which a revolution is traced after a failed run
+TRACE_STEPS = 36
+# maximum ratio of a second Newton step to the first one
+MAX_SECOND_STEP = 0.01
 
 
 @dataclass(frozen=True)
@@ -34,12 +46,12 @@ class SteppedDesigns:
 
     Attributes:
         models: of them.
-        fields: of the models as they were stepped, (d, ...) each.
-        loops: of one of them, its model as it was stepped.
+        fields: of the stepped models, (d, ...) each.
+        loops: of one of the stepped models.
         time: of the records, (p,) in [s].
         qpos: at the records, (d, p, nq).
         qvel: (d, p, nv).
-        whole: which designs' states stayed good and whose cranks were kept, (d,).
+        valid: whether the states of each design stayed finite and its crank followed, (d,).
     """
 
     models: DesignModels
@@ -48,19 +60,19 @@ class SteppedDesigns:
     time: Array
     qpos: Array
     qvel: Array
-    whole: Bools
+    valid: Bools
 
-    def over(self, rows: Rows, repeat: int) -> ModelLoops:
-        """Return the loops of some designs at so many states each, one design after another."""
-        return self.loops.with_fields(_wide(self.fields, [*self.fields], rows, repeat))
+    def loops_at(self, rows: Rows, repeat: int) -> ModelLoops:
+        """Return the loops of some designs for `repeat` states each, one design after another."""
+        return self.loops.with_fields(_repeated(self.fields, [*self.fields], rows, repeat))
 
-    def places_over(self, rows: Rows, repeat: int) -> ModelLoops:
-        """Return them fit to tell where links are, and no more."""
-        closed = self.models.like.closed
-        return closed.loops.with_fields(_wide(self.fields, PLACES, rows, repeat))
+    def position_loops(self, rows: Rows, repeat: int) -> ModelLoops:
+        """Return the loops as `loops_at` does, but for positions of links only."""
+        closed = self.models.shared.closed
+        return closed.loops.with_fields(_repeated(self.fields, POSITION_FIELDS, rows, repeat))
 
 
-def _wide(fields: Fields, names: Sequence[str], rows: Rows, repeat: int) -> Fields:
+def _repeated(fields: Fields, names: Sequence[str], rows: Rows, repeat: int) -> Fields:
     return {name: np.repeat(fields[name][rows], repeat, 0) for name in names}
 
 
@@ -68,125 +80,257 @@ def _wide(fields: Fields, names: Sequence[str], rows: Rows, repeat: int) -> Fiel
 def stepped_designs(
     models: DesignModels, settings: Settings, speed: float, total: int, stride: int
 ) -> SteppedDesigns:
-    """Step designs through a turn of their cranks at constant speed.
+    """Step designs through a revolution of their cranks at constant speed.
 
-    As `stepping.step` steps one; every design is stepped on one thread, that which calls.
+    Designs are stepped as by `stepping.step`, all on the calling thread.
 
     Args:
         models: of the designs.
-        settings: how to step.
+        settings: of the stepping.
         speed: of the cranks in [rad/s].
-        total: steps in the turn.
+        total: steps per revolution.
         stride: steps from one record to the next; it divides the total.
     """
     timestep = TURN / abs(speed) / total
-    like = models.like.closed
-    loops = like.loops.with_model_copy()
+    shared = models.shared.closed
+    loops = shared.loops.with_model_copy()
     settings.apply(loops, timestep)
-    fields = _hardened(models, loops, settings)
-    loosened(loops.model, fields)
+    fields = _stiffened_fields(models, loops, settings)
+    clear_same_frame(loops.model, fields)
     own = loops.with_fields(fields)
     rates = own.tangent(own.linearise(models.qpos)[1]) * speed
     sims = own.posed.simulations(loops.model, len(rates), 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = models.qpos, rates
-    parts = [(np.zeros((len(rates), 1, 1)), models.qpos[:, None], rates[:, None])]
+    chunks = [(np.zeros((len(rates), 1, 1)), models.qpos[:, None], rates[:, None])]
     for first in range(0, total, stride * max(1, BLOCK // stride)):
         count = min(stride * max(1, BLOCK // stride), total - first)
         out = sims.rollout(count, record=(TIME, "qpos", "qvel"))
-        parts.append(tuple(out[name][:, stride - 1 :: stride] for name in (TIME, "qpos", "qvel")))
-    clock, qpos, qvel = (np.concatenate(one, 1) for one in zip(*parts, strict=True))
-    time = timestep * stride * np.arange(clock.shape[1])
-    meant = models.qpos[:, [loops.crank_address]] + speed * time
-    # MuJoCo sets a bad state back to time zero
-    whole = (np.abs(clock[..., 0] - time) < 0.5 * timestep).all(1) & ~sims.warning[..., 1].any(-1)
-    whole &= np.isfinite(qpos).all((1, 2)) & np.isfinite(qvel).all((1, 2))
-    whole &= (np.abs(qpos[..., loops.crank_address] - meant) < LOST).all(1)
-    return SteppedDesigns(models, fields, loops, time, qpos, qvel, whole & models.good)
+        chunks.append(tuple(out[name][:, stride - 1 :: stride] for name in (TIME, "qpos", "qvel")))
+    recorded_time, qpos, qvel = (np.concatenate(one, 1) for one in zip(*chunks, strict=True))
+    time = timestep * stride * np.arange(recorded_time.shape[1])
+    target = models.qpos[:, [loops.crank_address]] + speed * time
+    # MuJoCo resets a bad state to time zero
+    valid = (np.abs(recorded_time[..., 0] - time) < 0.5 * timestep).all(1) & ~sims.warning[..., 1].any(-1)
+    valid &= np.isfinite(qpos).all((1, 2)) & np.isfinite(qvel).all((1, 2))
+    valid &= (np.abs(qpos[..., loops.crank_address] - target) < LOST).all(1)
+    return SteppedDesigns(models, fields, loops, time, qpos, qvel, valid & models.valid)
 
 
-def _hardened(models: DesignModels, loops: ModelLoops, settings: Settings) -> Fields:
-    """Return the fields of designs as `Settings.apply` sets them in the model of one."""
-    fields, model = dict(models.fields), models.like.closed.model
+def _stiffened_fields(models: DesignModels, loops: ModelLoops, settings: Settings) -> Fields:
+    """Return the fields of designs as `Settings.apply` sets them in a single model."""
+    fields, model = dict(models.fields), models.shared.closed.model
     count, crank = len(models.qpos), loops.crank
     for name in ("body_invweight0", "dof_invweight0", "dof_M0", "dof_armature"):
         fields[name] = fields.get(name, np.repeat(getattr(model, name)[None], count, 0)).copy()
     fields["body_invweight0"] *= settings.compliance_used
     fields["dof_invweight0"] *= settings.compliance_used
-    size = models.like.closed.loops.with_fields(fields).characteristic_lengths
-    heavy = settings.drive_inertia or drive_inertia(
-        fields["body_mass"], fields["body_inertia"], size, settings.compliance_used
+    lengths = models.shared.closed.loops.with_fields(fields).characteristic_lengths
+    inertia = settings.drive_inertia or drive_inertia(
+        fields["body_mass"], fields["body_inertia"], lengths, settings.compliance_used
     )
-    fields["dof_M0"][:, crank] += heavy - fields["dof_armature"][:, crank]
-    fields["dof_armature"][:, crank] = heavy
+    fields["dof_M0"][:, crank] += inertia - fields["dof_armature"][:, crank]
+    fields["dof_armature"][:, crank] = inertia
     return fields
 
 
 @dataclass(frozen=True)
-class JudgedDesigns:
-    """How far stepped designs are from solved poses.
+class ComparedDesigns:
+    """Distances of stepped designs from solved poses.
 
     Attributes:
-        estimate: the worst distance of any tracked point at the places looked at, (d,) in [m].
-        tolerance: bound on it, (d,) in [m]: a ten-thousandth of the stroke.
-        kept: which designs were for sure in the assembly they began in, (d,).
+        estimate: largest distance of a tracked point at the compared instants, (d,) in [m].
+        tolerance: of the estimate, (d,) in [m]: a ten-thousandth of the stroke.
+        same_assembly: whether each design certainly stayed in its initial assembly, (d,).
     """
 
     estimate: Array
     tolerance: Array
-    kept: Bools
+    same_assembly: Bools
 
 
-def judged(stepped: SteppedDesigns) -> JudgedDesigns:
-    """Hold stepped designs against the poses solved at their own crank angles, at some places of the turn.
+def check_designs(stepped: SteppedDesigns) -> ComparedDesigns:
+    """Compare stepped designs with poses solved at their own crank angles, at some instants.
 
-    A design whose state changes the side of the loops' determinant left its assembly; one for which a single
-    Newton step does not lead to the solved pose is far from it, and not said to be kept.
+    A design left its assembly if the sign of its loops' determinant changed. If one Newton step does not lead
+    to the solved pose, the state is too far from it for certainty.
     """
     d, p = stepped.qpos.shape[:2]
-    places = np.unique(np.round(np.linspace(0, p - 1, JUDGED + 1)).astype(int))
-    k = len(places)
-    closed = stepped.models.like.closed
-    loops = stepped.places_over(np.arange(d), k)
-    qpos = stepped.qpos[:, places].reshape(d * k, -1)
+    indices = np.unique(np.round(np.linspace(0, p - 1, CHECKED_POSITIONS + 1)).astype(int))
+    k = len(indices)
+    closed = stepped.models.shared.closed
+    loops = stepped.position_loops(np.arange(d), k)
+    qpos = stepped.qpos[:, indices].reshape(d * k, -1)
     sites = [closed.model.site(name).id for name in closed.track.points]
     with np.errstate(all="ignore"):
-        here = loops.site_positions(qpos)[:, sites]
+        positions = loops.site_positions(qpos)[:, sites]
         residual, jacobian = loops.linearise(qpos)
-        side = loops.determinant_sign(jacobian).reshape(d, k)
-        near = loops.displaced(qpos, loops.newton_step(residual, jacobian)[0])
-        solved = loops.site_positions(near)[:, sites]
-        left = loops.closure_error(loops.residual(near))
-        gap = loops.closure_error(residual)
-        distance = np.sqrt(((here - solved) ** 2).sum(-1)).max(1).reshape(d, k)
-    sure = ((left <= SECOND * gap) | (left <= 100.0 * CLOSED)).reshape(d, k).all(1)
-    kept = sure & (side == side[:, :1]).all(1) & (side[:, 0] != 0.0) & np.isfinite(distance).all(1)
+        signs = loops.determinant_sign(jacobian).reshape(d, k)
+        stepped_once = loops.displaced(qpos, loops.newton_step(residual, jacobian)[0])
+        solved = loops.site_positions(stepped_once)[:, sites]
+        remaining = loops.closure_error(loops.residual(stepped_once))
+        error = loops.closure_error(residual)
+        distance = np.sqrt(((positions - solved) ** 2).sum(-1)).max(1).reshape(d, k)
+    certain = ((remaining <= MAX_SECOND_STEP * error) | (remaining <= 100.0 * CLOSED)).reshape(d, k).all(1)
+    same_assembly = (
+        certain & (signs == signs[:, :1]).all(1) & (signs[:, 0] != 0.0) & np.isfinite(distance).all(1)
+    )
     spans = np.ptp(solved.reshape(d, k, len(sites), 3), axis=1)
     tolerance = np.maximum(
         POSITION_TOLERANCE * 0.5 * spans.max((1, 2)),
         CLOSED * loops.characteristic_lengths.reshape(d, k)[:, 0],
     )
-    return JudgedDesigns(distance.max(1), tolerance, kept)
+    return ComparedDesigns(distance.max(1), tolerance, same_assembly)
 
 
-def parted(stepped: SteppedDesigns, rows: Rows) -> Array:
+def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
     """Return the crank angle at which the loops of designs first do not close, (k,) in [rad]; else NaN.
 
-    Each is followed round the turn in even steps, along the tangent and closed by Newton's method.
+    Each is traced over a revolution in equal steps: a prediction along the tangent, closed by Newton's
+    method.
     """
-    loops = stepped.places_over(rows, 1)
-    place = loops.crank_address
+    loops = stepped.position_loops(rows, 1)
+    address = loops.crank_address
     qpos = stepped.models.qpos[rows]
-    first = qpos[:, place].copy()
-    found = np.where(stepped.models.good[rows], np.nan, 0.0)
+    first = qpos[:, address].copy()
+    angles = np.where(stepped.models.valid[rows], np.nan, 0.0)
     with np.errstate(all="ignore"):
-        for turned in TURN / ROUND * np.arange(1.0, ROUND + 1.0):
+        for angle in TURN / TRACE_STEPS * np.arange(1.0, TRACE_STEPS + 1.0):
             try:
                 tangent = loops.tangent(loops.linearise(qpos)[1])
-                ahead = loops.displaced(qpos, tangent * (TURN / ROUND))
-                ahead[:, place] = first + turned
-                ahead, closed = closed_states(loops, ahead)
+                predicted = loops.displaced(qpos, tangent * (TURN / TRACE_STEPS))
+                predicted[:, address] = first + angle
+                predicted, closed = closed_states(loops, predicted)
             except np.linalg.LinAlgError:
                 break
-            found[~closed & np.isnan(found)] = turned
-            qpos = np.where(closed[:, None], ahead, qpos)
-    return first + found
+            angles[~closed & np.isnan(angles)] = angle
+            qpos = np.where(closed[:, None], predicted, qpos)
+    return first + angles
+
+
+# joints only, which the states contain; positions of points, too; or rates and accelerations of all
+Content = Literal["joints", "places", "rates"]
+
+
+def design_motion(stepped: SteppedDesigns, rows: Rows, records: Rows, content: Content) -> Motion:
+    """Return the motions of some designs at some records, one design after another.
+
+    Joints are those of the spanning tree (`SharedModel.joints`); quantities outside `content` are zero.
+    """
+    step = max(1, CHUNK // len(records))
+    chunks = [rows[first : first + step] for first in range(0, len(rows), step)]
+    return join([_chunk(stepped, part, records, content) for part in chunks])
+
+
+def _chunk(stepped: SteppedDesigns, rows: Rows, records: Rows, content: Content) -> Motion:
+    model, track = stepped.loops.model, stepped.models.shared.closed.track
+    index = np.ix_(rows, records)
+    time = np.tile(stepped.time[records], len(rows))
+    states = States(
+        time, stepped.qpos[index].reshape(len(time), -1), stepped.qvel[index].reshape(len(time), -1)
+    )
+    zero_vectors, zeros = np.zeros((len(time), 3)), np.zeros(len(time))
+    points: dict[str, PointMotion] = {}
+    motion = None
+    if content == "rates":
+        motion = evaluate(stepped.loops_at(rows, len(records)), track, states, "step")
+        points = dict(motion.points)
+    elif content == "places":
+        sites = stepped.position_loops(rows, len(records)).site_positions(states.qpos)
+        points = {
+            name: PointMotion(sites[:, model.site(name).id], zero_vectors, zero_vectors)
+            for name in track.points
+        }
+    joints: dict[str, JointMotion] = {}
+    for name, i in stepped.models.shared.joints.items():
+        address, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
+        unit = "rad" if model.jnt_type[i] == HINGE else "m"
+        acceleration = zeros
+        if motion is not None:
+            acceleration = motion.joints[track.name(model.joint(i).name)[0]].acceleration
+        joints[name] = JointMotion(states.qpos[:, address], states.qvel[:, dof], acceleration, unit)
+    loops = stepped.loops
+    crank = states.qpos[:, loops.crank_address], states.qvel[:, loops.crank], zeros
+    return Motion("step", *crank, points, joints=joints, time=time)
+
+
+OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+
+
+def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: float) -> Array:
+    """Return the drive torque of some designs at some records, (designs, records) in [N m].
+
+    As `dynamics.efforts.efforts_of` has it for one: what M q'' takes at the crank beyond gravity, gyroscopic
+    forces and those of the constraints, the flywheel not counted.
+
+    Args:
+        stepped: designs with real inertias.
+        rows: indices of designs.
+        records: indices of recorded instants.
+        compliance: factor on the inverse weights of the constraints, as in the stepped runs.
+    """
+    step = max(1, CHUNK // len(records))
+    chunks = [rows[first : first + step] for first in range(0, len(rows), step)]
+    return np.concatenate([_torque(stepped, part, records, compliance) for part in chunks])
+
+
+def _torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: float) -> Array:
+    model = copy.copy(stepped.loops.model)
+    factor = soften(model, compliance)
+    fields = {name: one[rows] for name, one in stepped.fields.items()}
+    for name in ("body_invweight0", "dof_invweight0"):
+        fields[name] = factor * fields[name]
+    names = "qacc", "qfrc_constraint"
+    driven = rigid_forces(
+        lambda force: _evaluated(stepped, model, fields, rows, records, names, force),
+        len(rows) * len(records),
+        model.nv,
+    )
+    # without constraints and virtual inertia
+    unconstrained = copy.copy(stepped.models.shared.closed.model)
+    unconstrained.opt.disableflags |= int(OFF)
+    unconstrained_fields = {name: one[rows] for name, one in stepped.models.fields.items()}
+    clear_same_frame(unconstrained, unconstrained_fields)
+    smooth = _evaluated(stepped, unconstrained, unconstrained_fields, rows, records, ("M", "qfrc_smooth"))
+    crank = stepped.loops.crank
+    inertial = (_row(unconstrained, smooth["M"], crank) * driven["qacc"]).sum(1)
+    torque = inertial - smooth["qfrc_smooth"][:, crank] - driven["qfrc_constraint"][:, crank]
+    return torque.reshape(len(rows), len(records))
+
+
+def _evaluated(
+    stepped: SteppedDesigns,
+    model: mujoco.MjModel,
+    fields: Fields,
+    rows: Rows,
+    records: Rows,
+    names: tuple[str, ...],
+    force: Array | None = None,
+) -> Fields:
+    """Return MuJoCo's fields at states of designs, one row per state, under generalised forces (n, nv)."""
+    repeated = {name: np.repeat(one, len(records), 0) for name, one in fields.items()}
+    loops: ModelLoops = stepped.loops.with_fields(repeated)
+    index = np.ix_(rows, records)
+    n = len(rows) * len(records)
+    sims = loops.posed.simulations(model, n, 1)
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = (
+        stepped.qpos[index].reshape(n, -1),
+        stepped.qvel[index].reshape(n, -1),
+    )
+    if force is not None:
+        sims.bind("qfrc_applied")[:] = force
+    results = {name: sims.bind(name) for name in names}
+    sims.forward()
+    return {name: np.array(one) for name, one in results.items()}
+
+
+def _row(model: mujoco.MjModel, sparse: Array, dof: int) -> Array:
+    """Return a row of mass matrices in MuJoCo's sparse lower-triangular format, (n, nv)."""
+    row = np.zeros((len(sparse), model.nv))
+    for other in range(model.nv):
+        first, count = int(model.M_rowadr[other]), int(model.M_rownnz[other])
+        columns = model.M_colind[first : first + count]
+        if other == dof:
+            row[:, columns] = sparse[:, first : first + count]
+        elif dof in columns:
+            row[:, other] = sparse[:, first + int(np.flatnonzero(columns == dof)[0])]
+    return row

@@ -1,6 +1,6 @@
 """Mechanism and scene to a MuJoCo model specification."""
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 
 import mujoco
@@ -16,8 +16,14 @@ from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import TURN
-from mechsim.simulation.mjcf.body_inertia import PLACEHOLDER, quaternion, set_inertia, set_placeholder
-from mechsim.simulation.mjcf.force_elements import add_forces
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.force_elements import (
+    PLACEHOLDER,
+    add_forces,
+    quaternion,
+    set_inertia,
+    set_placeholder,
+)
 from mechsim.simulation.mjcf.joints import (
     CRANK,
     add_joint,
@@ -253,3 +259,45 @@ def _add_equality(
         solref=(TIME_CONSTANT_STEPS * spec.option.timestep, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
     )
+
+
+SINGLE_AXIS = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:
+    """Hold hinges and slides at values in [m] or [rad].
+
+    Raises:
+        InputError: for a joint that the model has not, or one of another kind.
+    """
+    require_single(spec, locks)
+    model = compiled(spec)
+    for name, value in locks.items():
+        lock_joint(spec, name, value - float(model.qpos0[model.joint(name).qposadr[0]]))
+
+
+def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
+    """Refuse names of what is no hinge or slide of a model.
+
+    Raises:
+        InputError: naming those there are.
+    """
+    single = [joint.name for joint in spec.joints if joint.name and joint.type in SINGLE_AXIS]
+    for name in joint_names:
+        if name not in single:
+            available = ", ".join(single) or "none"
+            raise InputError(f"the model has no hinge or slide called {name!r} to hold (it has {available})")
+
+
+def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:
+    """Put an inertia in [kg m2] on the crank of a model that the generator made.
+
+    Raises:
+        InputError: where nothing is called crank.
+    """
+    crank = next((joint for joint in spec.joints if joint.name == CRANK), None)
+    if crank is None:
+        raise InputError(
+            "a drive inertia is on a crank, and no joint of the model is called crank; leave it out"
+        )
+    crank.armature = inertia

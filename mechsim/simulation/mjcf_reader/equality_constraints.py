@@ -10,8 +10,7 @@ from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import End, Joint
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.joint_types import FRAMES, POINTS
-from mechsim.simulation.mjcf_reader.link_frames import Carrier, rotation
+from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier, rotation
 
 CONNECT, WELD, JOINT, TENDON = (
     int(kind)

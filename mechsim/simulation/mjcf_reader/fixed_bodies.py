@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf_reader.joint_types import BALL, FREE
-from mechsim.simulation.mjcf_reader.link_frames import rotation
+from mechsim.simulation.mjcf_reader.kinematic_tree import BALL, FREE, rotation
 
 # kind of joint -> its coordinates and freedoms
 ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}

@@ -9,8 +9,7 @@ import numpy as np
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia, Link
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.joint_types import DRIVABLE
-from mechsim.simulation.mjcf_reader.link_frames import Carrier, rotation, vector
+from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, Carrier, rotation, vector
 
 # part of the heaviest link's mass that one without any is given: nothing beside it, but no nought
 MASSLESS = 1e-12

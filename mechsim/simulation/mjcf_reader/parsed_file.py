@@ -5,15 +5,149 @@ import re
 import stat
 import tempfile
 import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 from xml.parsers import expat
 
 import mujoco
+import numpy as np
 
 from mechsim.errors import InputError, cut
-from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf.silence import quiet
-from mechsim.simulation.mjcf_reader.missing_files import without_missing
-from mechsim.simulation.mjcf_reader.repaired_inertias import with_possible_inertias
+from mechsim.model.links import GROUND
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
+from mechsim.simulation.mjcf.compiling import compiled, quiet
+
+# a mesh that bounds no volume
+_FLAT = re.compile(r"mesh volume is too small: (\S+)")
+# minimum mass and moment of inertia of a moving body, in [kg] and [kg m2]
+MIN_MASS, MIN_INERTIA = 1e-6, 1e-12
+
+
+def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
+    """Have MuJoCo even out inertias that break the triangle inequality, or raise those that are nought.
+
+    Meshes that bound no volume weigh as shells.
+
+    Args:
+        spec: changed in place.
+        message: what MuJoCo said.
+
+    Returns:
+        What was changed, in words; empty where the refusal is of something else.
+    """
+    text = " ".join(message.split())
+    if "A + B >= C" in text and not spec.compiler.balanceinertia:
+        spec.compiler.balanceinertia = 1
+        return (
+            "moments of inertia break the triangle inequality and MuJoCo refuses the file: read as with "
+            '<compiler balanceinertia="true"/>, which evens them out'
+        )
+    if "must be larger than mjMINVAL" in text and spec.compiler.boundmass < MIN_MASS:
+        spec.compiler.boundmass, spec.compiler.boundinertia = MIN_MASS, MIN_INERTIA
+        return (
+            "a moving body has no mass or no inertia and MuJoCo refuses the file: read as with "
+            f'<compiler boundmass="{MIN_MASS:g}" boundinertia="{MIN_INERTIA:g}"/>'
+        )
+    flat = _FLAT.search(text)
+    if flat and (mesh := spec.mesh(flat[1])) and mesh.inertia != mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        return f'mesh {flat[1]!r} bounds no volume and MuJoCo refuses it: read as with inertia="shell"'
+    return ""
+
+
+def minimum_mass(remarks: Iterable[str]) -> float:
+    """Return the mass in [kg] to which bodies without any were raised, by the remarks; 0 where none was."""
+    return MIN_MASS if any("boundmass" in remark for remark in remarks) else 0.0
+
+
+_FILE = re.compile(r"(?:opening|open|find|load|read)\w* (?:file |resource )?'([^']+)'", re.IGNORECASE)
+# inertia of a body whose meshes are missing, in [kg] and [kg m2]
+PLACEHOLDER_MASS, PLACEHOLDER_INERTIA = 1.0, 1e-3
+
+
+def without_missing(spec: mujoco.MjSpec, message: str) -> str:
+    """Leave out the assets of the kind whose file MuJoCo did not find.
+
+    Args:
+        spec: changed in place.
+        message: what MuJoCo said.
+
+    Returns:
+        What was left out, in words; empty where the refusal names no asset's file.
+    """
+    match = _FILE.search(message)
+    if not match:
+        return ""
+    missing = match[1]
+    kinds: dict[str, Sequence[Any]] = {
+        "meshes": spec.meshes,
+        "textures": spec.textures,
+        "height fields": spec.hfields,
+        "skins": spec.skins,
+    }
+    for kind, assets in kinds.items():
+        if any(_same_file(missing, name) for asset in assets for name in _files(asset)):
+            _LEAVE_OUT[kind](spec)
+            return f"file {missing} is missing: read without its {kind}"
+    return ""
+
+
+def _files(asset: Any) -> list[str]:
+    return [name for name in (asset.file, *getattr(asset, "cubefiles", ())) if name]
+
+
+def _same_file(missing: str, name: str) -> bool:
+    return missing == name or missing.replace("\\", "/").endswith(name.replace("\\", "/").lstrip("./"))
+
+
+def _no_meshes(spec: mujoco.MjSpec) -> None:
+    _no_shapes(spec, [geom for geom in spec.geoms if geom.meshname])
+    for mesh in list(spec.meshes):
+        spec.delete(mesh)
+
+
+def _no_height_fields(spec: mujoco.MjSpec) -> None:
+    _no_shapes(spec, [geom for geom in spec.geoms if geom.hfieldname])
+    for field in list(spec.hfields):
+        spec.delete(field)
+
+
+def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
+    """Make geoms points that touch nothing, and give bodies that had their mass from them a stand-in."""
+    for geom in geoms:
+        body = geom.parent
+        geom.type = mujoco.mjtGeom.mjGEOM_SPHERE
+        geom.size = np.array([1e-3, 0.0, 0.0])
+        geom.meshname = geom.hfieldname = geom.material = ""
+        geom.contype = geom.conaffinity = 0
+        if body.id and not body.explicitinertial:
+            body.explicitinertial = True
+            body.mass, body.inertia = PLACEHOLDER_MASS, np.full(3, PLACEHOLDER_INERTIA)
+            body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    if spec.compiler.inertiafromgeom == int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE):
+        spec.compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
+
+
+def _no_textures(spec: mujoco.MjSpec) -> None:
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in list(spec.textures):
+        spec.delete(texture)
+
+
+def _no_skins(spec: mujoco.MjSpec) -> None:
+    for skin in list(spec.skins):
+        spec.delete(skin)
+
+
+_LEAVE_OUT = {
+    "meshes": _no_meshes,
+    "textures": _no_textures,
+    "height fields": _no_height_fields,
+    "skins": _no_skins,
+}
+
 
 # path of a file in MJCF or URDF, or an object
 MujocoInput = str | mujoco.MjSpec | mujoco.MjModel
@@ -198,3 +332,105 @@ def _require_mjcf(path: str) -> None:
     if root not in ("mujoco", "robot"):
         what = f"begins with <{root}>" if root else "is no XML"
         raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>, URDF with <robot>")
+
+
+def name_elements(spec: mujoco.MjSpec) -> None:
+    """Name the bodies, joints and equalities that have no name; a body called as the frame is renamed."""
+    bodies = list(spec.bodies)[1:]
+    names = {GROUND, "world", *(body.name for body in bodies)}
+    for number, body in enumerate(bodies, 1):
+        if not body.name:
+            body.name = _free(f"body{number}", names)
+    joints = [joint for body in bodies for joint in body.joints]
+    _name(joints, [f"{joint.parent.name}_joint" for joint in joints])
+    equalities = list(spec.equalities)
+    kinds = [str(mujoco.mjtEq(equality.type).name).removeprefix("mjEQ_").lower() for equality in equalities]
+    _name(equalities, [f"{kind}{number}" for number, kind in enumerate(kinds, 1)])
+
+
+def _name(elements: Iterable[Any], proposed: Iterable[str]) -> None:
+    elements = list(elements)
+    names = {element.name for element in elements}
+    for element, name in zip(elements, proposed, strict=True):
+        if not element.name:
+            element.name = _free(name, names)
+
+
+def _free(name: str, names: set[str]) -> str:
+    """Return a name that is not taken yet, and take it."""
+    free, count = name, 1
+    while free in names:
+        count += 1
+        free = f"{name}{count}"
+    names.add(free)
+    return free
+
+
+# no mechanism is farther across, in [m], and no joint's coordinate means anything beyond it, in [m] or [rad]
+MAX_LENGTH = 1e12
+
+
+def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
+    """Refuse a model with NaN, with numbers beyond sense, quaternions that are no turn, or no time step.
+
+    Args:
+        path: of the file.
+        spec: what it says.
+        model: what that compiles to.
+        start: coordinates, (nq,).
+
+    Raises:
+        InputError: names file, line, the part and what it holds.
+    """
+    for what, element, values, limit in _numbers(spec, model):
+        invalid = values[~(np.abs(values) <= limit)]
+        if len(invalid) and not np.isfinite(invalid).all():
+            raise _error(path, what, element, "numbers that are not finite")
+        if len(invalid):
+            raise _error(path, what, element, f"{invalid[0]:g}; give {limit:g} in SI at most")
+    for what, elements, quaternions in (
+        ("body", spec.bodies, model.body_quat),
+        ("site", spec.sites, model.site_quat),
+    ):
+        for element in elements:
+            if not np.linalg.norm(quaternions[element.id]) > 0.0:
+                raise _error(path, what, element, "a quat that is no turn")
+    if not np.isfinite(start).all():
+        raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
+    if not 0.0 < model.opt.timestep <= HUGE:
+        raise InputError(
+            f"{path}: the timestep of <option> is {model.opt.timestep:g} s, by which no run goes on; "
+            "give one above 0, or leave it out for 0.002"
+        )
+    if not np.abs(model.opt.gravity).max() <= HUGE:
+        raise InputError(f"{path}: gravity is {model.opt.gravity.tolist()}; give {HUGE:g} m/s^2 at most")
+
+
+def _error(path: str, what: str, element: Any, content: str) -> InputError:
+    location = ", ".join([path, *filter(None, [element.info])])
+    label = f" {element.name!r}" if element.name else ""
+    return InputError(f"{location}: {what}{label} holds {content}; mend the file")
+
+
+def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:
+    """Yield what holds numbers: its kind, the part, the numbers and how large they may be."""
+    coordinates = np.append(model.jnt_qposadr, model.nq)
+    for body in spec.bodies:
+        i = body.id
+        yield "body", body, np.concatenate([model.body_pos[i], model.body_ipos[i]]), MAX_LENGTH
+        yield "body", body, np.array([*model.body_quat[i], model.body_mass[i], *model.body_inertia[i]]), HUGE
+    for joint in spec.joints:
+        i, dofs = joint.id, model.dof_jntid == joint.id
+        own = slice(coordinates[i], coordinates[i + 1])
+        positions = [model.jnt_pos[i], model.qpos0[own], model.qpos_spring[own]]
+        yield "joint", joint, np.concatenate(positions), MAX_LENGTH
+        rates = [model.dof_damping[dofs], model.dof_armature[dofs], model.dof_frictionloss[dofs]]
+        limit = [model.jnt_range[i], model.jnt_solref[i], model.jnt_solimp[i]]
+        single = [model.jnt_axis[i], *limit, model.jnt_stiffness[[i]].ravel()]
+        yield "joint", joint, np.concatenate([values_.ravel() for values_ in (*single, *rates)]), HUGE
+    for site in spec.sites:
+        yield "site", site, model.site_pos[site.id], MAX_LENGTH
+        yield "site", site, model.site_quat[site.id], HUGE
+    for equality in spec.equalities:
+        own = [model.eq_data[equality.id], model.eq_solref[equality.id], model.eq_solimp[equality.id]]
+        yield "equality", equality, np.concatenate(own), HUGE

@@ -9,13 +9,21 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
-from mechsim.model.links import Vector
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.silence import quiet
-from mechsim.simulation.mjcf_reader import facts
-from mechsim.simulation.mjcf_reader.driven_joints import did_you_mean, driven, listed, require_coordinate
-from mechsim.simulation.mjcf_reader.element_names import name_elements
+from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.mjcf_reader.coordinates import (
+    BodyPoint,
+    actuated_joints,
+    did_you_mean,
+    driven,
+    listed,
+    require_coordinate,
+    tracked,
+)
 from mechsim.simulation.mjcf_reader.equality_constraints import equalities
 from mechsim.simulation.mjcf_reader.fixed_bodies import (
     fix_bodies,
@@ -24,13 +32,117 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import (
     rotational_joints,
 )
 from mechsim.simulation.mjcf_reader.inertias_and_forces import forces_of_model, with_inertias
-from mechsim.simulation.mjcf_reader.joint_chains import kinematic_tree, poses
-from mechsim.simulation.mjcf_reader.joint_types import BALL, FREE, SLIDE
-from mechsim.simulation.mjcf_reader.link_frames import Carrier
-from mechsim.simulation.mjcf_reader.number_bounds import require_numbers
-from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput, compile_repaired, model_label, parse_file
-from mechsim.simulation.mjcf_reader.repaired_inertias import minimum_mass
-from mechsim.simulation.mjcf_reader.tracked_points import BodyPoint, tracked
+from mechsim.simulation.mjcf_reader.kinematic_tree import (
+    BALL,
+    DRIVABLE,
+    FREE,
+    SLIDE,
+    Carrier,
+    KinematicTree,
+    kinematic_tree,
+    link_name,
+    poses,
+)
+from mechsim.simulation.mjcf_reader.parsed_file import (
+    MujocoInput,
+    compile_repaired,
+    minimum_mass,
+    model_label,
+    name_elements,
+    parse_file,
+    require_numbers,
+)
+
+
+def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
+    """Return the values of the hinges and slides at qpos (nq,): joint -> [rad] or [m]."""
+    return {
+        model.joint(j).name: float(qpos[model.jnt_qposadr[j]])
+        for j in range(model.njnt)
+        if int(model.jnt_type[j]) in DRIVABLE
+    }
+
+
+def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
+    """Return the moving links; with their masses and geoms where all joints of each lie in one place."""
+    joint_points = {link.name: set[Vector]() for link in chain.links}
+    for joint in chain.joints:
+        for end in (joint.a, joint.b):
+            joint_points.setdefault(end.link, set()).add(end.point)
+    joint_points.pop(GROUND, None)
+    if any(len(points) > 1 for points in joint_points.values()):
+        return chain.links
+    outlines = {link.name: list[Vector]() for link in chain.links}
+    for body, carrier in enumerate(chain.carriers):
+        if carrier.link in outlines:
+            joint_points = [model.body_ipos[body], *_corners(model, body)]
+            outlines[carrier.link] += [carrier.point(place) for place in joint_points]
+    return tuple(Link(link.name, tuple(outlines[link.name])) for link in chain.links)
+
+
+def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
+    """Return two opposite corners of the box about each geom of a body, in the body's frame."""
+    corners: list[Array] = []
+    for geom in np.flatnonzero(model.geom_bodyid == body):
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        centre, half = np.split(model.geom_aabb[geom], 2)
+        corners += [
+            model.geom_pos[geom] + rotation.reshape(3, 3) @ corner
+            for corner in (centre - half, centre + half)
+        ]
+    return corners
+
+
+def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
+    """Return the ranges of the limited hinges and slides, in [rad] or [m]; none where limits are off."""
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        return {}
+    return {
+        model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
+        for j in range(model.njnt)
+        if model.jnt_limited[j] and int(model.jnt_type[j]) in DRIVABLE
+    }
+
+
+# what may have a range: where the specification lists it, and what says there whether it counts
+_RANGES = (
+    ("joint", "range", "limited"),
+    ("tendon", "range", "limited"),
+    ("actuator", "ctrlrange", "ctrllimited"),
+    ("actuator", "forcerange", "forcelimited"),
+)
+
+
+def ignored_ranges(spec: mujoco.MjSpec) -> list[str]:
+    """Say which ranges of a specification limit nothing, because they do not go from low to high."""
+    return [
+        f"{kind} {element.name!r} has {attribute} {low:g} {high:g}, which MuJoCo takes as no limit: "
+        "it goes from low to high"
+        for kind, attribute, flag in _RANGES
+        for element in getattr(spec, f"{kind}s")
+        for low, high in [getattr(element, attribute)]
+        if getattr(element, flag) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
+    ]
+
+
+def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
+    """Return the joints on which each actuator acts."""
+    return {
+        model.actuator(a).name or f"actuator{a + 1}": actuated_joints(model, a)
+        for a in range(len(model.actuator_trntype))
+    }
+
+
+def largest_gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
+    """Return how far apart the points of the joints that close loops are, the worst in [m]."""
+    frames = {GROUND: IDENTITY, **poses}
+    offsets = [
+        frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
+        for joint in joints
+    ]
+    return max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0)
+
 
 LockedAt = float | None | Callable[[Literal["m", "rad"]], float]
 
@@ -95,7 +207,7 @@ def read_model(
     spec, _, remarks = parse_file(source)
     name_elements(spec)
     model, _ = compile_repaired(path, spec)
-    remarks += facts.ignored_ranges(spec)
+    remarks += ignored_ranges(spec)
     start = _start(path, model, key)
     for key_ in list(spec.keys):  # they fit no model to which anything is added
         spec.delete(key_)
@@ -110,13 +222,13 @@ def read_model(
     tree = kinematic_tree(model)
     carriers = tree.carriers
     loops = equalities(model, carriers)
-    values = facts.coordinate_values(model, start)
+    values = coordinate_values(model, start)
     locked = _locked_values(model, lock, values)
     driven_names, raised_to = driven(model, drivers, list(locked), describe_only), minimum_mass(remarks)
     points = tracked(model, carriers, track)
     mechanism = Mechanism(
         name=spec.modelname or "model",
-        links=facts.with_outlines(model, tree),
+        links=with_outlines(model, tree),
         joints=(*tree.joints, *loops.joints),
         driver=driven_names[0] if len(driven_names) == 1 else driven_names,
         points=_link_points(model, carriers, points),
@@ -134,9 +246,9 @@ def read_model(
         mechanism,
         spec,
         start,
-        facts.largest_gap(loops.joints, mechanism.guess),
-        facts.limits(model),
-        facts.actuators(model),
+        largest_gap(loops.joints, mechanism.guess),
+        limits(model),
+        actuators(model),
         (*remarks, *loops.remarks),
         forces_of_model(model),
         stilled,
@@ -206,3 +318,33 @@ def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, BodyPoint]) -> None:
     for name, (body, position) in points.items():
         if name not in names:
             spec.body(body).add_site(name=name, pos=position)
+
+
+def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
+    """Return the coordinates of a model in a motion of the mechanism read from it, (n, nq).
+
+    Hinges and slides are as the motion has them; balls and free joints are as its links stand.
+
+    Args:
+        model: compiled from `MjcfModel.spec`.
+        motion: of its mechanism.
+    """
+    tree = kinematic_tree(model)
+    out = np.repeat(model.qpos0[None], len(motion), 0)
+    for j, joint in enumerate(tree.joints):
+        address = int(model.jnt_qposadr[j])
+        if int(model.jnt_type[j]) in DRIVABLE:
+            out[:, address] = motion.joints[joint.name].value
+            continue
+        link = motion.links[link_name(model, int(model.jnt_bodyid[j]))]
+        rotations = link.rotation @ joint.b.frame
+        if int(model.jnt_type[j]) == FREE:
+            out[:, address : address + 3] = link.position
+            address += 3
+        elif joint.a.link == GROUND:
+            rotations = joint.a.frame.T @ rotations
+        else:
+            rotations = np.swapaxes(motion.links[joint.a.link].rotation @ joint.a.frame, -1, -2) @ rotations
+        for row, rotation in zip(out, rotations, strict=True):
+            mujoco.mju_mat2Quat(row[address : address + 4], np.ascontiguousarray(rotation).ravel())
+    return out

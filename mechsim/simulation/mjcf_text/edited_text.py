@@ -1,8 +1,122 @@
 """An MJCF text and the edits made to it: attributes set, elements added or taken away."""
 
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from xml.parsers import expat
 
-from mechsim.simulation.mjcf_text.element_spans import Element, elements_of, value_span
+from mechsim.errors import InputError
+
+_ATTRIBUTE = re.compile(r"""([\w:.-]+)\s*=\s*("[^"]*"|'[^']*')""")
+
+
+@dataclass
+class Element:
+    """An element and where it stands.
+
+    Attributes:
+        tag: its name.
+        attributes: name -> value.
+        start: index of its `<`.
+        opened: index after the `>` of its start tag.
+        close: index of the `<` of its end tag; `opened` where the start tag closes it, too.
+        end: index after it.
+        parent: around it; None of the root.
+        children: in it, in order.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    start: int
+    opened: int = 0
+    close: int = 0
+    end: int = 0
+    parent: "Element | None" = field(default=None, repr=False)
+    children: list["Element"] = field(default_factory=list["Element"], repr=False)
+
+    @property
+    def empty(self) -> bool:
+        """Whether its start tag is all of it."""
+        return self.close == self.end
+
+    def every(self, *tags: str) -> Iterator["Element"]:
+        """Yield the elements in it, all depths, in the order of the text, of these tags if any are named."""
+        for child in self.children:
+            if not tags or child.tag in tags:
+                yield child
+            yield from child.every(*tags)
+
+    def within(self, tag: str) -> "Element | None":
+        """Return the nearest element around it of a tag."""
+        above = self.parent
+        while above is not None and above.tag != tag:
+            above = above.parent
+        return above
+
+
+def elements_of(text: str, where: str = "the text") -> Element:
+    """Return the root of an XML text.
+
+    Raises:
+        InputError: for what is no XML.
+    """
+    data = text.encode()
+    # bytes are what the parser counts
+    index_of = _indices(text, data)
+    stack: list[Element] = []
+    roots: list[Element] = []
+    parser = expat.ParserCreate("utf-8")
+
+    def started(tag: str, attributes: dict[str, str]) -> None:
+        start = index_of(parser.CurrentByteIndex)
+        element = Element(
+            tag, attributes, start, opened=_tag_end(text, start), parent=stack[-1] if stack else None
+        )
+        (stack[-1].children if stack else roots).append(element)
+        stack.append(element)
+
+    def ended(_: str) -> None:
+        element = stack.pop()
+        if text[element.opened - 2] == "/":
+            element.close = element.end = element.opened
+        else:
+            element.close = index_of(parser.CurrentByteIndex)
+            element.end = text.index(">", element.close) + 1
+
+    parser.StartElementHandler, parser.EndElementHandler = started, ended
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise InputError(f"{where} is no XML: {error}; mend it") from None
+    return roots[0]
+
+
+def _indices(text: str, data: bytes) -> Callable[[int], int]:
+    """Return what gives the index of a character from that of its byte."""
+    plain = len(data) == len(text)
+    return lambda byte: byte if plain else len(data[:byte].decode())
+
+
+def _tag_end(text: str, start: int) -> int:
+    """Return the index after the `>` of the tag that starts somewhere; one in a value does not end it."""
+    quote, i = "", start
+    while True:
+        character = text[i]
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "\"'":
+            quote = character
+        elif character == ">":
+            return i + 1
+        i += 1
+
+
+def value_span(text: str, element: Element, name: str) -> tuple[int, int] | None:
+    """Return where the value of an attribute stands between its quotes; None where it has none."""
+    for match in _ATTRIBUTE.finditer(text, element.start, element.opened):
+        if match[1] == name:
+            return match.start(2) + 1, match.end(2) - 1
+    return None
 
 
 @dataclass
@@ -88,3 +202,135 @@ class EditedText:
                 indent = self._indent(child)
                 return indent if indent or not own else own + "  "
         return own + "  "
+
+
+# so many rows without an attribute of their own are served by one default
+MAX_REPEATED = 2
+
+
+def set_options(edited: EditedText, options: Mapping[str, str], flags: Mapping[str, bool]) -> None:
+    """Set options and flags: where the text has them, else in its last `option`, else in a new one."""
+    sections = [element for element in edited.root.children if element.tag == "option"]
+    remaining = dict(options)
+    for name, value in options.items():
+        holders = [element for element in sections if name in element.attributes]
+        if holders:
+            edited.set(holders[-1], name, value)
+            del remaining[name]
+    states = {name: "enable" if on else "disable" for name, on in flags.items()}
+    flag_elements = [element for section in sections for element in section.children if element.tag == "flag"]
+    for name in list(states):
+        holders = [element for element in flag_elements if name in element.attributes]
+        if holders:
+            edited.set(holders[-1], name, states.pop(name))
+    if states and flag_elements:
+        for name, word in states.items():
+            edited.set(flag_elements[-1], name, word)
+        states = {}
+    if remaining and sections and not states:
+        for name, value in remaining.items():
+            edited.set(sections[-1], name, value)
+        return
+    if not remaining and not states:
+        return
+    flag = f"<flag{_attributes(states)}/>" if states else ""
+    if sections and not sections[-1].empty:
+        for name, value in remaining.items():
+            edited.set(sections[-1], name, value)
+        edited.put_first(sections[-1], flag)
+        return
+    new = f"<option{_attributes(remaining)}>{flag}</option>" if flag else f"<option{_attributes(remaining)}/>"
+    heads = [element for element in edited.root.children if element.tag in ("compiler", "option")]
+    if heads:
+        edited.put_after(heads[-1], new)
+    else:
+        edited.put_first(edited.root, new)
+
+
+def _attributes(values: Mapping[str, str]) -> str:
+    return "".join(f' {name}="{value}"' for name, value in values.items())
+
+
+def equality_elements(root: Element) -> list[Element]:
+    """Return the equality constraints of a text, in its order."""
+    return [
+        equality for section in root.children if section.tag == "equality" for equality in section.children
+    ]
+
+
+def set_compliance(edited: EditedText, values: Mapping[str, str]) -> None:
+    """Give all equality constraints the same compliance (solref, solimp)."""
+    equalities = equality_elements(edited.root)
+    plain: list[str] = []
+    for name, value in values.items():
+        unset = [
+            equality
+            for equality in equalities
+            if name not in equality.attributes and "class" not in equality.attributes
+        ]
+        for equality in equalities:
+            if equality not in unset:
+                edited.set(equality, name, value)
+        if len(unset) <= MAX_REPEATED and _default(edited.root) is None:
+            for equality in unset:
+                edited.set(equality, name, value)
+        elif unset:
+            plain.append(name)
+    if plain:
+        _set_default(edited, {name: values[name] for name in plain})
+
+
+def _main_defaults(root: Element) -> Sequence[Element]:
+    return [
+        section_
+        for section_ in root.children
+        if section_.tag == "default" and section_.attributes.get("class", "main") == "main"
+    ]
+
+
+def _default(root: Element) -> Element | None:
+    """Return what the main default says of equality constraints; None where it says nothing."""
+    defaults = [
+        element
+        for section in _main_defaults(root)
+        for element in section.children
+        if element.tag == "equality"
+    ]
+    return defaults[-1] if defaults else None
+
+
+def _set_default(edited: EditedText, values: Mapping[str, str]) -> None:
+    default, sections = _default(edited.root), _main_defaults(edited.root)
+    if default is not None:
+        for name, value in values.items():
+            edited.set(default, name, value)
+        return
+    new = f"<equality{_attributes(values)}/>"
+    if sections and not sections[-1].empty:
+        edited.put_first(sections[-1], new)
+        return
+    heads = [
+        element
+        for element in edited.root.children
+        if element.tag in ("compiler", "option", "size", "statistic")
+    ]
+    if heads:
+        edited.put_after(heads[-1], f"<default>{new}</default>")
+    else:
+        edited.put_first(edited.root, f"<default>{new}</default>")
+
+
+def put_comment(edited: EditedText, lines: Sequence[str]) -> None:
+    """Say something at the beginning of the model."""
+    text = "\n     ".join(line.replace("--", "- -") for line in lines)
+    edited.put_first(edited.root, f"<!-- {text} -->")
+
+
+def put_key(edited: EditedText, name: str, states: Mapping[str, str]) -> None:
+    """Add a keyframe."""
+    section = [element for element in edited.root.children if element.tag == "keyframe" and not element.empty]
+    new = f'<key name="{name}"{_attributes(states)}/>'
+    if section:
+        edited.put_last(section[-1], new)
+    else:
+        edited.put_last(edited.root, f"<keyframe>\n  {new}\n</keyframe>")

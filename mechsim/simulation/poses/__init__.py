@@ -1,1 +1,1 @@
-"""Poses without time: the loops solved at each crank angle, walked along the assembly."""
+"""Poses without time: the loops solved at each crank angle, by continuation in one assembly."""

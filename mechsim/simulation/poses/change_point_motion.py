@@ -1,4 +1,4 @@
-"""The motion close to a meeting of two assemblies, where the loops give no rates: read off around it."""
+"""The motion close to a change point, where the loops determine no rates: interpolated around it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,137 +9,143 @@ from numpy.typing import NDArray
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.change_points import Meeting, fitted
-from mechsim.simulation.recorded_motion import States, Track, evaluate
+from mechsim.simulation.poses.change_points import ChangePoint, fit_weights
+from mechsim.simulation.recording import States, Track, evaluate
 
 Rows = NDArray[np.intp]
-# meetings, which rows are close to each, and their crank angles, counted as the meeting's, (k,) in [rad]
-Near = Sequence[tuple[Meeting, Rows, Array]]
+# change points, the rows close to each, and their crank angles reduced to its range, (k,) in [rad]
+NearRows = Sequence[tuple[ChangePoint, Rows, Array]]
 
 
-def held_off(states: Array, near: Near) -> Array:
-    """Return states of which those close to meetings are moved away from them, so that they have rates."""
+def moved_away(states: Array, near_rows: NearRows) -> Array:
+    """Return states of which those close to change points are moved away, so that they have rates."""
     away = states.copy()
-    for meeting, rows, _ in near:
-        away[rows] = meeting.states[-1]
+    for change_point, rows, _ in near_rows:
+        away[rows] = change_point.states[-1]
     return away
 
 
-def mended(
+def interpolated(
     motion: Motion,
     loops: ModelLoops,
     track: Track,
     qpos: Array,
-    near: Near,
+    near_rows: NearRows,
     rates: tuple[Array, Array],
 ) -> Motion:
-    """Return a motion whose rows close to meetings are interpolated from the motion around these.
+    """Return a motion whose rows close to change points are interpolated from the motion around these.
 
     Args:
-        motion: at states that were held off.
+        motion: at states from `moved_away`.
         loops: of the model.
         track: what was recorded.
         qpos: states of all rows, (n, nq).
-        near: what is close to meetings.
+        near_rows: what is close to meetings.
         rates: the crank's speed and acceleration at all rows, (n,) each.
     """
-    if near:
+    if near_rows:
         motion = replace(motion, speed=rates[0], acceleration=rates[1])
-    for one in near:
-        motion = _mended(motion, loops, track, qpos, *one)
+    for entry in near_rows:
+        motion = _interpolated(motion, loops, track, qpos, *entry)
     return motion
 
 
-def _mended(
-    motion: Motion, loops: ModelLoops, track: Track, qpos: Array, meeting: Meeting, rows: Rows, turned: Array
+def _interpolated(
+    motion: Motion,
+    loops: ModelLoops,
+    track: Track,
+    qpos: Array,
+    change_point: ChangePoint,
+    rows: Rows,
+    reduced: Array,
 ) -> Motion:
-    count = len(meeting.nodes)
-    tangent = loops.tangent(loops.linearise(meeting.states)[1])
-    around = States(np.zeros(count), meeting.states, tangent)
+    count = len(change_point.nodes)
+    tangent = loops.tangent(loops.linearise(change_point.states)[1])
+    around = States(np.zeros(count), change_point.states, tangent)
     unit = evaluate(loops, track, around, "pose", crank_acceleration=np.zeros(count))
-    by = fitted(meeting.nodes, meeting.angle, turned)
-    mend = _Mend(rows, by, motion.speed[rows], motion.acceleration[rows])
+    weights = fit_weights(change_point.nodes, change_point.angle, reduced)
+    interpolation = _Interpolation(rows, weights, motion.speed[rows], motion.acceleration[rows])
     model = loops.model
-    places = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
+    addresses = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
     assert motion.closure is not None
-    # beside one that is no special pose, for singular values that are nought at all do not count
-    residual, jacobian = loops.linearise(np.concatenate([qpos[rows], meeting.states[-1:]]))
-    opened = np.abs(residual[:-1, : 3 * len(loops.pairs)]).max(1, initial=0.0)
+    # with a regular pose, because singular values that are zero at all states do not count
+    residual, jacobian = loops.linearise(np.concatenate([qpos[rows], change_point.states[-1:]]))
+    closure = np.abs(residual[:-1, : 3 * len(loops.pairs)]).max(1, initial=0.0)
     assert motion.conditioning is not None
     return replace(
         motion,
-        angle=mend.put(motion.angle, qpos[rows, loops.crank_address]),
-        points={name: mend.point(one, unit.points[name]) for name, one in motion.points.items()},
-        links={name: mend.link(one, unit.links[name]) for name, one in motion.links.items()},
+        angle=interpolation.put(motion.angle, qpos[rows, loops.crank_address]),
+        points={name: interpolation.point(one, unit.points[name]) for name, one in motion.points.items()},
+        links={name: interpolation.link(one, unit.links[name]) for name, one in motion.links.items()},
         joints={
-            name: mend.joint(one, unit.joints[name], qpos[rows, places[name]])
+            name: interpolation.joint(one, unit.joints[name], qpos[rows, addresses[name]])
             for name, one in motion.joints.items()
         },
-        closure=mend.put(motion.closure, opened),
-        conditioning=mend.put(motion.conditioning, loops.conditioning(jacobian)[:-1]),
+        closure=interpolation.put(motion.closure, closure),
+        conditioning=interpolation.put(motion.conditioning, loops.conditioning(jacobian)[:-1]),
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Mend:
-    """Puts values interpolated between nodes around a meeting into rows of a record.
+class _Interpolation:
+    """Writes values interpolated between nodes around a change point into rows of a record.
 
     Attributes:
-        rows: which, (k,).
-        by: weights of the nodes, (k, nodes); what the nodes hold is per radian of the crank.
+        rows: indices, (k,).
+        weights: of the nodes, (k, nodes); rates at the nodes are per radian of the crank.
         speed: of the crank in these rows, (k,).
-        second: its acceleration there, (k,).
+        acceleration: of the crank in these rows, (k,).
     """
 
     rows: Rows
-    by: Array
+    weights: Array
     speed: Array
-    second: Array
+    acceleration: Array
 
-    def put(self, into: Array, values: Array) -> Array:
+    def put(self, recorded: Array, values: Array) -> Array:
         """Return an array with other values in the rows."""
-        out = into.copy()
+        out = recorded.copy()
         out[self.rows] = values
         return out
 
-    def point(self, one: PointMotion, near: PointMotion) -> PointMotion:
-        """Return a point's motion, mended from that at the nodes."""
+    def point(self, recorded: PointMotion, nodes: PointMotion) -> PointMotion:
+        """Return a point's motion, with rows interpolated from the nodes."""
         return PointMotion(
-            self._place(one.position, near.position),
-            self._rate(one.velocity, near.velocity),
-            self._acceleration(one.acceleration, near.velocity, near.acceleration),
+            self._position(recorded.position, nodes.position),
+            self._rate(recorded.velocity, nodes.velocity),
+            self._second_rate(recorded.acceleration, nodes.velocity, nodes.acceleration),
         )
 
-    def link(self, one: LinkMotion, near: LinkMotion) -> LinkMotion:
-        """Return a link's motion, mended from that at the nodes."""
-        spin, bend = near.angular_velocity, near.angular_acceleration
+    def link(self, recorded: LinkMotion, nodes: LinkMotion) -> LinkMotion:
+        """Return a link's motion, with rows interpolated from the nodes."""
+        spin, angular_acceleration = nodes.angular_velocity, nodes.angular_acceleration
         return LinkMotion(
-            self._place(one.position, near.position),
-            self._place(one.rotation, near.rotation),
-            self._rate(one.velocity, near.velocity),
-            self._rate(one.angular_velocity, spin),
-            self._acceleration(one.acceleration, near.velocity, near.acceleration),
-            self._acceleration(one.angular_acceleration, spin, bend),
+            self._position(recorded.position, nodes.position),
+            self._position(recorded.rotation, nodes.rotation),
+            self._rate(recorded.velocity, nodes.velocity),
+            self._rate(recorded.angular_velocity, spin),
+            self._second_rate(recorded.acceleration, nodes.velocity, nodes.acceleration),
+            self._second_rate(recorded.angular_acceleration, spin, angular_acceleration),
         )
 
-    def joint(self, one: JointMotion, near: JointMotion, values: Array) -> JointMotion:
-        """Return a joint's motion with values, (k,), its rates mended from those at the nodes."""
+    def joint(self, recorded: JointMotion, nodes: JointMotion, values: Array) -> JointMotion:
+        """Return a joint's motion with values, (k,), and rates interpolated from the nodes."""
         return replace(
-            one,
-            value=self.put(one.value, values),
-            rate=self._rate(one.rate, near.rate),
-            acceleration=self._acceleration(one.acceleration, near.rate, near.acceleration),
+            recorded,
+            value=self.put(recorded.value, values),
+            rate=self._rate(recorded.rate, nodes.rate),
+            acceleration=self._second_rate(recorded.acceleration, nodes.rate, nodes.acceleration),
         )
 
-    def _place(self, into: Array, nodes: Array) -> Array:
-        return self.put(into, np.tensordot(self.by, nodes, 1))
+    def _position(self, recorded: Array, nodes: Array) -> Array:
+        return self.put(recorded, np.tensordot(self.weights, nodes, 1))
 
-    def _rate(self, into: Array, nodes: Array) -> Array:
-        return self.put(into, _times(self.speed, np.tensordot(self.by, nodes, 1)))
+    def _rate(self, recorded: Array, nodes: Array) -> Array:
+        return self.put(recorded, _times(self.speed, np.tensordot(self.weights, nodes, 1)))
 
-    def _acceleration(self, into: Array, first: Array, nodes: Array) -> Array:
-        curved = _times(self.speed**2, np.tensordot(self.by, nodes, 1))
-        return self.put(into, curved + _times(self.second, np.tensordot(self.by, first, 1)))
+    def _second_rate(self, recorded: Array, first: Array, nodes: Array) -> Array:
+        curved = _times(self.speed**2, np.tensordot(self.weights, nodes, 1))
+        return self.put(recorded, curved + _times(self.acceleration, np.tensordot(self.weights, first, 1)))
 
 
 def _times(rate: Array, values: Array) -> Array:

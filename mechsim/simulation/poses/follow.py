@@ -1,6 +1,6 @@
 """Motion by solving poses: no time, no integration, every crank angle to rounding."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -8,35 +8,33 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import TURN, other_laps
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.assembly_path import AssemblyPath, walked_path
-from mechsim.simulation.poses.branch_path import FoldedPath, folded
-from mechsim.simulation.poses.change_points import Meeting
-from mechsim.simulation.poses.explicit_predictor import ASTRAY, sprint
-from mechsim.simulation.poses.revolutions import on_other_laps
-from mechsim.simulation.poses.trace import SHORTEST, STRIDE, Strides, walk
+from mechsim.simulation.poses.change_points import ChangePoint
+from mechsim.simulation.poses.path import AssemblyPath, BranchPath, branch_path, traced_path
+from mechsim.simulation.poses.trace import MAX_ERROR, MAX_STEP, MIN_STEP, TracedStates, explicit_trace, trace
 
 # from a closed state to a crank angle: states on the path, or None where it is not certain
-Steps = Callable[[ModelLoops, Array, float], Strides | None]
+Tracer = Callable[[ModelLoops, Array, float], TracedStates | None]
 
-# how far from its start a state may be after a turn to count as the same: rounding of a walk, squared up
-SAME = 1e-9
-# where so many poses are asked for each knot, the path is first given so many times the knots: then one
-# Newton step closes a pose, or none
+# distance between states before and after a revolution, in [rad] or characteristic lengths, that is rounding
+RETURN_TOLERANCE = 1e-9
+# (poses per knot, factor): from this number of poses per knot on, the knots are first multiplied by the
+# factor, so that one Newton step closes a pose, or none
 REFINED = ((32, 8), (4, 2))
-# poses closed in one go: their arrays stay in the cache, and a long run needs little memory
+# poses closed at once: their arrays fit into the cache, and a long run needs little memory
 CHUNK = 2048
 
 
 def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     """Return the states at crank angles in the assembly of a closed start state, (n, nq).
 
-    A sprint over the range, or a walk where that strays, keeps the assembly; splines through its
-    poses give the rest to within a Newton step or two, all solved together. Where a turn of the
-    crank leads back to the start, one turn is made however many are asked for. A crank that only
-    swings may be asked for on any lap on which the linkage is the same.
+    Explicit steps over the range, or continuation where their error is too large, keep the assembly.
+    Interpolation between these states gives all others to within a Newton step or two, which are solved
+    together. Where a revolution of the crank leads back to the start, one revolution is traced for any
+    number. The angles of an oscillating crank may be offset by whole revolutions if the linkage is the same
+    there.
 
     Args:
         loops: of the model.
@@ -46,144 +44,229 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     Raises:
         AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
     """
-    return followed(loops, start, angles)[0]
+    return follow_path(loops, start, angles)[0]
 
 
-def followed(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array, AssemblyPath | FoldedPath]:
+def follow_path(
+    loops: ModelLoops, start: Array, angles: ArrayLike
+) -> tuple[Array, AssemblyPath | BranchPath]:
     """Return what `follow` does, and the path on which the states lie."""
     angles = np.asarray(angles, dtype=np.float64)
     try:
-        return _followed(loops, start, angles)
+        return _follow_path(loops, start, angles)
     except AssemblyError:
-        for counted in on_other_laps(loops, start, angles):
+        for shifted in on_other_revolutions(loops, start, angles):
             with suppress(AssemblyError):
-                return _followed(loops, counted, angles)
+                return _follow_path(loops, shifted, angles)
         raise
 
 
-def _followed(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, AssemblyPath | FoldedPath]:
+def _follow_path(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, AssemblyPath | BranchPath]:
     if loops.change_point == "branch":
-        return _folded(loops, start, angles)
-    sprinted = _sprinted(loops, start, angles)
-    if sprinted is not None:
-        states, sure = _along(sprinted, angles)
-        if sure.all():
-            return states, sprinted
-    walked = _walked(loops, start, angles)
-    return _settled_on(walked, angles), walked
+        return _follow_branch(loops, start, angles)
+    explicit = _explicit_path(loops, start, angles)
+    if explicit is not None:
+        states, certain = _states_along(explicit, angles)
+        if certain.all():
+            return states, explicit
+    traced = _traced_path(loops, start, angles)
+    return _states_on(traced, angles), traced
 
 
-def _folded(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, FoldedPath]:
-    here = float(start[loops.crank_address])
-    low, high = min(here, float(angles.min())), max(here, float(angles.max()))
-    path = _folded_lap(loops, start) if high - low > 1.5 * TURN and loops.drivers is None else None
-    path = path or folded(loops, start, low, high)
+def _follow_branch(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, BranchPath]:
+    angle = float(start[loops.crank_address])
+    low, high = min(angle, float(angles.min())), max(angle, float(angles.max()))
+    path = _branch_revolution(loops, start) if high - low > 1.5 * TURN and loops.drivers is None else None
+    path = path or branch_path(loops, start, low, high)
     states = np.empty((len(angles), len(start)))
-    for piece, rows, turned in path.parts(angles):
-        states[rows] = _settled_on(piece, turned)
+    for piece, rows, turned in path.split(angles):
+        states[rows] = _states_on(piece, turned)
     if path.gain is not None:
-        states += path.laps(angles)[:, None] * path.gain
+        states += path.revolutions(angles)[:, None] * path.gain
     states[:, loops.crank_address] = angles
     return states, path
 
 
-def _folded_lap(loops: ModelLoops, start: Array) -> FoldedPath | None:
-    """Return the path over one turn; None where that does not lead back."""
-    here = float(start[loops.crank_address])
-    lap = folded(loops, start, here, here + TURN)
-    end = _settled_on(lap.pieces[-1], np.array([here + TURN]))[0]
+def _branch_revolution(loops: ModelLoops, start: Array) -> BranchPath | None:
+    """Return the path over one revolution; None where that does not lead back."""
+    angle = float(start[loops.crank_address])
+    path = branch_path(loops, start, angle, angle + TURN)
+    end = _states_on(path.pieces[-1], np.array([angle + TURN]))[0]
     gain = _gain(loops, np.stack([start, end]))
-    return None if gain is None else replace(lap, gain=gain)
+    return None if gain is None else replace(path, gain=gain)
 
 
-def _settled_on(path: AssemblyPath, angles: Array) -> Array:
-    """Return closed states at crank angles, (n, nq), on a path; those that are not sure are walked to."""
-    states, sure = _along(path, angles)
-    for i in np.flatnonzero(~sure):
-        states[i] = _walked_to(path, angles[i : i + 1])
+def _states_on(path: AssemblyPath, angles: Array) -> Array:
+    """Return closed states at crank angles, (n, nq), on a path; uncertain ones are traced."""
+    states, certain = _states_along(path, angles)
+    for i in np.flatnonzero(~certain):
+        states[i] = _traced_to(path, angles[i : i + 1])
     return states
 
 
-def _along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return closed states at crank angles, and of which it is sure that they lie on the path."""
-    for many, times in REFINED:
-        if len(angles) > many * len(path.knots):
-            path = path.refined(times)
+def _states_along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return closed states at crank angles, and which of them certainly lie on the path."""
+    for poses_per_knot, factor in REFINED:
+        if len(angles) > poses_per_knot * len(path.knots):
+            path = path.refined(factor)
             break
-    parts = [path.at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
+    parts = [path.states_at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
     return np.concatenate([states for states, _ in parts]), np.concatenate([sure for _, sure in parts])
 
 
-def _sprinted(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | None:
-    """Return the path over the range of crank angles by stepping; None where that is not certain."""
+def _explicit_path(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | None:
+    """Return the path over the range of crank angles by explicit steps; None where it is not certain."""
     if loops.drivers is not None:
         return None
-    if float(angles.max() - angles.min()) < STRIDE:
+    if float(angles.max() - angles.min()) < MAX_STEP:
         reach = np.abs(angles - start[loops.crank_address]).max()
-        if reach < STRIDE:
+        if reach < MAX_STEP:
             return None
     jacobian = loops.linearise(start[None])[1]
 
-    def stepped(loops: ModelLoops, begin: Array, end: float) -> Strides | None:
-        states = sprint(loops, begin, end, jacobian)
-        return None if states is None else Strides(list(states), [])
+    def stepped(loops: ModelLoops, begin: Array, end: float) -> TracedStates | None:
+        states = explicit_trace(loops, begin, end, jacobian)
+        return None if states is None else TracedStates(list(states), [])
 
-    found = _knots(loops, start, angles, stepped)
-    if found is None:
+    knots = _knots(loops, start, angles, stepped)
+    if knots is None:
         return None
-    return AssemblyPath(loops, *found[:2], float(loops.determinant_sign(jacobian)[0]), near=0.0, far=ASTRAY)
+    return AssemblyPath(
+        loops,
+        *knots[:2],
+        float(loops.determinant_sign(jacobian)[0]),
+        certain_correction=0.0,
+        max_correction=MAX_ERROR,
+    )
 
 
-def _walked(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath:
-    """Return the path over the range of crank angles by strides."""
-    found = _knots(loops, start, angles, walk)
-    assert found is not None
-    knots, gain, meetings = found
-    return walked_path(loops, knots, meetings, gain)
+def _traced_path(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath:
+    """Return the path over the range of crank angles by continuation."""
+    path_knots = _knots(loops, start, angles, trace)
+    assert path_knots is not None
+    knots, gain, change_points = path_knots
+    return traced_path(loops, knots, change_points, gain)
 
 
 def _knots(
-    loops: ModelLoops, start: Array, angles: Array, steps: Steps
-) -> tuple[Array, Array | None, list[Meeting]] | None:
-    """Return states over the range, rising, what a turn adds where one is enough, and meetings."""
-    here = float(start[loops.crank_address])
-    low, high = min(here, float(angles.min())), max(here, float(angles.max()))
+    loops: ModelLoops, start: Array, angles: Array, steps: Tracer
+) -> tuple[Array, Array | None, list[ChangePoint]] | None:
+    """Return states over the range, the change by a revolution if one suffices, and change points."""
+    angle = float(start[loops.crank_address])
+    low, high = min(angle, float(angles.min())), max(angle, float(angles.max()))
     if high - low > 1.5 * TURN and loops.drivers is None:
-        lap = _both_directions(loops, start, here, here + TURN, steps)
-        gain = None if lap is None else _gain(loops, lap[0])
-        if lap is not None and gain is not None:
-            return lap[0], gain, lap[1]
-    found = _both_directions(loops, start, low, high, steps)
-    return None if found is None else (found[0], None, found[1])
+        revolution = _both_directions(loops, start, angle, angle + TURN, steps)
+        gain = None if revolution is None else _gain(loops, revolution[0])
+        if revolution is not None and gain is not None:
+            return revolution[0], gain, revolution[1]
+    knots = _both_directions(loops, start, low, high, steps)
+    return None if knots is None else (knots[0], None, knots[1])
 
 
 def _both_directions(
-    loops: ModelLoops, start: Array, low: float, high: float, steps: Steps
-) -> tuple[Array, list[Meeting]] | None:
-    here, nothing = float(start[loops.crank_address]), Strides([], [])
-    before = steps(loops, start, low) if here - low > SHORTEST else nothing
-    after = steps(loops, start, high) if high - here > SHORTEST else nothing
+    loops: ModelLoops, start: Array, low: float, high: float, steps: Tracer
+) -> tuple[Array, list[ChangePoint]] | None:
+    angle, nothing = float(start[loops.crank_address]), TracedStates([], [])
+    before = steps(loops, start, low) if angle - low > MIN_STEP else nothing
+    after = steps(loops, start, high) if high - angle > MIN_STEP else nothing
     if before is None or after is None:
         return None
-    return np.stack([*before.states[::-1], start, *after.states]), before.meetings + after.meetings
+    return np.stack([*before.states[::-1], start, *after.states]), before.change_points + after.change_points
 
 
-def _gain(loops: ModelLoops, lap: Array) -> Array | None:
-    """Return what a turn of the crank adds to a state, (nq,); None where it does not lead back."""
-    ends = loops.close(lap[[0, -1]])
+def _gain(loops: ModelLoops, states: Array) -> Array | None:
+    """Return the change of a state by a revolution of the crank, (nq,); None where it does not lead back."""
+    ends = loops.close(states[[0, -1]])
     gain = np.where(loops.in_quaternion, 0.0, ends[1] - ends[0])
-    whole = np.where(loops.hinges, TURN * np.round(gain / TURN), 0.0)
-    # a passive spin of a ball joint's link need not come back, but whatever lies on its line must
-    places = loops.point_positions(ends)
-    back = np.abs(places[1] - places[0]).max(initial=0.0) < SAME * loops.characteristic_length
-    return whole if back and np.abs(gain - whole).max() < SAME else None
+    whole_turns = np.where(loops.hinges, TURN * np.round(gain / TURN), 0.0)
+    # a link with ball joints may have spun, but the points on its axis must return
+    positions = loops.point_positions(ends)
+    returns = (
+        np.abs(positions[1] - positions[0]).max(initial=0.0) < RETURN_TOLERANCE * loops.characteristic_length
+    )
+    return whole_turns if returns and np.abs(gain - whole_turns).max() < RETURN_TOLERANCE else None
 
 
-def _walked_to(path: AssemblyPath, angle: Array) -> Array:
-    """Return the closed state at a crank angle, (1,), walked to from the nearest knot, (nq,)."""
-    loops, place = path.loops, path.loops.crank_address
-    knots = path.knots if path.gain is None else path.knots + path.laps(angle) * path.gain
-    nearest = knots[np.argmin(np.abs(knots[:, place] - angle))]
-    there = [nearest, *walk(loops, nearest, float(angle[0])).states][-1].copy()
-    there[place] = angle[0]
-    return loops.close(there[None])[0]
+def _traced_to(path: AssemblyPath, angle: Array) -> Array:
+    """Return the closed state at a crank angle, (1,), traced from the nearest knot, (nq,)."""
+    loops, address = path.loops, path.loops.crank_address
+    knots = path.knots if path.gain is None else path.knots + path.revolutions(angle) * path.gain
+    nearest = knots[np.argmin(np.abs(knots[:, address] - angle))]
+    state = [nearest, *trace(loops, nearest, float(angle[0])).states][-1].copy()
+    state[address] = angle[0]
+    return loops.close(state[None])[0]
+
+
+# change of the residuals, in [rad], below which the pose is the same
+MAX_RESIDUAL_CHANGE = 1e-9
+
+
+def on_other_revolutions(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Array]:
+    """Yield a closed state (nq,) at crank angles within a revolution of the given ones, (n,).
+
+    There is none where a gear makes the pose differ after a revolution of the crank, or under motion laws.
+    """
+    for revolutions in other_laps(float(state[loops.crank_address]), angles):
+        shifted = _shifted(loops, state, revolutions)
+        if shifted is not None:
+            yield shifted
+
+
+def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
+    """Return the state with revolutions added to the crank angle; None where that is another pose."""
+    if loops.drivers is not None:
+        return None
+    shifted = state.copy()
+    shifted[loops.crank_address] += revolutions * TURN
+    for coupling in loops.couplings:
+        driven = coupling.left.addresses
+        if len(driven) > 1 or not loops.hinges[driven].all():
+            continue
+        gain = coupling.target(shifted[None]) - coupling.target(state[None])
+        shifted[driven] += TURN * np.round(gain / coupling.left.weights / TURN)
+    residual_change = loops.closure_error(loops.residual(shifted[None]) - loops.residual(state[None]))
+    return shifted if residual_change.max() < MAX_RESIDUAL_CHANGE else None
+
+
+# fraction of the path by which the straight line extends beyond both of its ends
+BEYOND = 0.5
+
+
+def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: str) -> Array:
+    """Return the closed state with the drivers at their targets, (nq,), and the path parameter at zero.
+
+    All drivers move at once along a straight path.
+
+    Args:
+        loops: with drivers that follow a path parameter.
+        state: closed, (nq,).
+        target: values of the drivers, (k,) in [m] or [rad].
+        target_text: where that is, in words.
+
+    Raises:
+        AssemblyError: where the loops do not close on the path.
+    """
+    drive = loops.drivers
+    assert drive is not None
+    start = state.copy()
+    start[loops.crank_address] = 0.0
+    current = start[drive.addresses]
+    distance = float(
+        np.abs((target - current) / np.where(drive.slides, loops.characteristic_length, 1.0)).max(initial=0.0)
+    )
+    if distance > 0.0:
+
+        def straight(angle: Array) -> tuple[Array, Array, Array]:
+            fraction = np.clip(angle / distance, -BEYOND, 1.0 + BEYOND)
+            none = np.zeros((len(current), len(angle)))
+            displacement = (target - current)[:, None]
+            return current[:, None] + displacement * fraction, displacement / distance + none, none
+
+        def along(angle: float) -> str:
+            values = straight(np.array([angle]))[0][:, 0]
+            text = ", ".join(f"{name} = {at:.6g}" for name, at in zip(drive.names, values, strict=True))
+            return f"{text} on the way to {target_text}"
+
+        start = follow(loops.with_law(straight, along), start, [distance])[0]
+    start[loops.crank_address], start[drive.addresses] = 0.0, target
+    return start

@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CrankProfile, swing
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
-from mechsim.simulation.closed_model import assembled
+from mechsim.simulation.source import assembled
 from mechsim.studies.extremes.trial import Trial, attempt
 from mechsim.units import rpm
 

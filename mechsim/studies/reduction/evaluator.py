@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.studies.reduction.reduced_scene import ReducedScene, reduced_scene
 from mechsim.studies.scene.converged_reference import interpolated
 from mechsim.studies.scene.errors import worst_distance

@@ -16,8 +16,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable
 from mechsim.studies.reduction.candidates.stepping import (
     EULER,

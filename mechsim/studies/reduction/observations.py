@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.matrices import dense_rows
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.reduced_scene import ReducedScene
 from mechsim.studies.scene.evaluator import stepped
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf_reader.element_names import name_elements
+from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.studies.scene.scene import UserScene, as_exact
 
 

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.studies.reduction.candidates import VISUAL_ONLY
 from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed, count_text
 from mechsim.studies.reduction.evaluator import Evaluator

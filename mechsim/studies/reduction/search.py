@@ -9,8 +9,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.studies.reduction.candidates import CATEGORIES
 from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed
 from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps

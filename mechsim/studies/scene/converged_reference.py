@@ -14,7 +14,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import believed_order
-from mechsim.simulation.stiffest_element import stiffness_cause
+from mechsim.simulation.divergence import stiffness_cause
 from mechsim.studies.scene.evaluator import SceneRun, stepped
 from mechsim.studies.scene.scene import UserScene
 

@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.divergence_cause import limit_or_contact, near_singular
-from mechsim.simulation.stiffest_element import stiffness_cause
+from mechsim.simulation.divergence import limit_or_contact, near_singular, stiffness_cause
 from mechsim.studies.scene.converged_reference import SceneLimit
 from mechsim.studies.scene.evaluator import SceneRun, stepped
 from mechsim.studies.scene.scene import UserScene

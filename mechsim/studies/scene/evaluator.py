@@ -11,7 +11,7 @@ from mujoco import batch
 
 from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.scene.scene import UserScene
 
 # steps in one call into C

@@ -11,8 +11,7 @@ from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.model.motion_laws import CrankProfile, State, steady
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.studies.scene.errors import worst_distance
 from mechsim.studies.scene.evaluator import SceneRun, stepped
 from mechsim.studies.scene.scene import UserScene, scene_of

@@ -13,13 +13,12 @@ from mechsim.model.links import GROUND, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
-from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.driven_joints import did_you_mean, listed
+from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies, fix_bodies_in_scene
-from mechsim.simulation.mjcf_reader.link_frames import carriers, link_name, vector
+from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, link_name, vector
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.scene.exact_closure import CLOSED, ExactClosure, exact_closure
 

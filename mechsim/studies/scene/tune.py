@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from mechsim.numerics.convergence import half_extent
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.scene import (
     By,
     SceneErrors,

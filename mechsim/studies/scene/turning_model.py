@@ -11,15 +11,12 @@ from mechsim.files import stem_of
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import constant
 from mechsim.numerics.angles import TURN
-from mechsim.simulation.closed_model import from_mechanism
 from mechsim.simulation.driven_run import first_state
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.exact_text import to_xml
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet, to_xml
 from mechsim.simulation.mjcf.joints import CRANK
-from mechsim.simulation.mjcf.silence import quiet
 from mechsim.simulation.mjcf_reader import read_model
-from mechsim.simulation.mjcf_text.edited_text import EditedText
-from mechsim.simulation.mjcf_text.setting_edits import put_comment
+from mechsim.simulation.mjcf_text.edited_text import EditedText, put_comment
+from mechsim.simulation.source import from_mechanism
 from mechsim.studies.scene import errors_of, scene_of, stepped
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.tune import SECONDS, Tell, tuned

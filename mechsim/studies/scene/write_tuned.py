@@ -10,20 +10,19 @@ import numpy as np
 from mechsim.errors import InputError, MechsimError
 from mechsim.files import written_beside
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.simulation.mjcf.silence import quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.simulation.mjcf_text.edited_text import EditedText
-from mechsim.simulation.mjcf_text.element_spans import Element
-from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, with_included
-from mechsim.simulation.mjcf_text.setting_edits import (
+from mechsim.simulation.mjcf_text.edited_text import (
+    EditedText,
+    Element,
     equality_elements,
     put_comment,
     put_key,
     set_compliance,
     set_options,
 )
+from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, with_included
 from mechsim.studies.scene.scene import RK4, UserScene
 from mechsim.studies.scene.settings import FLAGS, OPTIONS, PlainSettings
 

@@ -16,9 +16,15 @@ from mechsim.model.motion_laws import closes_nowhere, within_range
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.many.design_models import design_models
-from mechsim.simulation.many.design_motion import Told, design_motion
-from mechsim.simulation.many.design_torque import design_torque
-from mechsim.simulation.many.stepped_designs import SteppedDesigns, judged, parted, stepped_designs
+from mechsim.simulation.many.stepped_designs import (
+    Content,
+    SteppedDesigns,
+    check_designs,
+    design_motion,
+    design_torque,
+    first_open_angle,
+    stepped_designs,
+)
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
 from mechsim.studies.sweep.assembled_designs import assembled_designs
@@ -55,17 +61,17 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, re
         stepped = stepped_designs(
             models, task.settings, task.path_speed, task.samples * task.stride, task.stride
         )
-        verdict = judged(stepped)
+        verdict = check_designs(stepped)
     except np.linalg.LinAlgError:
         return index
-    valid = stepped.whole & verdict.kept
+    valid = stepped.valid & verdict.same_assembly
     _measure(task, stepped, np.flatnonzero(valid), numbers, result)
     for i in np.flatnonzero(valid & ~(verdict.estimate <= verdict.tolerance)):
         result.reject(numbers[[i]], "failed", too_far(verdict.estimate[i], verdict.tolerance[i]))
     failed = np.flatnonzero(~valid)
-    separations = parted(stepped, failed) if len(failed) else np.zeros(0)
+    separations = first_open_angle(stepped, failed) if len(failed) else np.zeros(0)
     separated = np.isfinite(separations)
-    diverged = failed[~separated & ~stepped.whole[failed]]
+    diverged = failed[~separated & ~stepped.valid[failed]]
     result.reject(numbers[diverged], "diverged", DIVERGED_REASON)
     # loops that open may belong to a swinging crank, which a single run shows
     undetermined = np.setdiff1d(failed, diverged)
@@ -85,7 +91,7 @@ def _measure(task: SweepTask, stepped: SteppedDesigns, rows: Rows, numbers: Rows
     result.store(numbers[rows], values)
 
 
-def _detail(task: SweepTask) -> Told:
+def _detail(task: SweepTask) -> Content:
     """Return the level of detail that the measures need."""
     if task.accelerated:
         return "rates"

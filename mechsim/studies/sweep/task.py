@@ -15,8 +15,8 @@ from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import PART_OF_RANGE
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.many.design_models import LikeModel, like_model
-from mechsim.simulation.recorded_motion import CHUNK
+from mechsim.simulation.many.design_models import SharedModel, shared_model
+from mechsim.simulation.recording import CHUNK
 from mechsim.simulation.settings import Settings
 from mechsim.studies.quantities import TRANSMISSION, Quantity, Source
 from mechsim.studies.sweep.designs import Designs
@@ -180,14 +180,14 @@ class SweepTask:
         return None
 
     @cached_property
-    def like(self) -> LikeModel | None:
+    def like(self) -> SharedModel | None:
         """The model with which designs are stepped together; None if each must be stepped alone."""
         solver = self.subject.solver
         alone = self.settings is None or self.wants("function") or self.uses("link") or self.samples > CHUNK
         if alone or solver.motion_laws is not None or (self.loaded and not self._weighed):
             return None
         with suppress(MechsimError):
-            return like_model(solver.mechanism, self.forces.gravity if self.loaded else None)
+            return shared_model(solver.mechanism, self.forces.gravity if self.loaded else None)
         return None
 
     @property

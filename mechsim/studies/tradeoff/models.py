@@ -11,14 +11,15 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import CrankProfile, Settings, closed_model, constant
-from mechsim.simulation.closed_model import ClosedModel, Model
+from mechsim.simulation import CrankProfile, Settings, constant
+from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf import compiled
 from mechsim.simulation.mjcf.alternatives import LENGTH, MOTOR, inertia_at_crank
-from mechsim.simulation.mjcf_reader.driven_joints import driven
+from mechsim.simulation.mjcf_reader.coordinates import driven
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recorded_motion import evaluate
+from mechsim.simulation.recording import evaluate
+from mechsim.simulation.source import CRANK, Model, from_spec, tracked_points
 from mechsim.simulation.stepping import Steps, step
 from mechsim.studies.tradeoff.setting_families import Build
 
@@ -132,8 +133,8 @@ def build_model(
     build = build or Build()
     spec = build.made(source, variants)
     going_on()
-    points = closed_model.tracked_points(source, spec)
-    closed = closed_model.from_spec(spec, points, _crank(source, spec))
+    points = tracked_points(source, spec)
+    closed = from_spec(spec, points, _crank(source, spec))
     going_on()
     profile = profile or constant(speed, 1.0, closed.angle)
     if build.rod is None:
@@ -151,9 +152,9 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
         InputError: for a model of one's own in which several joints are driven.
     """
     if isinstance(source, Mechanism):
-        return closed_model.CRANK
-    if any(joint.name == closed_model.CRANK for joint in spec.joints):
-        return closed_model.CRANK
+        return CRANK
+    if any(joint.name == CRANK for joint in spec.joints):
+        return CRANK
     names = driven(compiled(spec.copy()), (), (), describe_only=False)
     if len(names) > 1:
         raise InputError(

@@ -13,10 +13,10 @@ from typing import Any, Literal
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import LEVELS, Level, Scene
-from mechsim.simulation.closed_model import Model, load
 from mechsim.simulation.mjcf.alternatives import add_servo, gear_to_motor, rod_as_length, rod_of
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.settings import INTEGRATORS, LEAST_CONSTANT, Settings
+from mechsim.simulation.source import Model, load
 
 CrankDrive = Literal["drive_inertia", "geared", "servo"]
 

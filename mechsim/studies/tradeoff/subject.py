@@ -17,7 +17,7 @@ from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import believed_order, half_extent, richardson
 from mechsim.simulation import Settings
-from mechsim.simulation.closed_model import Model
+from mechsim.simulation.source import Model
 from mechsim.studies.budget import BEYOND, Budget, TrialTimes
 from mechsim.studies.tradeoff.models import BuiltModel, build_model
 from mechsim.verdict.quantities import QUANTITIES, motion_scales

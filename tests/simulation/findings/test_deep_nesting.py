@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 from counted_calls import calls
 
-from mechsim.simulation.findings import masses
+from mechsim.simulation.findings import implausible_numbers
 from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.mjcf_reader import read_model
 
@@ -24,12 +24,14 @@ def nested(tmp_path, depth):
 
 def test_what_a_body_carries_is_what_mujoco_adds_up(tmp_path):
     scene = nested(tmp_path, 60)
-    np.testing.assert_allclose(masses.carried_masses(scene), scene.model.body_subtreemass, rtol=1e-13)
+    np.testing.assert_allclose(
+        implausible_numbers.carried_masses(scene), scene.model.body_subtreemass, rtol=1e-13
+    )
 
 
 def test_weighing_nested_bodies_takes_calls_in_proportion_to_their_number(tmp_path):
     def weigh(scene):
-        assert list(masses.impossible(scene)) == []
+        assert list(implausible_numbers.impossible(scene)) == []
 
     few, many = (calls(partial(weigh, nested(tmp_path, depth))) for depth in (60, 360))
     # six times the bodies; the square would be 36 times

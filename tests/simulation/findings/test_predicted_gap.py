@@ -6,9 +6,8 @@ import pytest
 from sound_scene import changed
 
 from mechsim.model.motion_laws import make_motion_laws
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, swing, wave
 from mechsim.simulation.findings.predicted_gap import gaps_at_rest, gaps_in, impedance
-from mechsim.simulation.findings.swing import swing, wave
 from mechsim.simulation.mjcf_reader import read_model
 
 # the crank is led along its program by a servo that hardly yields

@@ -13,11 +13,44 @@ from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.redundant_drivers import immobile_drivers, overdetermined_error
+
+# residual, relative to the largest Jacobian entry, above which the other DOFs cannot follow a driver
+LOCKED_FRACTION = 1e-6
+
+
+def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
+    """Return the crank, or the drivers, that cannot move while the other drivers are locked.
+
+    Args:
+        loops: of the model.
+        jacobian: at one state, (m, nv).
+    """
+    names, driver_columns = ("crank",), -jacobian[:, [loops.crank]]
+    if loops.drivers is not None:
+        names, driver_columns = loops.drivers.names, np.eye(len(jacobian))[:, -len(loops.drivers.names) :]
+    constrained = loops.constrained_jacobian(jacobian[None])[0]
+    errors = np.abs(
+        constrained @ (np.linalg.pinv(constrained, rcond=RANK_TOLERANCE) @ driver_columns) - driver_columns
+    ).max(0, initial=0.0)
+    tolerance = max(LOCKED_FRACTION * float(np.abs(jacobian).max(initial=0.0)), loops.rounding)
+    return tuple(name for name, miss in zip(names, errors, strict=True) if not miss <= tolerance)
+
+
+def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: float) -> MobilityError:
+    """Return the error that names the immobile drivers; `angle` is the crank's, in [rad]."""
+    if loops.drivers is None:
+        problem = f"the loops leave the crank no motion at {loops.driver_text(angle)}"
+        remedy = "take away a driver, a gear or a joint"
+    else:
+        others = "the other drivers are" if len(loops.drivers.names) > 1 else "all else is"
+        problem = f"the loops do not let {', '.join(locked)} move while {others} held"
+        remedy = "take away a driver, a coupling, a hold or a joint"
+    return MobilityError(f"{loops.name}: overdetermined: {problem}; {remedy}", "overdetermined")
+
 
 # displacement, in [rad] and in characteristic lengths, by which a null-space direction is probed; fraction of
 # it that remains after closing the loops if the DOF is real; fraction by which a moving point or joint moves
-NUDGE, STAYS, MATTERS = 1e-3, 0.5, 1e-2
+NUDGE, MIN_REMAINING, MIN_DISPLACEMENT = 1e-3, 0.5, 1e-2
 # maximum number of bodies that a note lists
 MAX_LISTED = 6
 
@@ -43,52 +76,52 @@ def residual_mobility(closed: ClosedModel) -> ResidualMobility:
     """Return what the drivers leave undetermined at the closed state of a model."""
     loops, state = closed.loops, closed.qpos[None]
     jacobian = loops.linearise(state)[1]
-    held = loops.constrained_jacobian(jacobian)[0]
-    _, values, freedoms = np.linalg.svd(held)
+    constrained = loops.constrained_jacobian(jacobian)[0]
+    _, values, directions = np.linalg.svd(constrained)
     rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-    unmoved = immobile_drivers(loops, jacobian[0])
+    immobile = immobile_drivers(loops, jacobian[0])
     names: list[str] = []
-    singular, settled = False, np.ones(loops.model.nbody, dtype=np.bool_)
-    for freedom in freedoms[rank:]:
-        moved = _closed_after_nudge(loops, closed.qpos, freedom)
-        there = moved if moved is not None else _nudged(loops, closed.qpos, freedom)
-        seen = _moved_names(closed, closed.qpos, there)
-        settled &= ~_moved_bodies(loops, closed.qpos, there)
-        singular |= moved is None and bool(seen)
-        names += seen if moved is not None else ()
+    singular, determined = False, np.ones(loops.model.nbody, dtype=np.bool_)
+    for direction in directions[rank:]:
+        moved = _closed_after_nudge(loops, closed.qpos, direction)
+        nudged = moved if moved is not None else _nudged(loops, closed.qpos, direction)
+        moved_names = _moved_names(closed, closed.qpos, nudged)
+        determined &= ~_moved_bodies(loops, closed.qpos, nudged)
+        singular |= moved is None and bool(moved_names)
+        names += moved_names if moved is not None else ()
     return ResidualMobility(
         tuple(dict.fromkeys(names)),
-        immobile_drivers=() if singular or names else unmoved,
-        at_change_point=singular and not unmoved,
-        determined_bodies=settled,
+        immobile_drivers=() if singular or names else immobile,
+        at_change_point=singular and not immobile,
+        determined_bodies=determined,
     )
 
 
-def require_determined(closed: ClosedModel, found: ResidualMobility) -> None:
+def require_determined(closed: ClosedModel, mobility: ResidualMobility) -> None:
     """Reject a model whose poses the drivers do not determine.
 
     Raises:
         MobilityError: with the undetermined joints and points.
     """
-    if found.undetermined:
+    if mobility.undetermined:
         raise MobilityError(
             f"{closed.loops.name}: underdetermined: with the {_drivers(closed)} held "
-            f"{', '.join(found.undetermined)} can still move; "
+            f"{', '.join(mobility.undetermined)} can still move; "
             f"drive, hold or couple them, or {STEPPED}",
             "underdetermined",
         )
 
 
-def require_movable(closed: ClosedModel, found: ResidualMobility) -> None:
+def require_movable(closed: ClosedModel, mobility: ResidualMobility) -> None:
     """Reject immobile drivers, and a start at a change point, from which two motions lead.
 
     Raises:
         MobilityError: for immobile drivers.
         AssemblyError: for a start at a change point.
     """
-    if found.immobile_drivers:
-        raise overdetermined_error(closed.loops, found.immobile_drivers, closed.angle)
-    if found.at_change_point:
+    if mobility.immobile_drivers:
+        raise overdetermined_error(closed.loops, mobility.immobile_drivers, closed.angle)
+    if mobility.at_change_point:
         raise AssemblyError(
             f"{closed.loops.name}: it starts at {closed.loops.driver_text(closed.angle)}, where two "
             "assemblies meet and none can be told from the other; give a start at "
@@ -159,48 +192,56 @@ def _range_remedy(closed: ClosedModel) -> str:
     return "turn the crank less" if closed.loops.drivers is None else "move the drivers less"
 
 
-def _nudged(loops: ModelLoops, state: Array, freedom: Array) -> Array:
+def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
     step = np.zeros((1, loops.model.nv))
-    step[0, loops.free] = NUDGE * freedom
+    step[0, loops.free] = NUDGE * direction
     return loops.displaced(state[None], step)[0]
 
 
-def _closed_after_nudge(loops: ModelLoops, state: Array, freedom: Array) -> Array | None:
+def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Array | None:
     """Return the state moved along a null-space direction and closed; None where the loops prevent it."""
-    nudged = _nudged(loops, state, freedom)
+    nudged = _nudged(loops, state, direction)
     try:
         closed = loops.close(nudged[None])[0]
     except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
         return None
-    return closed if np.abs(closed - nudged).max() < (1.0 - STAYS) * np.abs(nudged - state).max() else None
+    return (
+        closed
+        if np.abs(closed - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()
+        else None
+    )
 
 
 def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
     """Return the joints and tracked points that differ between two states."""
     model, loops = closed.model, closed.loops
-    found: list[str] = []
-    swings = _moved_bodies(loops, state, moved)
+    names: list[str] = []
+    moved_bodies = _moved_bodies(loops, state, moved)
     for body in range(model.nbody - 1, 0, -1):
-        swings[model.body_parentid[body]] |= swings[body]
-    for i, (kind, place) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
+        moved_bodies[model.body_parentid[body]] |= moved_bodies[body]
+    for i, (kind, address) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
         scale = loops.characteristic_length if kind == SLIDE else 1.0
-        turned = kind in (HINGE, SLIDE) and abs(moved[place] - state[place]) > MATTERS * NUDGE * scale
+        moved_joint = (
+            kind in (HINGE, SLIDE) and abs(moved[address] - state[address]) > MIN_DISPLACEMENT * NUDGE * scale
+        )
         # a link that spins about its own axis has not moved
-        if turned and swings[model.jnt_bodyid[i]]:
-            found.append(f"joint {model.joint(i).name or i!r}")
-    places = closed.point_positions(np.stack([state, moved]))
-    gone = np.linalg.norm(places[1] - places[0], axis=1)
-    for name, far in zip(closed.track.points, gone, strict=True):
+        if moved_joint and moved_bodies[model.jnt_bodyid[i]]:
+            names.append(f"joint {model.joint(i).name or i!r}")
+    positions = closed.point_positions(np.stack([state, moved]))
+    displacements = np.linalg.norm(positions[1] - positions[0], axis=1)
+    for name, displacement in zip(closed.track.points, displacements, strict=True):
         body = int(model.site_bodyid[model.site(name).id])
-        if far > MATTERS * NUDGE * loops.characteristic_length and not _is_floating(loops, body):
-            found.append(f"point {name}")
-    return found
+        if displacement > MIN_DISPLACEMENT * NUDGE * loops.characteristic_length and not _is_floating(
+            loops, body
+        ):
+            names.append(f"point {name}")
+    return names
 
 
 def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
     """Return which bodies' centres of mass differ between two states, (nbody,)."""
-    gone = np.diff(loops.centres(np.stack([state, moved])), axis=0)[0]
-    return np.linalg.norm(gone, axis=1) > MATTERS * NUDGE * loops.characteristic_length
+    displacements = np.diff(loops.centres(np.stack([state, moved])), axis=0)[0]
+    return np.linalg.norm(displacements, axis=1) > MIN_DISPLACEMENT * NUDGE * loops.characteristic_length
 
 
 def _is_floating(loops: ModelLoops, body: int) -> bool:
@@ -223,12 +264,12 @@ def floating_bodies_note(closed: ClosedModel) -> str:
         return ""
     names = [str(model.body(body).name or f"body {body}") for body in bodies[:MAX_LISTED]]
     more = f" and {len(bodies) - MAX_LISTED} more" if len(bodies) > MAX_LISTED else ""
-    floats, stands, them = (
+    floats, state, pronoun = (
         ("floats", "it stands where it starts", "it")
         if len(bodies) == 1
         else ("float", "they stand where they start", "them")
     )
     return (
-        f"{', '.join(names)}{more} {floats} beside what is driven, and poses say nothing of that: {stands}; "
-        f"hold {them} (--fix-base), or {STEPPED}"
+        f"{', '.join(names)}{more} {floats} beside what is driven, and poses say nothing of that: {state}; "
+        f"hold {pronoun} (--fix-base), or {STEPPED}"
     )

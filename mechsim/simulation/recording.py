@@ -1,4 +1,4 @@
-"""States of a model to a Motion: places, rates and accelerations of one and the same instant."""
+"""Evaluates recorded states to a Motion: positions, rates and accelerations at the same instants."""
 
 import copy
 from collections.abc import Callable, Mapping
@@ -12,10 +12,10 @@ from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, S
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
-from mechsim.simulation.posed_bodies import ONE_THREAD, rotated
+from mechsim.simulation.state import ONE_THREAD, rotated
 
 OFF = mujoco.mjtDisableBit
-# forces that may be any size
+# forces that may be large: actuators, springs and dampers
 FORCE_FLAGS = int(OFF.mjDSBL_ACTUATION) | int(OFF.mjDSBL_SPRING) | int(OFF.mjDSBL_DAMPER)
 # states evaluated in one go, so that a long run needs little memory
 CHUNK = 2048
@@ -34,9 +34,9 @@ class Track:
     Attributes:
         points: names of the sites.
         links: names of the bodies.
-        hidden: links of the model that no motion tells of.
-        called: joint of the model -> the coordinate it is, and which of several of one joint; those left out
-            are recorded by their own names.
+        hidden: links of the model that motions leave out.
+        coordinates: joint of the model -> the coordinate it is recorded as, and its index in a joint of
+            several; others are recorded by their own names.
     """
 
     points: tuple[str, ...]
@@ -47,7 +47,7 @@ class Track:
     )
 
     def name(self, joint: str) -> tuple[str, int | None]:
-        """Return what a joint of the model is recorded as, and which of several coordinates it is."""
+        """Return the coordinate that a joint is recorded as, and its index in a joint of several."""
         return self.coordinates.get(joint, (joint, None))
 
 
@@ -97,7 +97,7 @@ def evaluate(
     crank_acceleration: Array | None = None,
     driver_acceleration: Array | None = None,
     force: Array | None = None,
-    watch: Callable[[str, float], None] = lambda _, __: None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> Motion:
     """Return the motion at recorded states.
 
@@ -105,13 +105,13 @@ def evaluate(
         loops: of the model the states belong to.
         track: what to record.
         states: n of them.
-        source: the road they came by.
+        source: the method that computed them.
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
-            exactly. None reports what MuJoCo's own dynamics gives at the state; with dry friction, the
-            crank's acceleration by it, and of all else those that keep the loops closed.
-        driver_acceleration: of what programs drive, (n, drivers), where it is not what they say.
-        force: generalised force on the crank at each state, (n,) in [N m]; or on all `moved_dofs`, (n, k).
-        watch: told how far it has come, in words and as a part of the whole.
+            exactly. None reports the result of MuJoCo's dynamics at the state; with Coulomb friction, the
+            crank's acceleration is MuJoCo's, and all others keep the loops closed.
+        driver_acceleration: of the drivers, (n, drivers), where it differs from their motion laws.
+        force: generalised force on the crank at each state, (n,) in [N m]; or on `actuated_dofs`, (n, k).
+        progress: callback with the progress as text and as a fraction.
     """
     n = len(states.time)
 
@@ -131,7 +131,7 @@ def evaluate(
                 part(force, i),
             )
         )
-        watch(f"{min(i + CHUNK, n):,} of {n:,} poses", min(i + CHUNK, n) / n)
+        progress(f"{min(i + CHUNK, n):,} of {n:,} poses", min(i + CHUNK, n) / n)
     return join(parts)
 
 
@@ -144,8 +144,8 @@ def _evaluated(
     driver_acceleration: Array | None,
     force: Array | None,
 ) -> Motion:
-    # where the loops settle the accelerations, MuJoCo's soft constraints need not be solved first; nor may
-    # servos that fight a drive, springs and dampers throw light links about, whose digits would be lost
+    # where the loops determine the accelerations, MuJoCo's soft constraints need not be solved, and servos
+    # against a drive, springs and dampers would accelerate light links so much that digits were lost
     model = _with_sensors(loops.model, constrained=crank_acceleration is None)
     n = len(states.time)
     sims = loops.posed.simulations(model, n, 1 if n <= ONE_THREAD else 0)
@@ -172,7 +172,7 @@ def _evaluated(
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
     if crank_acceleration is None and has_dry_friction(model):
-        # where friction sticks or turns round, soft loops ring: what they ring about is the motion
+        # where friction sticks or reverses, soft loops oscillate about the motion
         crank_acceleration = qacc[:, loops.crank].copy()
         driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:
@@ -208,7 +208,7 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
             fields["xmat"][:, model.body(name).id].reshape(-1, 3, 3),
             sensors[f"{name}:linvel"],
             sensors[f"{name}:angvel"],
-            # MuJoCo's accelerometers feel gravity as an upward acceleration of the world
+            # MuJoCo's accelerometers measure gravity as an upward acceleration of the world
             sensors[f"{name}:linacc"] + gravity,
             sensors[f"{name}:angacc"],
         )
@@ -217,7 +217,7 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
 
 
 def has_dry_friction(model: mujoco.MjModel) -> bool:
-    """Say whether joints or tendons of a model have dry friction of MuJoCo's own."""
+    """Return whether joints or tendons of a model have MuJoCo's Coulomb friction."""
     return bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
 
 
@@ -259,7 +259,7 @@ def _correction(
 def closure_acceleration(
     loops: ModelLoops, states: States, qacc: Array, links: Mapping[str, LinkMotion]
 ) -> Array:
-    """Return the second rate at which the loops open under given accelerations, (n, m)."""
+    """Return the second time derivative of the constraint residuals at given accelerations, (n, m)."""
     model = loops.model
     rates: list[Array] = [np.zeros((len(qacc), 0))]
     for pair in loops.pairs:

@@ -52,10 +52,10 @@ class FramePair:
             its derivative with respect to the rotation of the first body relative to the second, (n, 3, 3).
         """
         frame = second @ self.local[1]
-        turned = np.swapaxes(frame, 1, 2) @ first @ self.local[0]
-        half = np.sqrt(np.maximum(1.0 + np.trace(turned, axis1=1, axis2=2), HALF_TURN)) / 2.0
-        twice = turned[:, [2, 0, 1], [1, 2, 0]] - turned[:, [1, 2, 0], [2, 0, 1]]
-        vector = twice / (2.0 * half[:, None])
+        relative = np.swapaxes(frame, 1, 2) @ first @ self.local[0]
+        half = np.sqrt(np.maximum(1.0 + np.trace(relative, axis1=1, axis2=2), HALF_TURN)) / 2.0
+        difference = relative[:, [2, 0, 1], [1, 2, 0]] - relative[:, [1, 2, 0], [2, 0, 1]]
+        vector = difference / (2.0 * half[:, None])
         rate = half[:, None, None] * np.eye(3) - _cross_matrix(vector) / 2.0
         return vector, rate @ np.swapaxes(frame, 1, 2)
 
@@ -92,8 +92,8 @@ class CouplingConstraint:
     _polynomials: tuple[np.polynomial.Polynomial, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        curve = np.polynomial.Polynomial(self.coefficients)
-        object.__setattr__(self, "_polynomials", (curve, curve.deriv(1), curve.deriv(2)))
+        polynomial = np.polynomial.Polynomial(self.coefficients)
+        object.__setattr__(self, "_polynomials", (polynomial, polynomial.deriv(1), polynomial.deriv(2)))
 
     @property
     def nonlinear(self) -> bool:
@@ -116,13 +116,13 @@ class CouplingConstraint:
 
     def jacobian(self, qpos: Array, nv: int) -> Array:
         """Return the derivative of the residual with respect to all DOFs, (n, nv)."""
-        slope = np.zeros((len(qpos), nv))
-        slope[:, self.left.dofs] = self.left.weights
+        derivative = np.zeros((len(qpos), nv))
+        derivative[:, self.left.dofs] = self.left.weights
         if self.right is not None:
-            slope[:, self.right.dofs] -= (
+            derivative[:, self.right.dofs] -= (
                 self._polynomials[1](self.right.value(qpos))[:, None] * self.right.weights
             )
-        return slope
+        return derivative
 
     def velocity_product(self, qpos: Array, qvel: Array) -> Array:
         """Return the velocity-product term of the left side's acceleration at rates (n, nv), (n,)."""
@@ -161,9 +161,11 @@ def constraints(model: mujoco.MjModel) -> Constraints:
             if welded:
                 frames.append(_frame_pair(model, i, first, second))
         elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
-            of = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
-            right = of(model, second) if second >= 0 else None
-            couplings.append(CouplingConstraint(of(model, first), right, model.eq_data[i, :5].copy(), i))
+            read_sum = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
+            right = read_sum(model, second) if second >= 0 else None
+            couplings.append(
+                CouplingConstraint(read_sum(model, first), right, model.eq_data[i, :5].copy(), i)
+            )
         else:
             raise InputError(
                 f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "
@@ -195,8 +197,8 @@ def _frame_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> Frame
 
 
 def _joint(model: mujoco.MjModel, joint: int) -> Sum:
-    place, dof = model.jnt_qposadr[[joint]], model.jnt_dofadr[[joint]]
-    return Sum(place.astype(np.intp), dof.astype(np.intp), model.qpos0[place], np.ones(1))
+    address, dof = model.jnt_qposadr[[joint]], model.jnt_dofadr[[joint]]
+    return Sum(address.astype(np.intp), dof.astype(np.intp), model.qpos0[address], np.ones(1))
 
 
 def _tendon(model: mujoco.MjModel, tendon: int) -> Sum:
@@ -207,9 +209,9 @@ def _tendon(model: mujoco.MjModel, tendon: int) -> Sum:
             "loop here; make it a fixed tendon, a sum of joints"
         )
     joints = model.wrap_objid[rows]
-    place, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+    address, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
     return Sum(
-        place.astype(np.intp), dof.astype(np.intp), model.qpos0[place], model.wrap_prm[rows].astype(float)
+        address.astype(np.intp), dof.astype(np.intp), model.qpos0[address], model.wrap_prm[rows].astype(float)
     )
 
 
@@ -226,3 +228,47 @@ def _cross_matrix(vector: Array) -> Array:
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
     out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = z, -y, x
     return out
+
+
+def chained(couplings: Sequence[CouplingConstraint], driven: Sequence[int]) -> list[CouplingConstraint]:
+    """Return the couplings whose dependent coordinate follows from driven DOFs, in order of evaluation."""
+    known, chain, waiting = {*driven}, list[CouplingConstraint](), list(couplings)
+    while True:
+        found = next((one for one in waiting if _follows(one, known)), None)
+        if found is None:
+            return chain
+        waiting = [one for one in waiting if one is not found]  # arrays have no plain equality
+        chain.append(found)
+        known.add(int(found.left.dofs[0]))
+
+
+def _follows(coupling: CouplingConstraint, known: set[int]) -> bool:
+    if coupling.right is None or len(coupling.left.dofs) != 1 or int(coupling.left.dofs[0]) in known:
+        return False
+    return {int(dof) for dof in coupling.right.dofs} <= known
+
+
+def rates(
+    chain: Sequence[CouplingConstraint], values: dict[int, Array], speeds: dict[int, Array]
+) -> dict[int, Array]:
+    """Return the rates of all coordinates of a chain, DOF -> (n,).
+
+    Args:
+        chain: from `coupling_chain`.
+        values: of driven coordinates: address in qpos -> (n,) in [m] or [rad].
+        speeds: of driven coordinates: DOF -> (n,) in [m/s] or [rad/s].
+    """
+    values, speeds = dict(values), dict(speeds)
+    for one in chain:
+        assert one.right is not None
+        weight, place, dof = float(one.left.weights[0]), int(one.left.addresses[0]), int(one.left.dofs[0])
+        wanted, slope = one.evaluate(_sum(one.right, values))
+        values[place] = one.left.zeros[0] + wanted / weight
+        right = sum(w * speeds[int(of)] for of, w in zip(one.right.dofs, one.right.weights, strict=True))
+        speeds[dof] = np.asarray(slope * right / weight)
+    return speeds
+
+
+def _sum(side: Sum, values: dict[int, Array]) -> Array:
+    parts = zip(side.addresses, side.zeros, side.weights, strict=True)
+    return np.sum([weight * (values[int(place)] - zero) for place, zero, weight in parts], axis=0)

@@ -1,4 +1,4 @@
-"""Runs in MuJoCo and how they ended: a driven one, one with its efforts, a free one."""
+"""Results of runs in MuJoCo: a driven run, one with its forces, a free one."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,15 +9,15 @@ from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.finding import Outcome
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, short_repr
-from mechsim.simulation.refine import ToleranceReport
 from mechsim.simulation.settings import Settings
+from mechsim.simulation.tolerance import ToleranceReport
 
 Method = Literal["step", "pose"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """A run in MuJoCo and how it ended.
+    """A run in MuJoCo and its outcome.
 
     Attributes:
         motion: at the recorded instants; its rates and accelerations belong to the same instants.
@@ -28,12 +28,11 @@ class Run:
             at the same crank angle, in [m].
         steps: time steps taken, trials not counted; poses solved for method "pose".
         seconds: time spent stepping or solving, trials not counted.
-        settings: how it was stepped; None for method "pose".
+        settings: of the stepping; None for method "pose".
         timestep: in [s]; None for method "pose".
         method: "step" or "pose".
-        promise: how a tolerance that was asked for was kept; None for method "pose" and without one.
-        note: what was changed of a model of one's own, and what is not for dynamics to decide; empty where
-            there is nothing.
+        tolerance_report: whether a requested tolerance is satisfied; None for method "pose" and without one.
+        note: changes of a custom model, and what dynamics do not determine; may be empty.
     """
 
     motion: Motion
@@ -66,7 +65,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driven:
-    """A machine under a prescribed crank, as MuJoCo has it.
+    """A dynamic model under a prescribed crank, by MuJoCo.
 
     Attributes:
         motion: at the recorded instants.
@@ -77,9 +76,9 @@ class Driven:
         seconds: time spent stepping or solving, the evaluation of the records not counted.
         settings: how it was stepped; None for method "pose".
         timestep: in [s]; None for method "pose".
-        promise: what was asked of it and how it came out; None where no tolerance was.
-        note: what is to be said of it, in one sentence; empty where there is nothing.
-        masses: of the links, and where each comes from.
+        tolerance_report: whether a requested tolerance is satisfied; None without one.
+        note: remark on the run as a sentence; may be empty.
+        masses: of the links, with their sources.
     """
 
     motion: Motion
@@ -99,19 +98,19 @@ class Driven:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SteppedFreeRun:
-    """A free run as MuJoCo has it.
+    """A free run by MuJoCo.
 
     Attributes:
         motion: at the recorded instants.
-        efforts: at the same instants; no drive acts, so that the torque in it is what MuJoCo's equation
-            of motion leaves over.
-        free: crank motion, energies and how it ended, at the same instants.
+        efforts: at the same instants; no drive acts, so its torque is the residual of MuJoCo's equation of
+            motion.
+        free: crank motion, energies and outcome, at the same instants.
         steps: time steps taken.
         seconds: time spent stepping.
         timestep: in [s].
-        settings: how it was stepped.
-        promise: what was asked of it and how it came out; None where no tolerance was.
-        masses: of the links, and where each comes from.
+        settings: of the stepping.
+        tolerance_report: whether a requested tolerance is satisfied; None without one.
+        masses: of the links, with their sources.
     """
 
     motion: Motion

@@ -1,0 +1,238 @@
+"""Distances of recorded states from the poses solved at their crank angles; changes of assembly."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from mechsim.errors import AssemblyError
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.model.motion_laws import CrankProfile
+from mechsim.model.scene import Scene
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.path import AssemblyPath, BranchPath
+from mechsim.simulation.source import initial_guess, link_poses
+
+# a state is in another assembly if its distance from the nearest pose is below this fraction of its distance
+# from the expected pose, and the latter is above this fraction of the half stroke; pairs of records that are
+# tested; rounding of positions relative to the characteristic length, which decides for a tiny stroke
+MAX_DISTANCE_RATIO, MIN_SEPARATION, MAX_PAIRS, ROUNDING = 0.5, 0.02, 100, 1e-12
+
+
+def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Array, Array]:
+    """Return the largest distance of a tracked point from its position in the solved pose, and the positions.
+
+    The reference of a point that the crank does not determine is the closed pose nearest to the recorded
+    state.
+
+    Args:
+        closed: the model.
+        motion: at n instants.
+        states: at the same instants, (n, nq).
+
+    Returns:
+        Distances in [m], (n,), infinite from the first crank angle on that has no pose; and the positions
+        before that, (solved, k, 3) in [m].
+    """
+    positions = closed.point_positions(_solved_poses(closed, states))
+    if closed.undetermined_points.any():
+        try:
+            nearest = closed.point_positions(closed.loops.close(states[: len(positions)]))
+            positions[:, closed.undetermined_points] = nearest[:, closed.undetermined_points]
+        except AssemblyError:
+            positions[:, closed.undetermined_points] = np.inf
+    error = np.full(len(states), np.inf)
+    error[: len(positions)] = _distances(_recorded(motion)[: len(positions)], positions)
+    return error, positions
+
+
+def lag_distance(closed: ClosedModel, motion: Motion, angles: Array) -> float:
+    """Return the largest distance of a driven point from its pose at the prescribed angles, in [m].
+
+    Args:
+        closed: the model.
+        motion: at n instants.
+        angles: prescribed for the crank or the path parameter at these instants, (n,) in [rad].
+    """
+    target, driven = (
+        closed.point_positions(follow.follow(closed.loops, closed.qpos, angles)),
+        _is_driven(closed),
+    )
+    return float(_distances(_recorded(motion)[:, driven], target[:, driven]).max())
+
+
+def in_another_assembly(
+    closed: ClosedModel, motion: Motion, states: Array, error: Array, positions: Array
+) -> bool:
+    """Return whether two successive distant records lie in another assembly.
+
+    Args:
+        closed: the model.
+        motion: at n instants.
+        states: at the same instants, (n, nq).
+        error: as from `pose_errors`.
+        positions: as from `pose_errors`.
+    """
+    count, recorded = len(positions), _recorded(motion)
+    stroke = float(np.ptp(positions[:, _is_driven(closed)], axis=0).max())
+    distant = error[:count] > max(
+        MIN_SEPARATION * 0.5 * stroke, ROUNDING * closed.loops.characteristic_length
+    )
+    pairs = np.flatnonzero(distant[1:] & distant[:-1])
+    tested = pairs[np.unique(np.linspace(0, len(pairs) - 1, MAX_PAIRS).astype(int))] if len(pairs) else []
+    for i in tested:
+        both = slice(i, i + 2)
+        try:
+            nearest = closed.loops.close(states[both])
+        except AssemblyError:
+            continue
+        if (
+            _distances(recorded[both], closed.point_positions(nearest)) < MAX_DISTANCE_RATIO * error[both]
+        ).all():
+            return True
+    return False
+
+
+def _solved_poses(closed: ClosedModel, states: Array) -> Array:
+    """Return the poses solved at the crank angles of states, up to the last that has one.
+
+    A crank driven beyond a dead centre by the linkage has no pose there. Under motion laws the drivers take
+    their recorded values.
+    """
+    loops = closed.loops
+    angles = states[:, loops.crank_address]
+    count, solved, unsolved = len(angles), 1, len(angles) + 1
+    states_solved = states[:1]
+    while unsolved - solved > 1:
+        try:
+            states_solved = follow.follow(closed.loops, closed.qpos, angles[:count])
+            solved = count
+        except AssemblyError:
+            unsolved = count
+        count = (solved + unsolved) // 2
+    if loops.drivers is not None:
+        driven = states[: len(states_solved), loops.drivers.addresses]
+        states_solved[:, loops.drivers.addresses] = driven
+        states_solved = loops.with_drivers_locked(driven.T).close(states_solved)
+    return states_solved
+
+
+def _distances(recorded: Array, positions: Array) -> Array:
+    """Return the largest distance of points (n, k, 3) from reference positions, (n,); NaN is infinite."""
+    gaps = np.sqrt(((recorded - positions) ** 2).sum(-1)).max(1, initial=0.0)
+    return np.where(np.isfinite(gaps), gaps, np.inf)
+
+
+def _is_driven(closed: ClosedModel) -> list[bool]:
+    """Return for each tracked point whether the drivers move it."""
+    return [name in closed.driven_points for name in closed.track.points]
+
+
+def _recorded(motion: Motion) -> Array:
+    """Return the positions of all points of a motion, (n, k, 3)."""
+    return np.stack([point.position for point in motion.points.values()], 1)
+
+
+# crank angles at which a profile is probed
+PROBES = 64
+# distance from a change point, in [rad], below which the start is at it: poses there are rounded as much
+AT_START = 1e-6
+# distance in [rad] by which a path is followed beyond the first crank angle
+BEYOND = 0.05
+
+
+def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[float]:
+    """Return the angles of the crank, or values of the path parameter, of the change points passed, in [rad].
+
+    Raises:
+        AssemblyError: where the loops do not close on it.
+    """
+    angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
+    path = _path(closed, angle)
+    low, high = float(angle.min()), float(angle.max())
+    revolutions = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
+    first = float(path.revolutions(angle[:1])[0]) * TURN
+    change_point_angles = [m.angle + first + lap for m in path.change_points for lap in revolutions]
+    return sorted(at for at in change_point_angles if low - AT_START <= at <= high + AT_START)
+
+
+def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | BranchPath:
+    """Return the path over crank angles (n,), extended a little beyond the first of them where possible.
+
+    A branch point is confirmed only after the path has passed it, and the model may start on either side.
+    """
+    first = float(angles[0])
+    behind = BEYOND * np.sign(first - closed.angle)
+    with suppress(AssemblyError):
+        return follow.follow_path(closed.loops, closed.qpos, np.append(angles, first + behind))[1]
+    return follow.follow_path(closed.loops, closed.qpos, angles)[1]
+
+
+def change_points_text(loops: ModelLoops, angles: Sequence[float]) -> str:
+    """Return the positions of change points as text."""
+    if loops.drivers is not None:
+        return ", ".join(loops.driver_text(at) for at in angles[:3])
+    return f"crank angle {', '.join(f'{at:.4g}' for at in angles[:3])} rad"
+
+
+def undecided_note(loops: ModelLoops, angles: Sequence[float]) -> str:
+    """Return the note that dynamics do not determine the branch; empty without change points."""
+    if not angles:
+        return ""
+    return (
+        f"at {change_points_text(loops, angles)} two assemblies meet, and dynamics alone cannot decide which "
+        "one goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
+    )
+
+
+def require_regular_start(loops: ModelLoops, angles: Sequence[float], start: float) -> None:
+    """Reject a time-stepped run that starts at a change point.
+
+    Raises:
+        AssemblyError: with the crank angle or the driver values.
+    """
+    if any(abs(at - start) <= AT_START for at in angles):
+        raise AssemblyError(
+            f"{loops.name}: it starts at {loops.driver_text(start)}, where two assemblies meet and dynamics "
+            "alone cannot decide which one goes on; give a start at "
+            f"{'another crank angle' if loops.drivers is None else 'other values of the drivers'}, "
+            "hold it by a second parallel crank, or run it by pose"
+        )
+
+
+# crank angles per revolution
+STEPS = 48
+
+
+def swept(mechanism: Mechanism) -> dict[str, Pose]:
+    """Return the poses of all links, with the ground, over a revolution or the range of the crank.
+
+    Links other than the ground have one pose per crank angle. Where the loops close nowhere, the only pose is
+    the model's reference configuration.
+    """
+    loops, start = initial_guess(mechanism, Scene(level="pose"))
+    forward = _states(loops, start, 2.0 * np.pi / STEPS)
+    states = forward if len(forward) >= STEPS else forward + _states(loops, start, -2.0 * np.pi / STEPS)
+    states_array = np.array(states or [loops.model.qpos0])
+    return {GROUND: IDENTITY, **link_poses(mechanism, loops.model, states_array)}
+
+
+def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
+    """Return closed states from an initial guess on, in steps of the crank, as far as it can move."""
+    states: list[Array] = []
+    rough = start
+    for _ in range(STEPS):
+        try:
+            closed = loops.close(rough[None])[0]
+        except AssemblyError:
+            break
+        states.append(closed)
+        rough = closed.copy()
+        rough[loops.crank_address] += step
+    return states

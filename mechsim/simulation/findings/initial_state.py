@@ -1,0 +1,138 @@
+"""Joints and tendons that stand beyond their limits where a scene starts."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from mechsim.model.finding import NOWHERE, FilePlace, Finding
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.findings.inspected import Inspected, null_space, swing
+from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, SLIDE
+
+# what digits of a file leave, in parts of the range
+ROUNDING = 1e-6
+# part of a freedom that is a motion of a joint, and no rounding
+SIGNIFICANT = 1e-6
+
+
+def outside_limits(scene: Inspected) -> Iterator[Finding]:
+    """Yield the joints, balls and tendons that start beyond their range, or can never leave one place."""
+    model = scene.model
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        return
+    joints = {joint.name: joint for joint in scene.read.spec.joints}
+    free = np.abs(np.vstack([null_space(jacobian) for jacobian, _ in scene.sample_jacobians]))
+    for j in np.flatnonzero(model.jnt_limited):
+        kind, name, address = int(model.jnt_type[j]), str(model.joint(j).name), int(model.jnt_qposadr[j])
+        value = float(scene.read.qpos[address])
+        if kind not in DRIVABLE:  # a ball's limit is on how far it is turned
+            value = 2.0 * float(np.arccos(min(1.0, abs(value))))
+        unit = "m" if kind == SLIDE else "rad"
+        location, (low, high) = scene.place(joints[name]), model.jnt_range[j]
+        yield from _outside(f"joint {name}", name, value, (low, high), unit, location)
+        dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in DRIVABLE else 3))
+        if low == high and value == low and free[:, dofs].max(initial=0.0) > SIGNIFICANT:
+            yield _immobile(name, float(low), unit, location)
+    tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
+    for t in np.flatnonzero(model.tendon_limited):
+        name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
+        location = scene.place(tendons[name]) if name in tendons else NOWHERE
+        low, high = model.tendon_range[t]
+        yield from _outside(f"tendon {name}", name, value, (low, high), "m or rad", location)
+
+
+def _immobile(name: str, limit: float, unit: str, location: FilePlace) -> Finding:
+    return Finding(
+        kind="limit",
+        what=name,
+        by=0.0,
+        explains=0.0,
+        message=f"joint {name} is limited to {limit:g} {unit} alone, "
+        "and every motion of its loop breaks that",
+        remedy='give it a range, or limited="false"',
+        **location,
+    )
+
+
+def _outside(
+    label: str, name: str, value: float, bounds: tuple[float, float], unit: str, location: FilePlace
+) -> Iterator[Finding]:
+    low, high = float(bounds[0]), float(bounds[1])
+    excess = max(low - value, value - high)
+    if excess > ROUNDING * max(1.0, high - low):
+        yield Finding(
+            kind="limit",
+            what=name,
+            by=excess,
+            explains=0.0,
+            message=f"{label} starts at {value:.6g} {unit}, {excess:.3g} "
+            f"beyond its range, {low:.6g} to {high:.6g}",
+            remedy="widen the range, or start from a keyframe within it",
+            **location,
+        )
+
+
+# links this far in each other collide, in parts of the size
+MIN_DEPTH = 1e-6
+# every so many states of a motion are looked at
+STATE_STRIDE = 10
+
+
+def collisions(scene: Inspected) -> Iterator[Finding]:
+    """Yield the pairs of links that touch though they are joined, or stand in each other at the start."""
+    model, joined = scene.model, _joined(scene)
+    motion = swing(scene)
+    states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_STRIDE])]
+    deepest: dict[tuple[int, int], tuple[float, tuple[int, int]]] = {}
+    for number, qpos in enumerate(states):
+        for pair, geoms, depth in _contacts(model, qpos):
+            unintended = pair in joined or (number == 0 and 0 not in pair)
+            if unintended and depth > MIN_DEPTH * scene.size and depth > deepest.get(pair, (0.0,))[0]:
+                deepest[pair] = depth, geoms
+    for pair, (depth, geoms) in deepest.items():
+        yield _collision(scene, geoms, depth, joined=pair in joined)
+
+
+def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined: bool) -> Finding:
+    model = scene.model
+    first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
+    where = "collide where they are joined" if joined else "stand in each other where the scene starts"
+    return Finding(
+        kind="collision",
+        what=f"{first}, {second}",
+        by=depth,
+        explains=0.0,
+        message=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
+        remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
+        **scene.place(list(scene.read.spec.geoms)[geoms[0]]),
+    )
+
+
+def _joined(scene: Inspected) -> set[tuple[int, int]]:
+    """Return the pairs of bodies that a joint or a loop joins, by the bodies that carry them."""
+    model = scene.model
+    carrier = model.body_weldid
+    pairs = [(b, int(model.body_parentid[b])) for b in range(1, model.nbody) if carrier[b] == b]
+    pairs += [(loop.bodies[0], loop.bodies[1]) for loop in scene.loops if loop.bodies]
+    return {_pair(int(carrier[a]), int(carrier[b])) for a, b in pairs}
+
+
+def _pair(a: int, b: int) -> tuple[int, int]:
+    return (a, b) if a < b else (b, a)
+
+
+def _contacts(model: mujoco.MjModel, qpos: Array) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
+    """Yield carriers, geoms and depth in [m] of the contacts at coordinates (nq,)."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    with quiet():
+        mujoco.mj_fwdPosition(model, data)
+    for contact in data.contact:
+        geoms = int(contact.geom[0]), int(contact.geom[1])
+        if min(geoms) < 0 or not np.isfinite(contact.dist):
+            continue
+        bodies = [int(model.body_weldid[model.geom_bodyid[geom]]) for geom in geoms]
+        if bodies[0] != bodies[1]:
+            yield _pair(*bodies), geoms, -float(contact.dist)

@@ -1,0 +1,206 @@
+"""Refines a run with more and more steps until its error estimate satisfies a tolerance."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from mechsim.errors import BudgetError
+from mechsim.numerics.arrays import worst
+from mechsim.numerics.resources import ProcessorBudget
+
+R = TypeVar("R")
+
+# fraction of the tolerance that is the target, as a margin for errors that trials do not show
+TARGET_FRACTION = 0.5
+# factor between the steps of successive attempts, at least and at most; and the maximum per revolution, which
+# a short motion may exceed if its predicted number of steps is larger
+MIN_STEP_FACTOR, MAX_STEP_FACTOR, MAX_STEPS = 1.5, 4.0, 100_000
+# steps per revolution up to which a finer run follows one that diverges
+MAX_STEPS_AFTER_DIVERGENCE = 25_000
+# ratio of successive errors below which more steps help
+MIN_GAIN = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToleranceReport:
+    """Whether a run satisfies its tolerance, with the error estimates.
+
+    Attributes:
+        tolerance: requested, in the unit of the estimates.
+        estimates: method of estimation -> largest error at any recorded instant.
+        order: observed order of convergence in the number of steps; None where nothing was stepped.
+        trials: steps of all other runs.
+        reason: one sentence where the tolerance is not satisfied.
+    """
+
+    tolerance: float
+    estimates: Mapping[str, float]
+    order: float | None = None
+    trials: int = 0
+    reason: str = ""
+
+    @property
+    def estimate(self) -> float:
+        """The largest estimate; infinity if one is NaN."""
+        return worst(list(self.estimates.values()))
+
+    @property
+    def satisfied(self) -> bool:
+        """Whether the estimate is within the tolerance."""
+        return self.estimate <= self.tolerance
+
+    @property
+    def margin(self) -> float:
+        """The tolerance over the estimate."""
+        return self.tolerance / self.estimate if self.estimate > 0.0 else np.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attempt(Generic[R]):
+    """A run with some number of steps and its error estimates.
+
+    Attributes:
+        run: the run.
+        steps: of the run.
+        estimates: as in `ToleranceReport`.
+        order: of convergence in the number of steps.
+        trials: steps of other runs that the estimates needed.
+        change: difference from which the estimate is computed, a better indicator of convergence; or NaN.
+        final: whether more steps cannot help.
+        diverged: whether the run diverged, so that nothing is known about convergence.
+    """
+
+    run: R
+    steps: int
+    estimates: Mapping[str, float]
+    order: float
+    trials: int = 0
+    change: float = field(default=np.nan)
+    final: bool = False
+    diverged: bool = False
+
+    @property
+    def estimate(self) -> float:
+        """The largest estimate."""
+        return worst(list(self.estimates.values()))
+
+    @property
+    def remaining(self) -> float:
+        """The error that should decrease from one attempt to the next."""
+        return self.estimate if np.isnan(self.change) else self.change
+
+
+def refine(
+    attempt: Callable[[int], Attempt[R]],
+    tolerance: float,
+    first: int,
+    reason_text: Callable[[int, float], str],
+    *,
+    trials: int = 0,
+    trial_steps: int = 0,
+    multiple: int = 1,
+    max_steps: int = 0,
+    budget: ProcessorBudget | None = None,
+) -> tuple[R, ToleranceReport]:
+    """Return a run that satisfies a tolerance, or the best one, and its tolerance report.
+
+    Args:
+        attempt: steps per revolution -> a run.
+        tolerance: of the estimates.
+        first: steps per revolution of the first attempt.
+        why: steps of the last attempt and estimate that is left -> why the tolerance is not kept.
+        trials: steps taken so far.
+        tried: steps in a turn of the finest trial: an attempt with fewer has not begun to converge, and is
+            followed by one with as many, whatever its estimate foretells.
+        multiple: a divisor of all numbers of steps.
+        most: steps in a turn that are spent where fewer than these, and more than `MOST`, are foretold to do.
+        budget: of processor time; an attempt that would exceed it is not begun. None is no limit.
+
+    Raises:
+        BudgetError: where the budget ends before the first attempt does.
+    """
+    steps, spent, remaining, best, ended = first, trials, np.inf, None, ""
+    while True:
+        spent_before = 0.0 if budget is None else budget.spent
+        try:
+            current = attempt(steps)
+        except BudgetError as error:
+            if best is None:
+                raise
+            ended = str(error)
+            break
+        spent += current.trials + current.steps
+        diverged = current.diverged and steps < MAX_STEPS_AFTER_DIVERGENCE
+        improved = best is None or current.remaining < MIN_GAIN * remaining or diverged
+        if best is None or current.estimate < best.estimate:
+            best = current
+        wanted_steps = max(
+            steps_for(steps, current.estimate, TARGET_FRACTION * tolerance, current.order),
+            MIN_STEP_FACTOR * steps,
+        )
+        limit = max_steps if MAX_STEPS < wanted_steps <= max_steps else MAX_STEPS
+        if current.estimate <= tolerance or current.final or not improved or steps >= limit:
+            break
+        remaining, previous_steps = current.remaining, steps
+        steps = rounded(
+            min(wanted_steps, trial_steps if steps < trial_steps else MAX_STEP_FACTOR * steps),
+            multiple,
+            limit,
+        )
+        if budget is not None and not budget.affords((budget.spent - spent_before) * steps / previous_steps):
+            ended = budget.ended
+            steps = previous_steps
+            break
+    reason = "" if best.estimate <= tolerance else reason_text(steps, best.estimate)
+    if reason and ended:
+        reason = f"{ended}; {reason}"
+    report = ToleranceReport(
+        tolerance=tolerance,
+        estimates=best.estimates,
+        order=best.order,
+        trials=spent - best.steps,
+        reason=reason,
+    )
+    return best.run, report
+
+
+def steps_for(steps: int, error: float, goal: float, order: float) -> float:
+    """Return the number of steps, not rounded, at which an error equals a goal."""
+    return steps * ((error / goal) ** (1.0 / order) if np.isfinite(error) else MAX_STEP_FACTOR)
+
+
+def rounded(steps: float, multiple: int = 1, max_steps: int = MAX_STEPS) -> int:
+    """Return the number of steps rounded up to a multiple, at most the maximum."""
+    return multiple * max(1, int(np.ceil(min(steps, max_steps) / multiple - 1e-9)))
+
+
+# limits of the compliance: MuJoCo's minimum, and MuJoCo's default
+MIN_COMPLIANCE, MAX_COMPLIANCE = 1e-16, 1.0
+# factor by which the compliance changes at least
+MIN_FACTOR = 100.0
+
+
+def improving_compliance(
+    error: Callable[[float], float], compliance: float, initial_error: float, tolerance: float
+) -> tuple[float, float] | None:
+    """Return a compliance by which much less is left of an error, and how much; None where none was found.
+
+    Args:
+        error: compliance -> worst error of a run by it, in [m].
+        compliance: by which an error is left.
+        initial_error: that error, in [m].
+        tolerance: that it should keep, in [m].
+    """
+    factor = max(MIN_FACTOR, initial_error / (TARGET_FRACTION * tolerance))
+    tried = {compliance}
+    for value in (compliance / factor, compliance * factor, compliance * MIN_FACTOR):
+        candidate = min(max(value, MIN_COMPLIANCE), MAX_COMPLIANCE)
+        if candidate in tried:
+            continue
+        tried.add(candidate)
+        remaining = error(candidate)
+        if remaining <= tolerance or remaining < MIN_GAIN * initial_error:
+            return candidate, remaining
+    return None
