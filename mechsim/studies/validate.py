@@ -237,7 +237,7 @@ def _stepped(
         runs += part == 1.0
         work.watch(f"stepped run {runs + (part < 1.0)}: {done}", 0.0)
 
-    with_budget: dict[str, Any] = {"budget": work.budget, "watch": counted}
+    with_budget: dict[str, Any] = {"budget": work.budget, "progress": counted}
     run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS), **with_budget)
     # of a run that went bad the estimate is infinite
     if not run.estimate <= place:
