@@ -6,16 +6,16 @@ metres look alike. Nothing here is physics: the shapes carry no mass and meet no
 
 from mechsim.shapes.body import free_sides, link_colours, planar_normals, point_colours, rod_radius, span
 from mechsim.shapes.joints import link_shapes
-from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Mesh, Rgba, Shape
+from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Rgba, Shape, TriangleMesh
 
 __all__ = [
     "HOUSING",
     "PALETTE",
     "STEEL",
     "Kind",
-    "Mesh",
     "Rgba",
     "Shape",
+    "TriangleMesh",
     "free_sides",
     "link_colours",
     "link_shapes",

@@ -11,7 +11,7 @@ from mechsim.numerics.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class TriangleMesh:
     """Triangles in a link's frame.
 
     Attributes:
@@ -28,7 +28,7 @@ class Mesh:
         low, high = self.vertices.min(0), self.vertices.max(0)
         return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
 
-    def coarser(self, grid_step: float) -> "Mesh":
+    def coarser(self, grid_step: float) -> "TriangleMesh":
         """Return it with all vertices within a cell of a grid made one, at their middle; cells in [m]."""
         keys, group = np.unique(np.round(self.vertices / grid_step), axis=0, return_inverse=True)
         group = group.reshape(-1)
@@ -38,7 +38,7 @@ class Mesh:
         )
         faces = group[self.faces]
         kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-        return Mesh(middle, faces[kept].astype(np.int32))
+        return TriangleMesh(middle, faces[kept].astype(np.int32))
 
 
 Rgba = tuple[float, float, float, float]
@@ -82,7 +82,7 @@ class Shape:
     rgba: Rgba
     thickness: Vector = (0.0, 0.0, 1.0)
     role: Role = "body"
-    facets: Mesh | None = None
+    facets: TriangleMesh | None = None
 
     @property
     def centre(self) -> Array:

@@ -14,7 +14,7 @@ from mechsim.pictures.render.overlays import Shadow
 from mechsim.pictures.render.scenery import PAPER
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
-from mechsim.shapes import Mesh
+from mechsim.shapes import TriangleMesh
 
 SCENE = """
 <mujoco model="arm">
@@ -91,7 +91,7 @@ def test_fewer_triangles_keep_the_outline():
     turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, np.pi, 40))
     ball = np.stack([np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)], -1)
     a = (np.arange(39)[:, None] * 80 + np.arange(79)).ravel()
-    whole = Mesh(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
+    whole = TriangleMesh(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
     less = whole.coarser(0.2)
     assert len(less.faces) < 0.3 * len(whole.faces)
     np.testing.assert_allclose(np.ptp(less.vertices, axis=0), 2.0, atol=0.2)

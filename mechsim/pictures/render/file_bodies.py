@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.model.links import Pose
 from mechsim.numerics.arrays import Array
-from mechsim.shapes import Kind, Mesh, Rgba, Shape
+from mechsim.shapes import Kind, Rgba, Shape, TriangleMesh
 from mechsim.shapes.shape import vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
@@ -93,27 +93,27 @@ def _shape(model: mujoco.MjModel, i: int, pose: Pose) -> Shape | None:
     )
     if facets is None:
         return None
-    placed = Mesh(middle + facets.vertices @ pose.rotation.T, facets.faces)
+    placed = TriangleMesh(middle + facets.vertices @ pose.rotation.T, facets.faces)
     return Shape("facets", vector(middle), vector(middle), (0.0,), colour, facets=placed)
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
+def _mesh(model: mujoco.MjModel, mesh: int) -> TriangleMesh:
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-    return Mesh(
+    return TriangleMesh(
         np.array(model.mesh_vert[first : first + count], dtype=np.float64),
         np.array(model.mesh_face[face : face + faces]),
     )
 
 
-def _ellipsoid(half_axes: Array) -> Mesh:
+def _ellipsoid(half_axes: Array) -> TriangleMesh:
     n, m = ELLIPSOID
     azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, n + 1), np.linspace(0.0, np.pi, m + 1))
     ball = np.stack([np.sin(height) * np.cos(azimuth), np.sin(height) * np.sin(azimuth), np.cos(height)], -1)
     row, column = (index.ravel() for index in np.meshgrid(range(m), range(n), indexing="ij"))
     a, b = row * (n + 1) + column, (row + 1) * (n + 1) + column
     faces = np.concatenate([np.stack([a, b, a + 1], -1), np.stack([a + 1, b, b + 1], -1)])
-    return Mesh(ball.reshape(-1, 3) * half_axes, faces.astype(np.int32)).coarser(
+    return TriangleMesh(ball.reshape(-1, 3) * half_axes, faces.astype(np.int32)).coarser(
         1e-6 * float(half_axes.min())
     )
 

@@ -9,7 +9,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import scenery
-from mechsim.shapes import Mesh, Rgba, Shape, free_sides, link_shapes, rod_radius
+from mechsim.shapes import Rgba, Shape, TriangleMesh, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, travels
 from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, stands
@@ -48,7 +48,7 @@ def add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
     geom.mass = 0.0
 
 
-def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: Mesh, rgba: Rgba) -> None:
+def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: TriangleMesh, rgba: Rgba) -> None:
     name = f"facets{len(spec.meshes)}"
     # a sheet has no inside
     mesh = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
