@@ -107,11 +107,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -2, 6)",
     ): SHAPE,
     (
-        SOLVER,
-        "MOST_STEPS, ROUNDING = (8, 1e-13)",
-        "...",
-    ): "a Newton step more or less from where it has converged",
-    (
         PATH,
         "while direction * (first - self._end(direction)) < -SAME_PARAMETER and self.drop_last_segment(direction):",
         "while direction * (first - self._end(direction)) < +SAME_PARAMETER and self.drop_last_segment(direction):",
@@ -172,17 +167,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         for short in ("angle > 1e-08",)
         for any_one in ("0.1", "10.0")
     },
-    (SOLVER, "MAX_TOTAL_STEP = 0.3", "MAX_TOTAL_STEP = 0.03"): "a path is followed in shorter steps",
-    (
-        SOLVER,
-        "if worst <= tolerance or (worst < ROUNDING and worst > 0.1 * previous):",
-        "...",
-    ): "a Newton step more or fewer once rounding is reached",
-    (
-        SOLVER,
-        "previous, worst = (worst, float(np.abs(linearised.rhs).max(initial=0.0)))",
-        "previous, worst = (worst, float(np.abs(linearised.rhs).max(initial=1.0)))",
-    ): SPEED,
     (
         CHECKS,
         "part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)",
@@ -254,16 +238,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=1.0))",
     ): SPEED,
     (MANY, "step = max(1, CHUNK // max(1, len(columns)))", "..."): SPEED,
-    (
-        MANY,
-        "q = solver.loops.displaced(q, np.where(failed, 0.0, step))",
-        "q = solver.loops.displaced(q, np.where(failed, 1.0, step))",
-    ): "a design that is lost is left to itself, wherever it went",
-    (
-        MANY,
-        "converged = frozen | (worst == 0.0) | (worst < ROUNDING) & (worst > 0.1 * previous)",
-        "...",
-    ): "a Newton step more or fewer once rounding is reached",
     (
         "verdict/judge.py",
         "pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))",

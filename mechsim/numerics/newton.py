@@ -1,13 +1,158 @@
-"""The root of a function between two places where its sign differs."""
+"""Newton's method for many configurations at once, and Brent's method for one real root."""
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.numerics.arrays import Array
+
+Q = TypeVar("Q")
+
+# a residual that falls by less than this factor in one step has stagnated
+STAGNATION = 0.25
+
+
+class Linearisation(Protocol):
+    """Equations linearised about n configurations."""
+
+    @property
+    def rhs(self) -> Array:
+        """Residuals, (n, m)."""
+        ...
+
+    @property
+    def matrix(self) -> Array:
+        """Jacobians by the unknowns, (n, m, k)."""
+        ...
+
+
+L = TypeVar("L", bound=Linearisation)
+L_co = TypeVar("L_co", bound=Linearisation, covariant=True)
+
+
+class ConstraintSystem(Protocol[Q, L_co]):
+    """Equations whose configurations are displaced by vectors of the unknowns."""
+
+    def linearise(self, q: Q, /) -> L_co:
+        """Return the equations linearised about n configurations."""
+        ...
+
+    def retract(self, q: Q, step: Array, /) -> Q:
+        """Return configurations displaced by steps of the unknowns, (n, k)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class NewtonSettings:
+    """When Newton's method stops. Lengths of steps are their largest component, in the unknowns' units.
+
+    Attributes:
+        max_iterations: limit on the number of steps.
+        tolerance: residual that is small enough; the iteration ends once no residual exceeds it.
+        rounding: residual below which a configuration has converged once a step reduces it by less than
+            `STAGNATION`.
+        last_step: a step shorter than this is the last one: by quadratic convergence it leaves rounding.
+        max_step: a longer step is shortened to this length.
+        max_displacement: limit on the sum of the steps; a configuration that would exceed it is abandoned,
+            since it may converge to another solution.
+        verify: False leaves out the linearisation after a last step whose square is below the tolerance; a
+            third of the time of a close guess.
+    """
+
+    max_iterations: int = 8
+    tolerance: float = 0.0
+    rounding: float = 1e-13
+    last_step: float = 1e-9
+    max_step: float = np.inf
+    max_displacement: float = np.inf
+    verify: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class NewtonResult(Generic[Q, L]):
+    """Configurations after Newton's method. The caller decides by the residual which have converged.
+
+    Attributes:
+        q: configurations.
+        linearised: the equations about them.
+        displacement: sum of the lengths of the steps, (n,); infinite where abandoned.
+        unverified: last step, (n, k), where `linearised` is about the configurations before it.
+    """
+
+    q: Q
+    linearised: L
+    displacement: Array
+    unverified: Array | None = None
+
+    @property
+    def residual(self) -> Array:
+        """Largest residual of each configuration, (n,)."""
+        return _largest(self.linearised.rhs)
+
+
+def newton(
+    system: ConstraintSystem[Q, L],
+    q: Q,
+    settings: NewtonSettings,
+    solve: Callable[[Array, Array], Array] | None = None,
+) -> NewtonResult[Q, L]:
+    """Return configurations corrected by Newton's method, each until it has converged or is abandoned.
+
+    Args:
+        system: the equations.
+        q: n configurations near solutions.
+        settings: when to stop.
+        solve: (n, m, k) and (n, m) -> solutions (n, k); None solves square systems.
+
+    Raises:
+        LinAlgError: where a square system is singular.
+    """
+    linearised = system.linearise(q)
+    residual = _largest(linearised.rhs)
+    displacement, previous = np.zeros(len(residual)), np.full(len(residual), np.inf)
+    active: NDArray[np.bool_] = np.ones(len(residual), dtype=np.bool_)
+    for _ in range(settings.max_iterations):
+        active &= ~((residual < settings.rounding) & (residual > STAGNATION * previous))
+        # steps from residuals below the tolerance are taken too: they leave rounding
+        if not (active & (residual > settings.tolerance)).any():
+            break
+        step = -(solve or square_solution)(linearised.matrix, linearised.rhs)
+        length = _largest(step)
+        if settings.max_step < np.inf:
+            step *= (settings.max_step / np.maximum(settings.max_step, length))[:, None]
+        displacement += np.where(active, np.minimum(length, settings.max_step), 0.0)
+        abandoned = active & ~(displacement < settings.max_displacement)
+        displacement[abandoned] = np.inf
+        active &= ~abandoned
+        step = np.where(active[:, None], step, 0.0)
+        q = system.retract(q, step)
+        if not settings.verify and np.abs(step).sum(1).max() ** 2 < settings.tolerance:
+            return NewtonResult(q, linearised, displacement, step)
+        linearised = system.linearise(q)
+        previous, residual = residual, _largest(linearised.rhs)
+        active &= length >= settings.last_step
+    return NewtonResult(q, linearised, displacement)
+
+
+def square_solution(matrix: Array, right: Array) -> Array:
+    """Return the solutions (n, k) of square systems (n, k, k) x = (n, k)."""
+    return np.linalg.solve(matrix, right[..., None])[..., 0]
 
 
 def root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function vanishes, to rounding; by Brent's method."""
+    """Return the root of a function between two arguments with values of opposite sign, to rounding.
+
+    Source: Brent's method, scipy.optimize.brentq.
+    """
     from scipy import optimize
 
     brent: Any = optimize.brentq
-    # where a function is as flat as a cube at its root a hundred steps are too few
+    # a function as flat as a cube at its root needs more than brentq's default of 100 iterations
     return float(brent(function, low, high, xtol=1e-300, rtol=1e-15, maxiter=1000))
+
+
+def _largest(values: Array) -> Array:
+    return np.abs(values).max(1, initial=0.0)

@@ -10,10 +10,12 @@ from mechanisms import at as end
 from mechsim import catalog
 from mechsim.analytic.loops.constraints import tree_loops
 from mechsim.analytic.loops.mobility import checked_start
-from mechsim.analytic.loops.solver import Linearised, LoopSolver, loop_solver
+from mechsim.analytic.loops.path_segments import PathStates
+from mechsim.analytic.loops.solver import NEARBY, Linearised, LoopSolver, loop_solver
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.subjects.readers import load
 
 # differences of the fourth order
@@ -128,19 +130,20 @@ def test_loops_are_closed_to_rounding_from_a_guess_beside_them_and_say_how_far_t
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     guess, step = off(loops, start, 0.02)
-    at, found, gone = solver.close(guess)
-    assert np.abs(found.residual).max() < 4e-16
-    assert at.values == pytest.approx(start.values, abs=1e-14)
-    assert np.abs(step).max() <= gone[0] < 2.0 * np.abs(step).max()
+    closed = newton(solver, guess, NEARBY)
+    assert np.abs(closed.linearised.residual).max() < 4e-16
+    assert closed.q.values == pytest.approx(start.values, abs=1e-14)
+    assert np.abs(step).max() <= closed.displacement[0] < 2.0 * np.abs(step).max()
 
 
 @pytest.mark.parametrize("make", [rssr, six_bar])
 def test_poses_whose_last_step_is_not_looked_at_are_closed_all_the_same_and_by_fewer_looks(make):
     loops, start = make()
-    solver, enough = loop_solver(loops, start), 1e-12
+    path, enough = PathStates(loops, lambda _: start.values[list(loops.driven)]), 1e-12
     guess, _ = off(loops, start, 5e-5)
-    at, found, _ = solver.close(guess, enough)
-    assert not np.array_equal(found.poses.rotation, solver.linearise(at).poses.rotation)
+    states, found, _ = path.closed(loop_solver(loops, start), np.zeros(1), path.flat(guess), enough)
+    at = path.unflat(states, np.zeros(1))
+    assert not np.array_equal(found.poses.rotation, loops.linearise(at)[2].rotation)
     assert np.abs(loops.linearise(at)[0]).max() < enough
     assert np.abs(found.residual).max() < enough
 
@@ -158,7 +161,10 @@ def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
 
     vars(loops)["linearise"] = torn
     guess, _ = off(loops, start, 5e-5)
-    assert np.abs(solver.close(guess, 1e-12)[1].residual).max() == pytest.approx(1e-9, rel=1e-3)
+    path = PathStates(loops, lambda _: start.values[list(loops.driven)])
+    assert path.closed(solver, np.zeros(1), path.flat(guess), 1e-12) is None
+    found = path.closed(solver, np.zeros(1), path.flat(guess), 2e-9)[1]
+    assert np.abs(found.residual).max() == pytest.approx(1e-9, rel=1e-3)
 
 
 def test_what_all_rows_tell_is_what_the_solved_ones_do_only_where_the_others_tell_nothing():
@@ -207,10 +213,18 @@ def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
     step = np.abs(solver.step(found.matrix, found.rhs))
     # turns add up along a chain: the bend goes with the square of their sum, not of the largest
     enough = (0.5 * (step.max() + step.sum())) ** 2
-    at, found, _ = solver.close(guess, enough)
-    assert np.array_equal(found.poses.rotation, solver.linearise(at).poses.rotation)
-    at, found, _ = solver.close(guess, 1.1 * step.sum() ** 2)
-    assert not np.array_equal(found.poses.rotation, solver.linearise(at).poses.rotation)
+    verified, unverified = (
+        newton(solver, guess, NewtonSettings(tolerance=limit, verify=False))
+        for limit in (enough, 1.1 * step.sum() ** 2)
+    )
+    assert verified.unverified is None
+    np.testing.assert_array_equal(
+        verified.linearised.poses.rotation, solver.linearise(verified.q).poses.rotation
+    )
+    assert unverified.unverified is not None
+    assert not np.array_equal(
+        unverified.linearised.poses.rotation, solver.linearise(unverified.q).poses.rotation
+    )
 
 
 def test_the_side_is_the_least_singular_value_with_the_determinant_s_sign():

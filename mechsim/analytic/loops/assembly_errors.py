@@ -4,38 +4,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm
 
-# Newton steps before giving up, the longest turn of one in [rad], and a gap that is closed
-MOST_STEPS, MAX_STEP, CLOSED = 60, 0.5, 1e-12
+# largest residual of closed loops, in radians and characteristic lengths
+CLOSED = 1e-12
 # by which part of a gap its loop moves that does not move that way at all; how far away another pose is,
 # in [rad] and parts of the size; and the part of a gap that is told
 IMMOBILE, OTHER_POSE, MIN_COMPONENT = 1e-6, 0.3, 1e-3
-# a gap that is rounding
-ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+# Newton's method from a guess: no step rotates a joint by more than 0.5 rad
+ASSEMBLY = NewtonSettings(
+    max_iterations=60, tolerance=4.0 * float(np.finfo(np.float64).eps), rounding=CLOSED, max_step=0.5
+)
 
 
-def close_nearest(loops: TreeLoops, q: Coordinates) -> tuple[Coordinates, float]:
-    """Return coordinates in which the loops close nearest to some, and by how much they still stand open.
+def close_nearest(loops: TreeLoops, q: Coordinates) -> tuple[Coordinates, Array]:
+    """Return configurations in which the loops close nearest to n given ones, and their residuals, (n,).
 
-    What is prescribed stands still. The gap is in parts of the size; no more than `CLOSED` is none.
+    Prescribed coordinates do not change. Residuals are in radians and characteristic lengths.
     """
-    previous = violation = np.inf
-    for _ in range(MOST_STEPS):
-        residual, jacobian, _ = loops.linearise(q)
-        violation = float(np.abs(residual).max(initial=0.0))
-        if violation <= ROUNDING or (violation < CLOSED and violation > 0.25 * previous):
-            break
-        previous = violation
-        step = np.zeros((loops.tree.count, 1))
-        if len(loops.unknown):
-            matrix = jacobian[:, loops.unknown, 0]
-            step[loops.unknown, 0] = -least_norm(matrix, residual[:, 0])
-        step *= MAX_STEP / max(MAX_STEP, float(np.abs(step).max(initial=0.0)))
-        q = loops.displaced(q, step)
-    return q, violation
+    result = newton(LoopSystem(loops, loops.unknown), q, ASSEMBLY, least_norm)
+    return result.q, result.residual
 
 
 def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates, remaining: float) -> str:
@@ -50,11 +42,11 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
     mechanism = loops.tree.mechanism
     text = (
         f"{mechanism.name}: the loops do not close at {_stands(loops, final)}: a gap of {remaining:.3g} "
-        f"of the longest link is left after {MOST_STEPS} Newton steps"
+        f"of the longest link is left after {ASSEMBLY.max_iterations} Newton steps"
     )
     undriven = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
     solution, violation = close_nearest(undriven, initial)
-    if violation < CLOSED:
+    if violation[0] < CLOSED:
         near_by = f"from the guess they close at {_stands(loops, solution)}"
         return f"{text}; {near_by}: start there, or change the dimensions"
     if across := _across(undriven, solution):

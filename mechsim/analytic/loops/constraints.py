@@ -312,6 +312,43 @@ class TreeLoops:
         return Coordinates(values, rotations)
 
 
+@dataclass(frozen=True, slots=True)
+class LinearisedLoops:
+    """Loop equations linearised about n configurations.
+
+    Attributes:
+        rhs: residuals, (n, rows).
+        matrix: Jacobians by the free coordinates in their units, (n, rows, free).
+    """
+
+    rhs: Array
+    matrix: Array
+
+
+@dataclass(frozen=True)
+class LoopSystem:
+    """All loop equations in the free coordinates of a mechanism, for `numerics.newton`.
+
+    Attributes:
+        loops: the equations.
+        free: indices of the coordinates that may change, (free,).
+    """
+
+    loops: TreeLoops
+    free: NDArray[np.intp]
+
+    def linearise(self, q: Coordinates) -> LinearisedLoops:
+        """Return the equations linearised about n configurations."""
+        residual, jacobian, _ = self.loops.linearise(q)
+        return LinearisedLoops(residual.T, jacobian[:, self.free].transpose(2, 0, 1))
+
+    def retract(self, q: Coordinates, step: Array) -> Coordinates:
+        """Return configurations displaced by steps of the free coordinates, (n, free)."""
+        displacement = np.zeros((self.loops.tree.count, len(step)))
+        displacement[self.free] = step.T
+        return self.loops.displaced(q, displacement)
+
+
 def tree_loops(
     mechanism: Mechanism, poses: Mapping[str, Pose], counted: Mapping[str, float]
 ) -> tuple[TreeLoops, Coordinates]:

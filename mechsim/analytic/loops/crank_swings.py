@@ -14,15 +14,15 @@ import numpy as np
 
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.design_motion import LinkRows, SharedLoops, record_of_rows, store_chunk
-from mechsim.analytic.loops.design_paths import newton
 from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_rates import ClosedChunk, Instants
-from mechsim.analytic.loops.solver import LoopSolver
+from mechsim.analytic.loops.solver import NEARBY, LoopSolver
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import newton
 
 # arc length of a step in [rad] and parts of the size, and steps in one direction
 STEP, MOST_STEPS = 0.1, 400
@@ -264,12 +264,13 @@ class SwingTracer:
             solver = LoopSolver(
                 self.many.select(rows, p), self.like.solver.rows, self.like.solver.null_space, q
             )
-            q, residual, displacement, _ = newton(solver, q)
-            converged = valid & (residual < CLOSED) & (displacement < MAX_CORRECTION_AT_ANGLE)
+            result = newton(solver, q, NEARBY)
+            residual = np.abs(result.linearised.residual).max(0, initial=0.0)
+            converged = valid & (residual < CLOSED) & (result.displacement < MAX_CORRECTION_AT_ANGLE)
             known[indices] = converged.reshape(-1, p).all(1)
             zero = np.zeros_like(crank_angles)
             instants = Instants(crank_angles, np.ones_like(crank_angles), zero, *self.like.law(crank_angles))
-            chunk = ClosedChunk(solver, np.arange(len(crank_angles)), instants, q, solver.linearise(q))
+            chunk = ClosedChunk(solver, np.arange(len(crank_angles)), instants, result.q, result.linearised)
             store_chunk(links_motion, indices, np.arange(p), chunk, rates=rates)
         designs = ManyLoops(loops, self.started.arrays.some(swings.rows))
         return record_of_rows(designs, links_motion, angles, speed, acceleration, joints), known

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows
 from mechsim.analytic.loops.kinematics import Coordinates
@@ -20,17 +19,16 @@ from mechsim.analytic.loops.path import (
     MAX_LENGTH,
     NODES,
 )
-from mechsim.analytic.loops.path_rates import FINAL_STEPS, LAST_STEP, MAX_STEP, ClosedChunk, Instants
+from mechsim.analytic.loops.path_rates import FINAL, ClosedChunk, Instants
 from mechsim.analytic.loops.path_segments import CLOSED, MAX_CORRECTION, PathStates, Segment, nodes_between
 from mechsim.analytic.loops.solver import (
-    MAX_TOTAL_STEP,
     MIN_VALUE_RATIO,
-    MOST_STEPS,
-    ROUNDING,
+    NEARBY,
     LoopSolver,
     loop_solver,
 )
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import newton
 
 # designs that need cells shorter than this are left to themselves
 MIN_LENGTH = 4e-3
@@ -201,11 +199,12 @@ class ManyPaths:
         path = PathStates(solver.loops, self._drive)
         s = np.tile(nodes, count)
         q = path.unflat(self._predicted(group, nodes).reshape(count * k, -1), s)
-        q, residual, displacement, matrix = newton(solver, q)
-        states = path.flat(q).reshape(count, k, -1)
+        result = newton(solver, q, NEARBY)
+        states = path.flat(result.q).reshape(count, k, -1)
         shape = (count, k)
-        displacement, residual = displacement.reshape(shape).max(1), residual.reshape(shape).max(1)
-        signs = np.linalg.slogdet(matrix)[0].reshape(shape)
+        residual = np.abs(result.linearised.residual).max(0, initial=0.0).reshape(shape).max(1)
+        displacement = result.displacement.reshape(shape).max(1)
+        signs = np.linalg.slogdet(result.linearised.matrix)[0].reshape(shape)
         half = nodes_between(0.0, 1.0, k // 2 + 1)[1]
         even = states[:, ::2].transpose(1, 0, 2).reshape(k // 2 + 1, -1)
         interpolated = (
@@ -271,37 +270,12 @@ class ManyPaths:
         solver = self._solver(group, p)
         s = np.tile(angles[columns], count)
         q = PathStates(solver.loops, self._drive).unflat(interpolated.reshape(count * p, -1), s)
-        linearised, failed = solver.linearise(q), np.zeros(count * p, dtype=np.bool_)
-        for _ in range(FINAL_STEPS):
-            step = solver.step(linearised.matrix, linearised.rhs)
-            longest = np.abs(step).max(0)
-            failed |= ~(longest < MAX_STEP)
-            q = solver.loops.displaced(q, np.where(failed, 0.0, step))
-            linearised = solver.linearise(q)
-            if longest.max(initial=0.0) < LAST_STEP:
-                break
+        result = newton(solver, q, FINAL)
+        failed = np.isinf(result.displacement).reshape(count, p).any(1)
         if failed.any():
-            self.failed.append(group.rows[failed.reshape(count, p).any(1)])
+            self.failed.append(group.rows[failed])
         zero, one = np.zeros_like(s), np.ones_like(s)
         instants = Instants(s, one, zero, *self.law(s))
-        store(group.rows, columns, ClosedChunk(solver, np.arange(len(s)), instants, q, linearised))
-
-
-def newton(solver: LoopSolver, q: Coordinates) -> tuple[Coordinates, Array, Array, Array]:
-    """Return coordinates closed, their residuals (n,), how far they moved (n,), and the matrices there."""
-    displacement, frozen = np.zeros(len(q)), np.zeros(len(q), dtype=np.bool_)
-    linearised = solver.linearise(q)
-    worst: NDArray[np.float64] = np.full(len(q), np.inf)
-    for _ in range(MOST_STEPS):
-        previous, worst = worst, np.abs(linearised.rhs).max(1, initial=0.0)
-        converged = frozen | (worst == 0.0) | ((worst < ROUNDING) & (worst > 0.1 * previous))
-        if converged.all():
-            break
-        step = solver.step(linearised.matrix, linearised.rhs)
-        length = np.abs(step).max(0)
-        displacement += np.where(converged, 0.0, length)
-        frozen |= ~(length < MAX_TOTAL_STEP)
-        q = solver.loops.displaced(q, np.where(converged | frozen, 0.0, step))
-        linearised = solver.linearise(q)
-    residual = np.abs(linearised.residual).max(0, initial=0.0)
-    return q, residual, np.where(frozen, np.inf, displacement), linearised.matrix
+        store(
+            group.rows, columns, ClosedChunk(solver, np.arange(len(s)), instants, result.q, result.linearised)
+        )

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import Cut, TreeLoops
+from mechsim.analytic.loops.assembly_errors import ASSEMBLY, CLOSED
+from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.random_starts import axes_aligned
 from mechsim.analytic.loops.tree import JointSides
@@ -15,12 +16,11 @@ from mechsim.model.link_poses import turned
 from mechsim.model.links import GROUND, IDENTITY
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import significant
+from mechsim.numerics.newton import newton
+from mechsim.numerics.rank import least_norm, significant
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
-# as one mechanism is put together: Newton steps, the longest turn of one in [rad], a gap that is closed
-MOST_STEPS, MAX_STEP, CLOSED = 60, 0.5, 1e-12
 
 
 @dataclass(frozen=True)
@@ -104,26 +104,7 @@ def assemble_designs(many: ManyLoops, q: Coordinates, rank: int) -> tuple[Coordi
     As `tree_assembly.closed` does for one; a design that closes otherwise than with the rank of the first, or
     with axes or marks opposed, counts as one that does not.
     """
-    count = len(q)
-    loops = many.select(np.arange(count), 1)
-    previous, gap = np.full(count, np.inf), np.full(count, np.inf)
-    active = np.ones(count, dtype=np.bool_)
-    unknown, ranks = loops.unknown, np.zeros(count, dtype=np.intp)
-    for _ in range(MOST_STEPS):
-        residual, jacobian, _ = loops.linearise(q)
-        gap = np.where(active, np.abs(residual).max(0, initial=0.0), gap)
-        active &= ~((gap == 0.0) | ((gap < CLOSED) & (gap > 0.25 * previous)))
-        matrix = jacobian[:, unknown].transpose(2, 0, 1)
-        left, values, right = np.linalg.svd(matrix, full_matrices=False)
-        nonzero = significant(values)
-        ranks = nonzero.sum(1)
-        if not active.any():
-            break
-        previous = np.where(active, gap, previous)
-        inverse = np.where(nonzero, 1.0 / np.where(nonzero, values, 1.0), 0.0)
-        projected = np.einsum("nrk,rn->nk", left, residual) * inverse
-        step = np.zeros((loops.tree.count, count))
-        step[unknown] = -np.einsum("nku,nk->un", right, projected)
-        step *= MAX_STEP / np.maximum(MAX_STEP, np.abs(step).max(0, initial=0.0))
-        q = loops.displaced(q, np.where(active, step, 0.0))
-    return q, (gap < CLOSED) & (ranks == rank) & axes_aligned(loops, q)
+    loops = many.select(np.arange(len(q)), 1)
+    result = newton(LoopSystem(loops, loops.unknown), q, ASSEMBLY, least_norm)
+    ranks = significant(np.linalg.svd(result.linearised.matrix, compute_uv=False)).sum(1)
+    return result.q, (result.residual < CLOSED) & (ranks == rank) & axes_aligned(loops, result.q)

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
-from mechsim.analytic.loops.solver import LoopSolver, loop_solver
+from mechsim.analytic.loops.solver import NEARBY, LoopSolver, loop_solver
 from mechsim.analytic.loops.start import assembled, closed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
@@ -15,6 +15,7 @@ from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, rank, significant
 
 # dimensions are taken to be known to this part of the size, and axes to as many radians: files with six
@@ -23,8 +24,8 @@ from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces
 DIMENSION_TOLERANCE = 1e-5
 # displacement from one pose to the next, in radians or parts of the size
 SPACING = 0.15
-# Newton steps to a pose, the longest turn of one in [rad], and one so short that rounding is left
-MOST_STEPS, MAX_STEP, LAST_STEP = 40, 0.3, 1e-9
+# Gauss-Newton steps to a generic pose: the residual of inconsistent equations remains, the steps vanish
+CONSISTENT = NewtonSettings(max_iterations=40, rounding=0.0, last_step=1e-12, max_step=0.3)
 
 
 def generic_poses(
@@ -56,17 +57,9 @@ def generic_poses(
 def nearest_consistent(
     loops: TreeLoops, q: Coordinates, tolerance: float, floor: float = FLOOR
 ) -> Coordinates:
-    """Return where no step in what the rows tell makes the loops stand less open."""
-    previous = np.inf
-    for _ in range(MOST_STEPS):
-        residual, jacobian, _ = loops.linearise(q)
-        step = -least_norm(jacobian[..., 0], residual[:, 0], tolerance, floor)
-        longest = float(np.abs(step).max(initial=0.0))
-        if longest == 0.0 or (longest < LAST_STEP and longest > 0.25 * previous):
-            break
-        previous = longest
-        q = loops.displaced(q, (step * min(1.0, MAX_STEP / longest))[:, None])
-    return q
+    """Return the configuration nearest to one that reduces the residual of the independent equations most."""
+    system = LoopSystem(loops, np.arange(loops.tree.count))
+    return newton(system, q, CONSISTENT, lambda matrix, right: least_norm(matrix, right, tolerance, floor)).q
 
 
 def with_coordinate_locked(freedoms: Array, coordinate: int) -> Array:
@@ -250,13 +243,13 @@ def _displaced_by(solver: LoopSolver, null_space: Array, column: int) -> list[st
     step[loops.unknown, 0] = NULL_DISPLACEMENT * (components / length) @ null_space
     displaced_q = loops.displaced(solver.reference, step)
     try:
-        closed, linearised, _ = replace(solver, reference=displaced_q).close(displaced_q)
+        result = newton(replace(solver, reference=displaced_q), displaced_q, NEARBY)
     except np.linalg.LinAlgError:
         return []
     # at a singular pose the loops draw it back
-    if np.abs(linearised.residual).max(initial=0.0) >= CLOSED:
+    if np.abs(result.linearised.residual).max(initial=0.0) >= CLOSED:
         return []
-    return _displaced_names(loops, solver.reference, closed)
+    return _displaced_names(loops, solver.reference, result.q)
 
 
 def _displaced_names(loops: TreeLoops, before: Coordinates, after: Coordinates) -> list[str]:

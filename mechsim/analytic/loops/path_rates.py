@@ -14,14 +14,16 @@ from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 
 # poses solved in one go: their arrays stay in a core's own cache
 CHUNK = 1024
-# Newton steps from a polynomial's pose; the longest that cannot lead into another assembly; and one after
-# which rounding is left, which drivers may also be off their path without strides
-FINAL_STEPS, MAX_STEP, LAST_STEP = 4, 1e-3, 1e-9
-# how far drivers that are not where the path has them go at once, in [rad] or parts of the size
-MAX_DRIVER_STEP = 0.02
+# Newton's method from an interpolated pose: a longer displacement could lead to another assembly
+FINAL = NewtonSettings(max_iterations=4, max_displacement=1e-3)
+# drivers that deviate from their path by more than this, in [rad] or characteristic lengths, are moved there
+# in steps; the largest step, and Newton's method after one
+MAX_DEVIATION, MAX_DRIVER_STEP = 1e-9, 0.02
+DRIVER_STEP = NewtonSettings(max_iterations=4, max_displacement=10.0 * MAX_DRIVER_STEP)
 # coordinates err by rounding over the conditioning, and rates by that over it once more
 SINGULAR = float(np.sqrt(np.finfo(np.float64).eps))
 
@@ -171,36 +173,32 @@ def _closed(
     start = q.values[driven]
     offset = instants.value - start
     distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=0.0))
-    if distance > LAST_STEP:
+    if distance > MAX_DEVIATION:
         sign = np.sign(solver.linearise(q).signed_distance)
         steps = int(np.ceil(distance / MAX_DRIVER_STEP))
         for k in range(1, steps + 1):
             q.values[driven] = start + offset * (k / steps)
-            q, linearised = _newton(path, solver, instants.parameter, q, 10.0 * MAX_DRIVER_STEP)
+            q, linearised = _newton(path, solver, instants.parameter, q, DRIVER_STEP)
             crossed = np.sign(linearised.signed_distance) != sign
             if crossed.any():
                 raise _too_singular(path, float(instants.parameter[np.argmax(crossed)]))
     q.values[driven] = instants.value
-    return _newton(path, solver, instants.parameter, q, MAX_STEP)
+    return _newton(path, solver, instants.parameter, q, FINAL)
 
 
 def _newton(
-    path: ContinuationPath, solver: LoopSolver, s: Array, q: Coordinates, max_step: float
+    path: ContinuationPath, solver: LoopSolver, s: Array, q: Coordinates, settings: NewtonSettings
 ) -> tuple[Coordinates, Linearised]:
-    """Return poses closed from near ones, by no step that is longer than `max_step`, and the loops there."""
-    linearised = solver.linearise(q)
+    """Return configurations corrected from near ones, and the loops there."""
     singular = path.near_change_point(s)
-    for _ in range(FINAL_STEPS):
-        rhs = np.where(singular[:, None], 0.0, linearised.rhs)
-        step = solver.step(regularised(linearised.matrix, singular), rhs)
-        longest = float(np.abs(step).max(initial=0.0))
-        if not longest < max_step:
-            raise _too_singular(path, float(s[np.argmax(np.abs(step).max(0))]))
-        q = path.loops.displaced(q, step)
-        linearised = solver.linearise(q)
-        if longest < LAST_STEP:
-            break
-    return q, linearised
+
+    def solve(matrix: Array, right: Array) -> Array:
+        return square_solution(regularised(matrix, singular), np.where(singular[:, None], 0.0, right))
+
+    result = newton(solver, q, settings, solve)
+    if np.isinf(result.displacement).any():
+        raise _too_singular(path, float(s[np.argmax(result.displacement)]))
+    return result.q, result.linearised
 
 
 def _too_singular(path: ContinuationPath, s: float) -> AssemblyError:

@@ -11,6 +11,7 @@ from mechsim.analytic.loops.constraints import TreeLoops, orthogonal
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.solver import Linearised, LoopSolver
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, newton
 
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)
 PrescribedValues = Callable[[Array], Array]
@@ -143,12 +144,18 @@ class PathStates:
         To rounding, or to a residual below the tolerance.
         """
         try:
-            q, linearised, displacement = solver.close(self.unflat(rows, s), tolerance, MAX_CORRECTION)
+            settings = NewtonSettings(tolerance=tolerance, max_displacement=MAX_CORRECTION, verify=False)
+            result = newton(solver, self.unflat(rows, s), settings)
         except np.linalg.LinAlgError:
             return None
-        if not (
-            np.abs(linearised.residual).max(initial=0.0) <= max(CLOSED, tolerance)
-            and displacement.max() < MAX_CORRECTION
-        ):
+        linearised = result.linearised
+        if result.unverified is not None:
+            change = np.einsum(
+                "rkn,nk->rn", linearised.jacobian.take(linearised.unknown, 1), result.unverified
+            )
+            linearised = replace(linearised, residual=linearised.residual + change)
+        residual = np.abs(linearised.residual).max(initial=0.0)
+        displacement = float(result.displacement.max())
+        if not (residual <= max(CLOSED, tolerance) and displacement < MAX_CORRECTION):
             return None
-        return self.flat(q), linearised, float(displacement.max())
+        return self.flat(result.q), linearised, displacement

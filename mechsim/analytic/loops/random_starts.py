@@ -5,17 +5,19 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.model.joint_kinds import KINDS
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm, significant
 
-# damped steps, the longest of them in radians or parts of the size, and polishing steps after them
-STEPS, MAX_STEP, POLISH = 80, 0.7, 4
+# damped Gauss-Newton steps from a random start, and least-norm Newton steps after them
+APPROACH = NewtonSettings(max_iterations=80, max_step=0.7)
+POLISH = NewtonSettings(max_iterations=4, max_step=0.7)
 # residuals that promise to close, and that are closed
 NEARLY_CLOSED, CLOSED = 1e-6, 1e-12
-# singular values below this part of the largest tell nothing of a step
+# singular values below this fraction of the largest are zero in the least-norm steps
 STEP_CUTOFF = 1e-7
 # and below this part, where assemblies meet, do not count
 BRANCH_CUTOFF = 1e-6
@@ -72,20 +74,13 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
 def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     """Return coordinates closed from rough ones; those that do not close are left out."""
-    for count in range(STEPS + POLISH):
-        residual, jacobian, _ = loops.linearise(q)
-        if count == STEPS:
-            q = select(q, np.abs(residual).max(0, initial=0.0) < NEARLY_CLOSED)
-            residual, jacobian, _ = loops.linearise(q)
-        if not len(q) or not loops.rows:
-            return q
-        newton_step = _damped if count < STEPS else _least
-        step_free = newton_step(jacobian[:, loops.unknown].transpose(2, 0, 1), residual.T)
-        step = np.zeros_like(q.values)
-        step[loops.unknown] = (step_free * np.minimum(1.0, MAX_STEP / _length(step_free))[:, None]).T
-        q = loops.displaced(q, step)
-    residual = loops.linearise(q)[0]
-    q = select(q, np.abs(residual).max(0) < CLOSED)
+    system = LoopSystem(loops, loops.unknown)
+    result = newton(system, q, APPROACH, _damped)
+    nearly_closed = select(result.q, result.residual < NEARLY_CLOSED)
+    result = newton(
+        system, nearly_closed, POLISH, lambda matrix, right: least_norm(matrix, right, STEP_CUTOFF)
+    )
+    q = select(result.q, result.residual < CLOSED)
     return select(q, axes_aligned(loops, q))
 
 
@@ -100,16 +95,7 @@ def _damped(jacobian: Array, residual: Array) -> Array:
     square = transposed @ jacobian
     damping = 0.1 * (residual**2).mean(1) + 1e-13
     square += damping[:, None, None] * np.eye(square.shape[1])
-    return -np.linalg.solve(square, transposed @ residual[..., None])[..., 0]
-
-
-def _least(jacobian: Array, residual: Array) -> Array:
-    """Return least-norm steps, (n, count)."""
-    return -least_norm(jacobian, residual, STEP_CUTOFF)
-
-
-def _length(move: Array) -> Array:
-    return np.maximum(np.abs(move).max(1, initial=0.0), 1e-300)
+    return np.linalg.solve(square, transposed @ residual[..., None])[..., 0]
 
 
 def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:

@@ -1,6 +1,6 @@
 """Solving linearised loops for many instants at once: independent rows, and a gauge for what is left open."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -11,14 +11,13 @@ from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, product
 from mechsim.analytic.loops.tree import Index, block
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, significant
 
-# Newton steps taken at the most, and a residual that is rounding
-MOST_STEPS, ROUNDING = 8, 1e-13
 # slopes below this are rounding
 NEGLIGIBLE = 1e-14
-# steps, in radians or units of the size, that are too long for the linear model
-MAX_TOTAL_STEP = 0.3
+# Newton's method about a nearby configuration: beyond this displacement the linear model is invalid
+NEARBY = NewtonSettings(max_displacement=0.3)
 # part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
 # and part of what they told elsewhere below which they are singular themselves, not the pose
 MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
@@ -177,43 +176,19 @@ class LoopSolver:
             change = 0.5 * (trace * np.eye(3)[..., None] - relative)
             rows[..., columns] = np.einsum("pi,ijn->npj", self.null_space[:, columns], change)
 
-    def step(self, matrix: Array, rhs: Array) -> Array:
-        """Return the step of all coordinates, (count, n), that closes rows open by `rhs`, (n, u)."""
-        out = np.zeros((self.loops.tree.count, len(rhs)), rhs.dtype)
-        out[self.loops.unknown] = -np.linalg.solve(matrix, rhs[..., None])[..., 0].T
+    def retract(self, q: Coordinates, step: Array) -> Coordinates:
+        """Return configurations displaced by steps of the unknowns, (n, u)."""
+        return self.loops.displaced(q, self.whole_step(step))
+
+    def whole_step(self, step: Array) -> Array:
+        """Return steps of all coordinates, (count, n), from those of the unknowns, (n, u)."""
+        out = np.zeros((self.loops.tree.count, len(step)), step.dtype)
+        out[self.loops.unknown] = step.T
         return out
 
-    def close(
-        self, guess: Coordinates, tolerance: float = 0.0, max_step: float = MAX_TOTAL_STEP
-    ) -> tuple[Coordinates, Linearised, Array]:
-        """Return coordinates closed by Newton's method from a guess near them; not all need be closed.
-
-        And the loops there, and how far they lie from the guess, (n,). They then stand open by rounding,
-        or by no more than `tolerance`; the loops may then be those before a last step so short that it closes
-        them, with what it leaves open. What goes farther than `max_step` is given up.
-
-        Raises:
-            LinAlgError: at a singular pose.
-        """
-        q, displacement = guess, np.zeros(len(guess))
-        linearised = self.linearise(q)
-        worst = np.inf
-        for _ in range(MOST_STEPS):
-            previous, worst = worst, float(np.abs(linearised.rhs).max(initial=0.0))
-            if worst <= tolerance or (worst < ROUNDING and worst > 0.1 * previous):
-                break
-            step = self.step(linearised.matrix, linearised.rhs)
-            lengths = np.abs(step)
-            displacement += lengths.max(0)
-            if not displacement.max() < max_step:
-                break
-            q = self.loops.displaced(q, step)
-            # turns bend by half the square of a step: it leaves no more open than that
-            if float(lengths.sum(0).max()) ** 2 < tolerance:
-                residual = linearised.residual + np.einsum("rkn,kn->rn", linearised.jacobian, step)
-                return q, replace(linearised, residual=residual), displacement
-            linearised = self.linearise(q)
-        return q, linearised, displacement
+    def step(self, matrix: Array, rhs: Array) -> Array:
+        """Return the step of all coordinates, (count, n), that removes residuals `rhs`, (n, u)."""
+        return self.whole_step(-square_solution(matrix, rhs))
 
 
 def loop_solver(

@@ -175,10 +175,10 @@ def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     Raises:
         AssemblyError: where they do not close; names the gap that is left, and where they would.
     """
-    solution, gap = close_nearest(loops, q)
-    if gap < CLOSED:
+    solution, residual = close_nearest(loops, q)
+    if residual[0] < CLOSED:
         return solution
-    raise AssemblyError(assembly_failure(loops, q, solution, gap))
+    raise AssemblyError(assembly_failure(loops, q, solution, float(residual[0])))
 
 
 def _require_axes_aligned(loops: TreeLoops, poses: LinkPoses) -> None:
