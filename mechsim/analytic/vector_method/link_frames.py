@@ -60,7 +60,7 @@ class LinkFrame:
         matrix = np.empty((3, 3, n))
         for i in range(3):
             matrix[:, i] = rest.axis(i)
-        return np.moveaxis(matrix, -1, 0)
+        return matrix.transpose(2, 0, 1)
 
     def turning(self) -> tuple[Array, Array]:
         """Return angular velocity and acceleration, (3, n) or (3, 1) each.
@@ -82,7 +82,7 @@ class LinkFrame:
 
 
 def _counts(part: Any) -> bool:
-    return bool(np.any(part))
+    return bool(part.any() if isinstance(part, np.ndarray) else part)
 
 
 GROUND_FRAME = LinkFrame(np.zeros((3, 1)), column(EX), column(EY), column(EZ))
@@ -96,7 +96,12 @@ def vector(numbers: Array | Sequence[Any]) -> Vector:
 
 def place(position: Values, n: int) -> Array:
     """Return a place, (3, n) or (3, 1), as the rows of a motion, (n, 3)."""
-    return np.broadcast_to(values(position), (3, n)).T
+    return _expanded(values(position), (3, n)).T
+
+
+def _expanded(array: Array, shape: tuple[int, ...]) -> Array:
+    """Return an array broadcast to a shape."""
+    return array if array.shape == shape else np.broadcast_to(array, shape)
 
 
 def point_motion(position: Values, n: int) -> PointMotion:
@@ -149,6 +154,6 @@ def joint_motions(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[s
     kind, motions = KINDS[joint.kind], {}
     for i, (name, unit, found) in enumerate(zip(joint.coordinates, kind.units, coordinates, strict=True)):
         jet = found if isinstance(found, Jet) else Jet(found, np.zeros(1), np.zeros(1))
-        value, rate, second = (np.broadcast_to(field, n) for field in (jet.value, jet.rate, jet.second))
+        value, rate, second = (_expanded(field, (n,)) for field in (jet.value, jet.rate, jet.second))
         motions[name] = JointMotion(value, rate, second, unit, None if kind.single else i)
     return motions

@@ -193,7 +193,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out = np.empty(np.broadcast(a, b).shape)
     np.subtract(a[1] * b[2], a[2] * b[1], out=out[0, ...])
     np.subtract(a[2] * b[0], a[0] * b[2], out=out[1, ...])
     np.subtract(a[0] * b[1], a[1] * b[0], out=out[2, ...])
