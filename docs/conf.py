@@ -7,6 +7,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
+import command_line_page  # noqa: E402
 import gallery_page  # noqa: E402
 
 import mechsim  # noqa: E402
@@ -21,6 +22,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "mathml",
+    "published_text",
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
@@ -48,17 +50,18 @@ napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 nitpicky = False
-# two hyphens begin an option
+# two hyphens start an option
 smartquotes_action = "qe"
 
-# the pages' own commands: of this Python, as wide as a page, on two cores
+# commands in pages run with this Python, as wide as a page
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-os.environ["COLUMNS"] = "108"
+os.environ["COLUMNS"] = "90"
 os.environ["IPYTHONDIR"] = str(HERE / "_generated" / "ipython")
 os.environ["MECHSIM_SOURCES"] = str(HERE.parent)
 
 
-# a shell cell prints what its commands print, at once and without colours, and fails as they do
+# a shell cell prints the output of its commands without colours. It fails if they fail, or, as `%%sh exits 1`,
+# if they end with another exit code
 SHELL = """
 import os, subprocess
 from IPython.core.magic import register_cell_magic
@@ -66,30 +69,22 @@ for name in ("FORCE_COLOR", "CLICOLOR_FORCE", "CLICOLOR"):
     os.environ.pop(name, None)
 @register_cell_magic
 def sh(line, cell):
-    done = subprocess.run(["sh", "-ec", cell], capture_output=True, text=True)
-    print(done.stdout, end="")
-    if done.returncode:
-        raise RuntimeError(done.stderr)
+    run = subprocess.run(["sh", "-ec", cell], capture_output=True, text=True)
+    print(run.stdout, end="")
+    if run.returncode != int(line.removeprefix("exits") or 0):
+        raise RuntimeError(f"exit code {run.returncode}: {run.stderr}")
 """
 
 
 def _prepare():
-    """Make pictures and pages of mechanisms, and what every kernel runs first."""
+    """Write the generated pages and the code that every kernel runs first."""
     start = HERE / "_generated" / "ipython" / "profile_default" / "startup"
     start.mkdir(parents=True, exist_ok=True)
     (start / "00-shell.py").write_text(SHELL, encoding="utf-8")
     gallery_page.write(HERE / "_generated")
-
-
-def _with_the_rest(_app, name, source):
-    """Put pages that no table of contents names at the end of one."""
-    if name == "index":
-        named = set(source[0].split())
-        rest = [path.stem for path in sorted(HERE.glob("*.md")) if path.stem not in {*named, "index"}]
-        source[0] = source[0].replace("REST\n", "".join(f"{one}\n" for one in rest))
+    command_line_page.write(HERE / "_generated")
 
 
 def setup(app):
-    """Make what is made from files before the pages are read."""
+    """Write the generated pages before Sphinx reads any page."""
     app.connect("config-inited", lambda _app, _config: _prepare())
-    app.connect("source-read", _with_the_rest)

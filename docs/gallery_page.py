@@ -1,101 +1,103 @@
-"""The page of the gallery, made from its TOML files: a picture, a page to turn by hand, law and source of each."""
+"""The gallery page: an animated thumbnail, the law and the source of each mechanism; a click opens its 3-D view."""
 
+import contextlib
+import html
+import io
+import json
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-import mechsim as ms
-from mechsim.analytic import catalog
-from mechsim.analytic.forms import Form
-from mechsim.errors import MissingToolError
-from mechsim.pictures.render import Look, write_picture
-from mechsim.pictures.view import page
-from mechsim.report.views import mechanism_view
-from mechsim.studies.motion_source import motion_of, profile_of
-from mechsim.subjects import gallery
+from mechsim.cli import main
 
-SPEED = ms.units.rpm(60)
-SIZE = (480, 360)
+# gripper, ankle, platforms and the planar classics come first
+FIRST = ("parallel_gripper", "humanoid_ankle", "stewart_gough", "delta_robot", "four_bar", "slider_crank")
+SIZE, FRAMES = "240x180", 24
+RENDER = f"--size {SIZE} --frames-per-turn {FRAMES} --fps 12 --no-labels"
 
+HEAD = """# Gallery
 
-def write(folder: Path) -> None:
-    """Write gallery.md, pictures and pages of all mechanisms; what is there already is kept."""
-    for part in ("pictures", "extra/views"):
-        (folder / part).mkdir(parents=True, exist_ok=True)
-    names = [*catalog.DRIVES, *gallery.files()]
-    with ProcessPoolExecutor(max_workers=2) as line:
-        list(line.map(_made, [folder] * len(names), names))
-    texts = [HEAD]
-    texts += ["\n## The catalogue\n\nWith a closed form each.\n"]
-    texts += [_entry(folder, name, _about(name)) for name in catalog.DRIVES]
-    texts += ["\n## The gallery\n\nIn TOML files, each with its law as a formula of some lines of Python.\n"]
-    texts += [_entry(folder, name, told(path)) for name, path in gallery.files().items()]
-    text = "".join(texts)
-    made = folder / "gallery.md"
-    if not made.is_file() or made.read_text(encoding="utf-8") != text:
-        made.write_text(text, encoding="utf-8")
+Each picture opens an interactive 3-D view of its mechanism, which also works offline. The name stands wherever a
+command takes a model: `mechsim show klann`. Seven mechanisms have a closed form in the catalogue. The others are TOML
+files in `models/gallery`, each with its law as a few lines of Python.
 
-
-HEAD = """# Mechanisms
-
-A name stands wherever a command takes a model: `mechsim show klann`. The link under a picture opens the mechanism
-in a page of its own, to be turned by hand; it works offline.
 """
 
 
-def _about(name: str) -> str:
-    """Return what a mechanism of the catalogue says of itself, up to its arguments."""
-    said = (catalog.DRIVES[name].__doc__ or "").split("Attributes:")[0]
-    return (
-        "\n".join(line.strip() for line in said.splitlines()).strip().replace("|", r"\|").replace("*", r"\*")
-    )
+def write(folder: Path) -> None:
+    """Write gallery.md, the pictures and the views; existing pictures and views are kept."""
+    for name in ("extra/pictures", "extra/views"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    listed = json.loads(_output("list --json"))
+    about = {**listed["mechanisms"], **listed["gallery"]}
+    names = sorted(about, key=lambda name: (FIRST.index(name) if name in FIRST else len(FIRST), name))
+    with ProcessPoolExecutor(max_workers=2) as pool:
+        list(pool.map(_draw, [folder / "extra"] * len(names), names))
+    cards = "\n".join(_card(folder / "extra", name, about[name]) for name in names)
+    laws = "".join(f"| `{name}` | {_cell(law)} | {_cell(source)} |\n" for name, law, source in _laws())
+    text = f'{HEAD}<div class="gallery">\n{cards}\n</div>\n\n## Laws and sources of the gallery\n\n'
+    text += f"| name | law | source |\n|---|---|---|\n{laws}"
+    page = folder / "gallery.md"
+    if not page.is_file() or page.read_text(encoding="utf-8") != text:
+        page.write_text(text, encoding="utf-8")
 
 
-def told(path: Path) -> str:
-    """Return what the comment at the head of a file says, its source and its law in lines of their own."""
-    lines = [line.removeprefix("#").strip() for line in _head(path)]
-    paragraphs: list[str] = []
-    for line in lines:
-        if not paragraphs or line.startswith(("Source:", "Law")):
-            paragraphs.append(line)
-        else:
-            paragraphs[-1] += " " + line
-    # an asterisk multiplies here
-    return "\n\n".join(one.replace("*", r"\*").replace("_", r"\_") for one in paragraphs)
+def _output(line: str) -> str:
+    """Return what a command prints; raise RuntimeError with its message if it fails."""
+    printed, messages = io.StringIO(), io.StringIO()
+    sys.argv = ["mechsim", *line.split()]
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(messages):
+        try:
+            main()
+        except SystemExit as ended:
+            if ended.code:
+                raise RuntimeError(f"mechsim {line}: {messages.getvalue()}") from None
+    return printed.getvalue()
 
 
-def _head(path: Path) -> list[str]:
-    lines = path.read_text(encoding="utf-8").splitlines()
-    end = next(i for i, line in enumerate(lines) if not line.startswith("#"))
-    return lines[:end]
-
-
-def _entry(folder: Path, name: str, text: str) -> str:
-    shown = ""
-    if _picture(folder, name).is_file():
-        shown = f"\n```{{image}} pictures/{name}.png\n:alt: {name} with the paths of its points\n:width: 360px\n```\n"
-    link = f'<a href="../views/{name}.html">Turn {name} by hand</a>'
-    return f"\n### {name}\n\n{text}\n{shown}\n{link}\n"
-
-
-def _picture(folder: Path, name: str) -> Path:
-    return folder / "pictures" / f"{name}.png"
-
-
-def _made(folder: Path, name: str) -> None:
-    """Make the picture and the page of a mechanism, where they are not there."""
-    picture, view = _picture(folder, name), folder / "extra" / "views" / f"{name}.html"
-    if picture.is_file() and view.is_file():
-        return
-    form = ms.load(name)
-    _draw(form, picture)
-    view.write_text(page(mechanism_view(form, SPEED, None)), encoding="utf-8")
-
-
-def _draw(form: Form, picture: Path) -> None:
-    """Draw a mechanism; where this machine has no OpenGL the page goes without."""
-    profile = profile_of(form, SPEED, 1.0)
-    look = Look(size=SIZE, paths="whole")
+def _draw(extra: Path, name: str) -> None:
+    """Write the still, the animation and the view of a mechanism; a machine without OpenGL gets the view only."""
+    if not (view := extra / "views" / f"{name}.html").is_file():
+        _output(f"view {name} --speed 60rpm -o {view}")
+    still = extra / "pictures" / f"{name}.png"
     try:
-        write_picture(picture, form.mechanism, motion_of(form, "closed", profile, 96), look)
-    except MissingToolError as error:
-        print(f"{form.name}: {error}")
+        if not still.is_file():
+            _output(f"render {name} --size {SIZE} --no-labels -o {still}")
+        if not still.with_suffix(".gif").is_file():
+            _output(f"render {name} {RENDER} -o {still.with_suffix('.gif')}")
+    except RuntimeError as error:
+        print(error)
+
+
+def _card(extra: Path, name: str, about: str) -> str:
+    picture = ""
+    if (extra / "pictures" / f"{name}.gif").is_file():
+        picture = (
+            f'<picture><source media="(prefers-reduced-motion: reduce)" srcset="../pictures/{name}.png">'
+            f'<img src="../pictures/{name}.gif" alt="{name}" loading="lazy" width="240" height="180"></picture>'
+        )
+    return f'<a href="../views/{name}.html">{picture}<b>{name}</b><span>{html.escape(about)}</span></a>'
+
+
+def _laws() -> list[tuple[str, str, str]]:
+    """Return name, law and source of each file of the gallery, from the comment at its head."""
+    folder = Path(__file__).parents[1] / "models" / "gallery"
+    rows = []
+    for path in sorted(folder.glob("*.toml")):
+        found = {"Law": "", "Source": ""}
+        key = ""
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if not line.startswith("#"):
+                break
+            text = line.removeprefix("#").strip()
+            key = next((start for start in found if text.startswith(start)), key)
+            if key:
+                found[key] += f" {text.removeprefix(key + ':')}"
+        rows.append((path.stem, found["Law"].strip(), found["Source"].strip()))
+    return rows
+
+
+def _cell(text: str) -> str:
+    for sign in "*_|":
+        text = text.replace(sign, "\\" + sign)
+    return text

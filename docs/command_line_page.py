@@ -1,0 +1,75 @@
+"""The reference page of the command line, written from the application itself: every command, every option."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+from typer.main import get_command
+
+from mechsim.cli import app
+
+HEAD = """# Command line
+
+`mechsim COMMAND --help` prints the same in a terminal. MODEL is a name from `mechsim list`, or a file: `FILE.toml`,
+`FILE.xml` (MJCF), `FILE.urdf`, or `FILE.py:OBJECT`. Numbers without a unit are in SI.
+
+| exit code | meaning |
+|---|---|
+| 0 | every check passed |
+| 1 | a check failed, or a run diverged |
+| 2 | the input is invalid; one line states why, and nothing is written |
+| 70 | an internal error of mechsim |
+| 128 + n | ended by signal n |
+
+"""
+
+
+def commands() -> dict[str, Any]:
+    """Return every command of the application by its name."""
+    group = get_command(app)
+    context = click.Context(group, info_name="mechsim")
+    names = group.list_commands(context)
+    return {name: group.resolve_command(context, [name])[1] for name in names}
+
+
+def write(folder: Path) -> None:
+    """Write command_line.md into a folder."""
+    found = commands()
+    first = {name: (found[name].help or "").split("\n\n")[0] for name in found}
+    summary = "".join(f"| [`{name}`](#mechsim-{name}) | {_line(first[name])} |\n" for name in found)
+    text = HEAD + "| command | does |\n|---|---|\n" + summary + "".join(map(_section, found, found.values()))
+    page = folder / "command_line.md"
+    folder.mkdir(parents=True, exist_ok=True)
+    if not page.is_file() or page.read_text(encoding="utf-8") != text:
+        page.write_text(text, encoding="utf-8")
+
+
+def _section(name: str, command: Any) -> str:
+    """Return the section of a command: its text, usage, options and examples."""
+    context = click.Context(command, info_name=f"mechsim {name}")
+    usage = " ".join(command.collect_usage_pieces(context))
+    rows = [_row(parameter, context) for parameter in command.params]
+    table = "| option | meaning |\n|---|---|\n" + "".join(rows)
+    examples = f"\n```text\n{command.epilog.strip()}\n```\n" if command.epilog else ""
+    help_text = _escaped(command.help or "")
+    return f"\n(mechsim-{name})=\n## {name}\n\n{help_text}\n\n```text\nmechsim {name} {usage}\n```\n\n{table}{examples}"
+
+
+def _row(parameter: Any, context: click.Context) -> str:
+    """Return a row of a parameter's name and meaning, or nothing for one without help."""
+    record = parameter.get_help_record(context)
+    if record is None:
+        return ""
+    name, meaning = record
+    return f"| `{name.strip().replace('|', chr(92) + '|')}` | {_line(meaning)} |\n"
+
+
+def _line(text: str | None) -> str:
+    return " ".join(_escaped(text or "").split())
+
+
+def _escaped(text: str) -> str:
+    """Return text in which Markdown reads nothing but text."""
+    for sign in "*_|<[":
+        text = text.replace(sign, "\\" + sign)
+    return text

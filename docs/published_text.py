@@ -1,0 +1,48 @@
+"""Publish the Markdown of every page next to its HTML, and `llms.txt`, a list of them for programs that read text."""
+
+import re
+from pathlib import Path
+
+TITLE = re.compile(r"^# (.+)$", re.MULTILINE)
+FRONT = re.compile(r"\A---\n.*?\n---\n", re.DOTALL)
+HEAD = """# mechsim
+
+> Checks models of closed-loop mechanisms. It solves a mechanism analytically and in MuJoCo, compares the two, or a
+> user's own model with either, and explains differences. Command line and Python package.
+
+"""
+
+
+def setup(app):
+    """Write after the pages are built."""
+    app.connect("build-finished", write)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def write(app, error):
+    """Write the sources and the list of them."""
+    if error or app.builder.format != "html":
+        return
+    out = Path(app.outdir)
+    lines = []
+    for name in sorted(app.env.found_docs, key=_order):
+        text = FRONT.sub("", Path(app.env.doc2path(name)).read_text(encoding="utf-8"))
+        page = out / f"{name}.md"
+        page.parent.mkdir(parents=True, exist_ok=True)
+        page.write_text(text, encoding="utf-8")
+        title = TITLE.search(text)
+        lines.append(f"- [{title[1] if title else name}]({name}.md){_summary(text)}\n")
+    (out / "llms.txt").write_text(HEAD + "".join(lines), encoding="utf-8")
+
+
+def _order(name: str) -> tuple[int, str]:
+    folders = ("index", "tutorials", "howto", "_generated", "reference", "explanation")
+    return folders.index(name.split("/")[0]), name
+
+
+def _summary(text: str) -> str:
+    """Return the first sentence below the title, or nothing."""
+    body = text[match.end() :] if (match := TITLE.search(text)) else text
+    paragraph = next((part for part in body.split("\n\n") if re.match(r"[A-Z`*]", part.strip())), "")
+    sentence = re.split(r"(?<=[.!?])\s", " ".join(paragraph.split()))[0]
+    return f": {sentence}" if sentence else ""
