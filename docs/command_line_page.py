@@ -11,7 +11,7 @@ from mechsim.cli import app
 HEAD = """# Command line
 
 `mechsim COMMAND --help` prints the same in a terminal. MODEL is a name from `mechsim list`, or a file: `FILE.toml`,
-`FILE.xml` (MJCF), `FILE.urdf`, or `FILE.py:OBJECT`. Numbers without a unit are in SI.
+`FILE.xml` (MJCF), or `FILE.py:OBJECT`. Numbers without a unit are in SI.
 
 | exit code | meaning |
 |---|---|
@@ -34,10 +34,10 @@ def commands() -> dict[str, Any]:
 
 def write(folder: Path) -> None:
     """Write command_line.md into a folder."""
-    found = commands()
-    first = {name: (found[name].help or "").split("\n\n")[0] for name in found}
-    summary = "".join(f"| [`{name}`](#mechsim-{name}) | {_line(first[name])} |\n" for name in found)
-    text = HEAD + "| command | does |\n|---|---|\n" + summary + "".join(map(_section, found, found.values()))
+    named = commands()
+    first = {name: (named[name].help or "").split("\n\n")[0] for name in named}
+    summary = "".join(f"| [`{name}`](#mechsim-{name}) | {_line(first[name])} |\n" for name in named)
+    text = HEAD + "| command | does |\n|---|---|\n" + summary + "".join(map(_section, named, named.values()))
     page = folder / "command_line.md"
     folder.mkdir(parents=True, exist_ok=True)
     if not page.is_file() or page.read_text(encoding="utf-8") != text:

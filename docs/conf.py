@@ -4,8 +4,8 @@ import os
 import sys
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS))
 
 import command_line_page  # noqa: E402
 import gallery_page  # noqa: E402
@@ -56,8 +56,8 @@ smartquotes_action = "qe"
 # commands in pages run with this Python, as wide as a page
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
 os.environ["COLUMNS"] = "90"
-os.environ["IPYTHONDIR"] = str(HERE / "_generated" / "ipython")
-os.environ["MECHSIM_SOURCES"] = str(HERE.parent)
+os.environ["IPYTHONDIR"] = str(DOCS / "_generated" / "ipython")
+os.environ["MECHSIM_SOURCES"] = str(DOCS.parent)
 
 
 # a shell cell prints the output of its commands without colours. It fails if they fail, or, as `%%sh exits 1`,
@@ -78,11 +78,11 @@ def sh(line, cell):
 
 def _prepare():
     """Write the generated pages and the code that every kernel runs first."""
-    start = HERE / "_generated" / "ipython" / "profile_default" / "startup"
+    start = DOCS / "_generated" / "ipython" / "profile_default" / "startup"
     start.mkdir(parents=True, exist_ok=True)
     (start / "00-shell.py").write_text(SHELL, encoding="utf-8")
-    gallery_page.write(HERE / "_generated")
-    command_line_page.write(HERE / "_generated")
+    gallery_page.write(DOCS / "_generated")
+    command_line_page.write(DOCS / "_generated")
 
 
 def setup(app):

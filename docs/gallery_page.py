@@ -12,8 +12,8 @@ from mechsim.cli import main
 
 # gripper, ankle, platforms and the planar classics come first
 FIRST = ("parallel_gripper", "humanoid_ankle", "stewart_gough", "delta_robot", "four_bar", "slider_crank")
-SIZE, FRAMES = "240x180", 24
-RENDER = f"--size {SIZE} --frames-per-turn {FRAMES} --fps 12 --no-labels"
+PICTURE_SIZE, FRAMES = "240x180", 24
+RENDER = f"--size {PICTURE_SIZE} --frames-per-turn {FRAMES} --fps 12 --no-labels"
 
 HEAD = """# Gallery
 
@@ -34,7 +34,7 @@ def write(folder: Path) -> None:
     with ProcessPoolExecutor(max_workers=2) as pool:
         list(pool.map(_draw, [folder / "extra"] * len(names), names))
     cards = "\n".join(_card(folder / "extra", name, about[name]) for name in names)
-    laws = "".join(f"| `{name}` | {_cell(law)} | {_cell(source)} |\n" for name, law, source in _laws())
+    laws = "".join(f"| `{name}` | {_escaped(law)} | {_escaped(source)} |\n" for name, law, source in _laws())
     text = f'{HEAD}<div class="gallery">\n{cards}\n</div>\n\n## Laws and sources of the gallery\n\n'
     text += f"| name | law | source |\n|---|---|---|\n{laws}"
     page = folder / "gallery.md"
@@ -62,7 +62,7 @@ def _draw(extra: Path, name: str) -> None:
     still = extra / "pictures" / f"{name}.png"
     try:
         if not still.is_file():
-            _output(f"render {name} --size {SIZE} --no-labels -o {still}")
+            _output(f"render {name} --size {PICTURE_SIZE} --no-labels -o {still}")
         if not still.with_suffix(".gif").is_file():
             _output(f"render {name} {RENDER} -o {still.with_suffix('.gif')}")
     except RuntimeError as error:
@@ -84,20 +84,20 @@ def _laws() -> list[tuple[str, str, str]]:
     folder = Path(__file__).parents[1] / "models" / "gallery"
     rows = []
     for path in sorted(folder.glob("*.toml")):
-        found = {"Law": "", "Source": ""}
+        texts = {"Law": "", "Source": ""}
         key = ""
         for line in path.read_text(encoding="utf-8").splitlines():
             if not line.startswith("#"):
                 break
             text = line.removeprefix("#").strip()
-            key = next((start for start in found if text.startswith(start)), key)
+            key = next((start for start in texts if text.startswith(start)), key)
             if key:
-                found[key] += f" {text.removeprefix(key + ':')}"
-        rows.append((path.stem, found["Law"].strip(), found["Source"].strip()))
+                texts[key] += f" {text.removeprefix(key + ':')}"
+        rows.append((path.stem, texts["Law"].strip(), texts["Source"].strip()))
     return rows
 
 
-def _cell(text: str) -> str:
+def _escaped(text: str) -> str:
     for sign in "*_|":
         text = text.replace(sign, "\\" + sign)
     return text

@@ -43,6 +43,6 @@ def _order(name: str) -> tuple[int, str]:
 def _summary(text: str) -> str:
     """Return the first sentence below the title, or nothing."""
     body = text[match.end() :] if (match := TITLE.search(text)) else text
-    paragraph = next((part for part in body.split("\n\n") if re.match(r"[A-Z`*]", part.strip())), "")
+    paragraph = next((text for text in body.split("\n\n") if re.match(r"[A-Z`*]", text.strip())), "")
     sentence = re.split(r"(?<=[.!?])\s", " ".join(paragraph.split()))[0]
     return f": {sentence}" if sentence else ""

@@ -1,4 +1,4 @@
-"""Pad positions of the gallery's parallel gripper: one function is right, one has an arm that is 1 mm too short.
+"""Pad positions of the gallery's parallel gripper; `short_arm` has an arm that is 1 mm too short.
 
 Run: mechsim validate parallel_gripper --against examples/gripper_kinematics.py:short_arm
 """

@@ -84,8 +84,8 @@ def load(
             a Mechanism, a catalogue object, or a function that returns one, whose arguments with numbers as
             defaults are parameters (the Python file is run); or such an object, a `mujoco.MjSpec`, or a
             `mujoco.MjModel` that MuJoCo loaded last.
-        set: parameter -> its value as text, as `--set` takes it, or a number in SI; docs/models.md states the
-            rule of numbers without a unit.
+        set: parameter -> its value as text, as `--set` takes it, or a number in SI;
+            docs/reference/toml.md states the rule of numbers without a unit.
         drive: coordinate -> its motion law: text as `--drive` takes it, or a function of times (n,) in [s]
             that returns value, rate and acceleration, (n,) each in SI.
         lock: joint or coordinate -> where it is locked, as text or in SI; None, or a name alone: where

@@ -1,4 +1,4 @@
-"""A mechanism in a TOML file, read: its keys are those of `toml_keys`, and docs/models.md shows them."""
+"""Read a mechanism from a TOML file; docs/reference/toml.md documents its keys."""
 
 import os
 from collections import Counter

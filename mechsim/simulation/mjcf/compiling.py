@@ -61,8 +61,8 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     The compiler takes a site or geom less than a micrometre from its body's origin, and a centre of mass
     as near, for being there: in a linkage of 5 um a joint is then off by a fifth of a link, without a
-    word (docs/extremes.md). Where the two are not the same to the last bit, they are kept apart. What the
-    compiler warns of, a run will meet and report.
+    word (docs/explanation/extremes.md). Where the two are not the same to the last bit, they are kept
+    apart. What the compiler warns of, a run will meet and report.
 
     Raises:
         InputError: for a model that MuJoCo refuses, such as one with a massless body.

@@ -1,4 +1,4 @@
-"""How far each axis can be pushed before something breaks, and what breaks: see docs/extremes.md."""
+"""How far each axis can be changed before something breaks: see docs/explanation/extremes.md."""
 
 from mechsim.studies.extremes.stability_map import AXES, StabilityMap, study
 from mechsim.studies.extremes.trial import Border, Trial

@@ -252,7 +252,7 @@ def sensitivity(
         InputError: for an unknown quantity or dimension, with the nearest one.
         AssemblyError: where the loops do not close, or two assemblies meet.
 
-    Accuracy: about 1e-15 times the condition of the loops; docs/sensitivity.md has what was measured.
+    Accuracy: about 1e-15 times the condition of the loops; docs/explanation/accuracy.md has the measurements.
     """
     subject = moved(model, angles=angles, t=t, speed=speed, forces=forces)
     return derivative_table(subject, [of] if isinstance(of, str) else of, to)

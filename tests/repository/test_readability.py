@@ -1,0 +1,44 @@
+"""README and docs are plain: short sentences, and no word that only this project uses."""
+
+import re
+from pathlib import Path
+
+import pytest
+from readability.private_words import page_uses
+from readability.sentences import sentences
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [path for path in PAGES if "_generated" not in path.parts]
+# words in a sentence; a sentence of the field's papers has about 25 on average
+MEAN, MAX = 16.0, 35
+# words in README and docs together, half of what they had before they were rewritten
+MAX_WORDS = 18_400
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_sentences_of_a_page_are_short(page):
+    lengths = [len(sentence.split()) for sentence in sentences(page.read_text())]
+    if lengths:
+        longest = max(sentences(page.read_text()), key=lambda sentence: len(sentence.split()))
+        assert max(lengths) <= MAX, longest
+        assert sum(lengths) / len(lengths) <= MEAN
+
+
+def test_no_page_has_a_private_word():
+    assert [(use.path.name, use.line, use.word) for page in PAGES for use in page_uses(page)] == []
+
+
+def test_the_documentation_stays_short():
+    assert sum(len(page.read_text().split()) for page in PAGES) <= MAX_WORDS
+
+
+def test_readme_and_docs_use_the_terms_of_the_field():
+    text = " ".join(page.read_text().lower() for page in PAGES)
+    terms = ("singularit", "degree of freedom", "position error", "assembly mode", "tutorial", "cite")
+    assert [term for term in terms if not re.search(term, text)] == []
+
+
+def test_sentences_are_found_in_prose_only():
+    text = "# Title\n\nOne two. Three `a.b c` four?\n\n```sh\nnot here. nor here\n```\n\n| a cell. | b |\n\n- item one.\n"
+    assert sentences(text) == ["One two.", "Three x four?", "item one."]
