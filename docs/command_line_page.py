@@ -11,7 +11,7 @@ from mechsim.cli import app
 HEAD = """# Command line
 
 `mechsim COMMAND --help` prints the same in a terminal. MODEL is a name from `mechsim list`, or a file: `FILE.toml`,
-`FILE.xml` (MJCF), or `FILE.py:OBJECT`. Numbers without a unit are in SI.
+`FILE.xml` (MJCF), `FILE.urdf`, or `FILE.py:OBJECT`. Numbers without a unit are in SI.
 
 | exit code | meaning |
 |---|---|

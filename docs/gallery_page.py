@@ -12,8 +12,8 @@ from mechsim.cli import main
 
 # gripper, ankle, platforms and the planar classics come first
 FIRST = ("parallel_gripper", "humanoid_ankle", "stewart_gough", "delta_robot", "four_bar", "slider_crank")
-PICTURE_SIZE, FRAMES = "240x180", 24
-RENDER = f"--size {PICTURE_SIZE} --frames-per-turn {FRAMES} --fps 12 --no-labels"
+PICTURE_SIZE = "240x180"
+RENDER = f"--size {PICTURE_SIZE} --fps 12 --no-labels"
 
 HEAD = """# Gallery
 
@@ -63,8 +63,14 @@ def _draw(extra: Path, name: str) -> None:
     try:
         if not still.is_file():
             _output(f"render {name} --size {PICTURE_SIZE} --no-labels -o {still}")
-        if not still.with_suffix(".gif").is_file():
-            _output(f"render {name} {RENDER} -o {still.with_suffix('.gif')}")
+        if not (animation := still.with_suffix(".gif")).is_file():
+            # several drivers follow their motion laws and have no turn
+            motion = (
+                "--frames-per-turn 24"
+                if json.loads(_output(f"show {name} --json")).get("crank_range")
+                else ""
+            )
+            _output(f"render {name} {RENDER} {motion} -o {animation}")
     except RuntimeError as error:
         print(error)
 

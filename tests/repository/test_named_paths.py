@@ -6,8 +6,14 @@ from pathlib import Path
 import mechsim
 
 ROOT = Path(__file__).parents[2]
-DOCUMENTS = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), ROOT / "validation" / "README.md"]
-SOURCES = [*ROOT.glob("mechsim/**/*.py"), *ROOT.glob("validation/**/*.py"), *ROOT.glob("examples/*.py")]
+PAGES = [path for path in ROOT.glob("docs/**/*.md") if "_generated" not in path.parts]
+DOCUMENTS = [*ROOT.glob("*.md"), *PAGES, ROOT / "validation" / "README.md"]
+SOURCES = [
+    *ROOT.glob("mechsim/**/*.py"),
+    *ROOT.glob("validation/**/*.py"),
+    *ROOT.glob("examples/*.py"),
+    *ROOT.glob("docs/*.py"),
+]
 PATH = re.compile(r"(?<![\w/.-])((?:validation|tests|mechsim|examples|docs|\.ci)/[\w/.-]*\w)/?")
 MODULE = re.compile(r"(?<![\w/.@\"-])mechsim((?:\.[a-z_]+)+)(?![\w/(])")
 

@@ -42,6 +42,25 @@ def test_a_command_of_the_tour_does_its_work(line, monkeypatch, tmp_path, capsys
         assert said.out
 
 
+def test_the_first_example_fails_with_the_cause_that_the_readme_prints(monkeypatch, capsys):
+    (block,) = blocks("console")
+    line, output = block.removeprefix("$ ").split("\n", 1)
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "argv", shlex.split(line))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    printed = capsys.readouterr().out
+    for fact in ("FAIL", "1.87 mm", "arm is 0.056 m instead of 0.057 m", "100 %"):
+        assert fact in output
+        assert fact in printed
+
+
+def test_the_animation_is_small_enough_for_a_first_screen():
+    (picture,) = re.findall(r"!\[.*\]\((.*)\)", README)
+    assert 0 < (ROOT / picture).stat().st_size < 1_500_000
+
+
 def test_the_python_of_the_tour_runs():
     (code,) = blocks("python")
     exec(compile(code, "README.md", "exec"), {})

@@ -1,7 +1,6 @@
 """Print how long the sentences of README and docs are.
 
-python validation/readability/sentences.py [PAGE ...]
-
+Run: python validation/readability/sentences.py [PAGE ...]
 """
 
 import re
@@ -20,6 +19,8 @@ NOT_PROSE = [
     r"^\(.*\)=$",
     r"!\[[^\]]*\]\([^)]*\)",
 ]
+# a sentence may start with the name of a program
+END = re.compile(r"(?<=[.!?:])\s+(?=[A-Zx0-9\"'(]|mechsim|pip|pylinkage)")
 
 
 def sentences(text: str) -> list[str]:
@@ -29,27 +30,18 @@ def sentences(text: str) -> list[str]:
     text = re.sub(r"`[^`]+`|\$[^$]+\$", "x", text)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"[*_>]+", "", text)
-    blocks = re.split(r"\n\s*\n|\n\s*(?:-|\d+\.)\s+|\A\s*(?:-|\d+\.)\s+", text)
-    found = [
-        part
-        for block in blocks
-        for part in re.split(r"(?<=[.!?:])\s+(?=[A-Zx0-9\"'(])", " ".join(block.split()))
-    ]
-    return [sentence for sentence in found if sentence]
+    blocks = re.split(r"(?:\n\s*|\A)(?:-|\d+\.)\s+|\n\s*\n", text)
+    parts = [part for block in blocks for part in END.split(" ".join(block.split()))]
+    return [part for part in parts if part]
 
 
 def main() -> None:
-    pages = [Path(name) for name in sys.argv[1:]] or [
-        ROOT / "README.md",
-        *sorted((ROOT / "docs").rglob("*.md")),
-    ]
-    for page in pages:
-        if "_generated" in page.parts or not (found := sentences(page.read_text())):
-            continue
-        lengths = [len(sentence.split()) for sentence in found]
-        print(
-            f"{page}: {len(found)} sentences, mean {sum(lengths) / len(lengths):.1f}, longest {max(lengths)}"
-        )
+    named = [Path(name) for name in sys.argv[1:]]
+    for page in named or [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        lengths = [len(sentence.split()) for sentence in sentences(page.read_text())]
+        if lengths and "_generated" not in page.parts:
+            mean = sum(lengths) / len(lengths)
+            print(f"{page}: {len(lengths)} sentences, mean {mean:.1f}, longest {max(lengths)}")
 
 
 if __name__ == "__main__":
