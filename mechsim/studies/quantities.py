@@ -181,7 +181,7 @@ class QuantityKind:
     pair: bool = False
 
 
-def quantity(name: str, mechanism: Mechanism, *, scalar: bool = False) -> Quantity:
+def quantity(name: str, mechanism: Mechanism, *, scalar: bool | None = None) -> Quantity:
     """Return the quantity of a name.
 
     Args:
@@ -189,7 +189,8 @@ def quantity(name: str, mechanism: Mechanism, *, scalar: bool = False) -> Quanti
             torque:J, force:J, moment:J, J.fx, J.mz; kinetic and other columns of forces; speed:P,
             acceleration:P, distance:P,Q, angle:LINK,LINK, transmission; or expr:EXPRESSION of quantities.
         mechanism: whose.
-        scalar: whether one number at each instant is meant: a name of a joint and a point is the joint's.
+        scalar: whether one number at each instant is meant, or a vector: of two things of one name the joint
+            or the point is taken; None takes the point for its name alone, else the joint.
 
     Raises:
         InputError: for any other name, with the nearest one.
@@ -206,8 +207,7 @@ def quantity(name: str, mechanism: Mechanism, *, scalar: bool = False) -> Quanti
         result = _drive_effort(name, rest, mechanism)
     elif not colon:
         rows = [row for row in KINDS.values() if row.derive is None]
-        # a name alone is the point's where vectors are meant
-        joints_first = scalar or "." in name
+        joints_first = "." in name if scalar is None else scalar
         rows.sort(key=lambda row: (row.subject == "coordinate") != joints_first)
         result = _effort(name, mechanism) or _direct(name, name, mechanism, rows)
     if result is None:
@@ -241,20 +241,17 @@ def scalar_quantities(names: Iterable[str], mechanism: Mechanism) -> list[Quanti
     return list(result.values())
 
 
-def unknown(name: str, mechanism: Mechanism, who: str = "") -> InputError:
+def unknown(name: str, mechanism: Mechanism) -> InputError:
     """Return the error that a name is no quantity, with the nearest one."""
     joints = [joint.name for joint in mechanism.joints]
     short = list(dict.fromkeys([*mechanism.points, *joints, *coordinate_units(mechanism)]))
     columns = [f"{point}.x" for point in mechanism.points]
-    words = [f"{row.word}:" for row in KINDS.values() if row.word]
+    word, colon, _ = name.partition(":")
+    words = [f"{word}:{subject}" for subject in short] if colon else []
     close = get_close_matches(name, [*short, *columns, "torque", TRANSMISSION, *words], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
-    problem = f"{who} gives {name!r}, which is nothing of {mechanism.name}" if who else ""
-    problem = problem or f"{mechanism.name} has no quantity {name!r}"
-    return InputError(
-        f"{problem}{hint} known are points and joints ({', '.join(short)}) and names as P.x, J.v, torque:J, "
-        "distance:P,Q"
-    )
+    known = f"known are points and joints ({', '.join(short)}) and names as P.x, J.v, torque:J, distance:P,Q"
+    return InputError(f"{mechanism.name} has no quantity {name!r}{hint} {known}")
 
 
 def coordinate_units(mechanism: Mechanism) -> dict[str, str]:

@@ -26,9 +26,9 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.candidate import Claim
+from mechsim.studies.agreement.candidate import Claim, QuantityReader
 from mechsim.studies.agreement.evaluation_points import Comparand, comparand_of
-from mechsim.studies.agreement.named_quantities import names_of
+from mechsim.studies.quantities import coordinate_units
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import parametric_model
 
@@ -76,9 +76,9 @@ class Subject:
         return comparand_of(self.form, SPEED)
 
     @cached_property
-    def names(self):
-        """Of its quantities."""
-        return names_of(self.form.mechanism)
+    def reader(self):
+        """Reads names of its quantities."""
+        return QuantityReader(self.form.mechanism, "the study")
 
     def solved(self, form=None, **changed) -> Comparand:
         """Return the same instants of something else, or elsewhere, solved anew."""
@@ -123,13 +123,13 @@ def quantities(subject: Subject, random) -> list:
     joints = [
         one
         for one in motion.joints
-        if one in subject.names.coordinates and one not in subject.form.mechanism.drivers
+        if one in coordinate_units(subject.form.mechanism) and one not in subject.form.mechanism.drivers
     ]
     if random.random() < 0.6:
         names += [(one, None) for one in random.permutation(joints)[:2] if one not in points]
     if random.random() < 0.3:
         names += [(f"{one}.v", 3) for one in chosen[:1]]
-    return [subject.names.read(str(name), width, "the study") for name, width in names]
+    return [subject.reader.read(str(name), width) for name, width in names]
 
 
 def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
@@ -348,7 +348,7 @@ def one_case(number: int, among: list[Subject]) -> dict:
             named = quantities(subject, random)
             if loads:
                 crank = subject.form.mechanism.crank.name
-                named = [subject.names.read(f"torque:{crank}", None, "the study")]
+                named = [subject.reader.read(f"torque:{crank}", None)]
             mistake = KINDS[kind][0](subject, named, size, random)
         except (MechsimError, KeyError, ValueError, np.linalg.LinAlgError):
             continue

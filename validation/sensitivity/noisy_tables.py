@@ -14,9 +14,8 @@ import numpy as np
 
 import mechsim as ms
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.candidate import Claim
+from mechsim.studies.agreement.candidate import Claim, QuantityReader
 from mechsim.studies.agreement.evaluation_points import Comparand
-from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import FALSE_ALARM
 from mechsim.subjects.readers import parametric_model
 
@@ -37,11 +36,11 @@ def comparand_of(form):
 
 def exact_claims(form, columns):
     """Return what a form does, as claims with standard deviations."""
-    comparand, names = comparand_of(form), names_of(form.mechanism)
+    comparand, reader = comparand_of(form), QuantityReader(form.mechanism, "the script")
     claims = []
     for column in columns:
         axes = column.partition(".")[2]
-        named = names.read(column, {"xy": 2, "": 3}.get(axes), "the script")
+        named = reader.read(column, {"xy": 2, "": 3}.get(axes))
         values = comparand.exact(named)
         claims.append(Claim(named, values, np.full(values.shape, NOISE[named.unit])))
     return claims

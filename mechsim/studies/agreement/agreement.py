@@ -19,11 +19,17 @@ from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.studies.agreement.attribution import AskedAgain, told
-from mechsim.studies.agreement.candidate import Claim, claimed, claims_of_table, read_table, tabled_comparand
+from mechsim.studies.agreement.candidate import (
+    Claim,
+    QuantityReader,
+    claimed,
+    claims_of_table,
+    read_table,
+    tabled_comparand,
+)
 from mechsim.studies.agreement.diagnosis import diagnosis
 from mechsim.studies.agreement.discrepancy import Miss, bound_of, check, errors, measured, noise_in, scales_of
-from mechsim.studies.agreement.evaluation_points import EFFORTS, Comparand, comparand_of
-from mechsim.studies.agreement.named_quantities import names_of
+from mechsim.studies.agreement.evaluation_points import Comparand, comparand_of
 from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import parametric_model as dimension_family
@@ -94,7 +100,7 @@ class Agreement:
     @property
     def masses(self) -> tuple[LinkMass, ...]:
         """The masses of the links, and where each comes from, if efforts are compared; else none."""
-        efforts = any(claim.named.kind in EFFORTS for claim in self.claims)
+        efforts = any(claim.named.loaded for claim in self.claims)
         return self.comparand.masses if efforts else ()
 
     def as_dict(self) -> dict[str, Any]:
@@ -259,11 +265,10 @@ def _claims(
             raise InputError(
                 f"nothing is held against {form.name}; give a function, FILE.py:FUNC or FILE.csv"
             )
-    names = names_of(form.mechanism)
     if isinstance(against, str | Path) and _is_table(against):
         source, table = str(against), read_table(str(against))
         comparand, used = tabled_comparand(form, table, speed, source)
-        return source, comparand, claims_of_table(table, used, names, source), None
+        return source, comparand, claims_of_table(table, used, QuantityReader(form.mechanism, source)), None
     if isinstance(against, str | Path):
         source, function = str(against), run_object(str(against))
     else:
@@ -279,6 +284,6 @@ def _claims(
     parameters = dict(form.parameters) if isinstance(form, LoopForm) else None
 
     def again(there: Comparand) -> list[Claim]:
-        return claimed(function, there, names, source, parameters)
+        return claimed(function, there, source, parameters)
 
     return source, comparand, again(comparand), again

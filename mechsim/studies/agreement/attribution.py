@@ -16,8 +16,8 @@ from mechsim.simulation import Settings
 from mechsim.studies.agreement.candidate import Claim
 from mechsim.studies.agreement.discrepancy import Scales, errors
 from mechsim.studies.agreement.evaluation_points import Comparand
-from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of, simulated
+from mechsim.studies.quantities import Quantity
 from mechsim.studies.scene.converged_reference import interpolated
 from mechsim.studies.scene.evaluator import SceneRun, stepped
 from mechsim.studies.scene.published_run import published_scene
@@ -59,7 +59,7 @@ class TwoRuns:
     how: str
 
 
-def runs_of(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
+def runs_of(comparand: Comparand, named: list[Quantity]) -> TwoRuns:
     """Return two runs of what moves, at the instants of a comparand.
 
     Raises:
@@ -72,7 +72,7 @@ def runs_of(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
     return _own_runs(comparand, named)
 
 
-def _own_runs(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
+def _own_runs(comparand: Comparand, named: list[Quantity]) -> TwoRuns:
     """Return runs of the model made of a mechanism, driven by flywheels."""
     form, samples = comparand.form, len(comparand) - 1
     profile = _profile(comparand)
@@ -102,7 +102,7 @@ def _profile(comparand: Comparand) -> CrankProfile:
     return profile_of(form, fastest, form.period / TURN)
 
 
-def _scene_runs(comparand: Comparand, named: list[NamedQuantity]) -> TwoRuns:
+def _scene_runs(comparand: Comparand, named: list[Quantity]) -> TwoRuns:
     form = comparand.form
     assert isinstance(form, MjcfForm)
     assert form.source is not None
@@ -130,7 +130,7 @@ def _finer(scene: UserScene) -> mujoco.MjModel:
 
 
 def _at_instants(
-    scene: UserScene, run: SceneRun, comparand: Comparand, named: list[NamedQuantity]
+    scene: UserScene, run: SceneRun, comparand: Comparand, named: list[Quantity]
 ) -> RunAtInstants:
     """Return what a run of a scene had at the instants of a comparand, and what is exact there."""
     form, time = comparand.form, comparand.time

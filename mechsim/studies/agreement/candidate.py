@@ -12,12 +12,14 @@ import numpy as np
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
+from mechsim.model.link_poses import PARALLEL, plane_normals
+from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import Comparand, asked_of
-from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity, Names, nearest
 from mechsim.studies.measured_table import column_in_si, deviation_of
+from mechsim.studies.quantities import AXES, Quantity, quantity, unknown
 from mechsim.subjects.python_object import run_user_code
 
 # second arguments by which a function asks for more than places of drivers
@@ -41,7 +43,7 @@ class Claim:
         uncertainty: standard deviations, (n, k) in SI, 0 in columns without; None without any.
     """
 
-    named: NamedQuantity
+    named: Quantity
     values: Array
     uncertainty: Array | None = None
 
@@ -49,7 +51,6 @@ class Claim:
 def claimed(
     function: Callable[..., Any],
     comparand: Comparand,
-    names: Names,
     who: str,
     parameters: Mapping[str, float] | None = None,
 ) -> list[Claim]:
@@ -59,7 +60,6 @@ def claimed(
         function: of the crank's angles (n,), or the coordinates of several drivers by name; arguments called
             speed, acceleration or t get those too, and another second one the parameters of a file.
         comparand: at which instants.
-        names: of the subject.
         who: the function, for messages.
         parameters: of the subject's file, as written.
 
@@ -76,27 +76,86 @@ def claimed(
         )
     plane = found.get("plane")
     if isinstance(plane, str):
-        names = replace(names, plane=plane)
         found = {name: value for name, value in found.items() if name != "plane"}
-    return [read(str(name), value, names, who, where) for name, value in found.items()]
+    reader = QuantityReader(comparand.form.mechanism, who, plane if isinstance(plane, str) else "")
+    return [read(str(name), value, reader, where) for name, value in found.items()]
 
 
-def read(name: str, value: object, names: Names, who: str, where: Mapping[str, Array]) -> Claim:
+@dataclass(frozen=True)
+class QuantityReader:
+    """Reads the names of quantities that a function or a table gives.
+
+    Attributes:
+        mechanism: whose quantities they are.
+        who: the function or table, for messages.
+        plane: ground axes of a point given by two numbers, as "xz"; empty for the plane of the motion.
+    """
+
+    mechanism: Mechanism
+    who: str
+    plane: str = ""
+
+    def read(self, name: str, width: int | None) -> Quantity:
+        """Return the quantity that a name and the number of values at each instant mean.
+
+        Args:
+            name: as written.
+            width: values at each instant; None for a single column (n,).
+
+        Raises:
+            InputError: for a name of no quantity, with the nearest one, or a width that does not fit.
+        """
+        scalar = width in (None, 1)
+        try:
+            found = quantity(name, self.mechanism, scalar=scalar)
+        except InputError as error:
+            raise InputError(f"{self.who} gives {name!r}: {error}") from None
+        if len(found.columns) > 1 and found.kind.startswith("joint"):
+            raise InputError(f"{self.who} gives {name!r}: {unknown(name, self.mechanism)}")
+        count = 1 if width is None else width
+        if count == max(1, len(found.axes)):
+            return found
+        if count == 2 and found.axes == AXES:
+            return found.along(self._plane(name))
+        of = (
+            f"({len(found.axes)} axes: {found.axes})"
+            if len(found.axes) in (1, 2)
+            else "(n, 3), or (n, 2) in a plane"
+        )
+        shape = "(n,)" if width is None else f"(n, {width})"
+        raise InputError(f"{self.who} gives {name!r} of shape {shape}; give {of}")
+
+    def _plane(self, name: str) -> str:
+        """Return the ground axes of the plane in which points move."""
+        if self.plane:
+            if len(self.plane) != 2 or len(set(self.plane)) != 2 or self.plane.strip(AXES):
+                raise InputError(f"the plane is {self.plane!r}; give two of the ground's axes, as in 'xy'")
+            return self.plane
+        normals = plane_normals(self.mechanism) or {}
+        normal = np.abs(normals.get(GROUND, np.zeros(3)))
+        if not normal.max() > 1.0 - PARALLEL:
+            raise InputError(
+                f"{self.who} gives {name!r} by two numbers, but {self.mechanism.name} does not move in a "
+                f"plane of the ground's axes; name the plane, as in '{name}.xy'"
+            )
+        return AXES.replace(AXES[int(np.argmax(normal))], "")
+
+
+def read(name: str, value: object, reader: QuantityReader, where: Mapping[str, Array]) -> Claim:
     """Return one claim.
 
     Args:
         name: as it is given.
         value: (n,), (n, 2) or (n, 3) in SI.
-        names: of the subject.
-        who: gives it, for messages.
+        reader: of names.
         where: driver -> its coordinate (n,), for messages.
 
     Raises:
         InputError: for a name, a shape or numbers that cannot be.
     """
-    count = len(next(iter(where.values())))
+    who, count = reader.who, len(next(iter(where.values())))
     values = _numbers(name, value, who, count)
-    named = names.read(name, None if values.ndim == 1 else values.shape[-1] if values.ndim == 2 else 0, who)
+    named = reader.read(name, None if values.ndim == 1 else values.shape[-1] if values.ndim == 2 else 0)
     width = max(1, len(named.axes))
     if values.shape not in ((count, width), (count,) if width == 1 else (count, width)):
         shape = f"({count}, {width})" if width > 1 else f"({count},)"
@@ -194,7 +253,7 @@ def read_table(path: str) -> dict[str, TableColumn]:
     for name in deviations:
         if name not in known:
             raise InputError(
-                f"{path} has an uncertainty of {name!r}, but no column of it{nearest(name, known)}"
+                f"{path} has an uncertainty of {name!r}, but no column of it; there are {', '.join(known)}"
             )
     return {name: TableColumn(values, deviations.get(name)) for name, values in known.items()}
 
@@ -333,33 +392,31 @@ def _rates(driver: str) -> tuple[str, str]:
     return f"{driver}.v", f"{driver}.a"
 
 
-def claims_of_table(
-    table: Mapping[str, TableColumn], used: list[str], names: Names, source: str
-) -> list[Claim]:
+def claims_of_table(table: Mapping[str, TableColumn], used: list[str], reader: QuantityReader) -> list[Claim]:
     """Return what a table says of quantities: those of one point's components together."""
-    found: dict[tuple[str, str], list[tuple[NamedQuantity, TableColumn]]] = {}
+    found: dict[tuple[str, str], list[tuple[Quantity, TableColumn]]] = {}
     for name, column in table.items():
         if name in used:
             if column.uncertainty is not None:
                 raise InputError(
-                    f"{source} has a standard deviation of {name!r}, which states where a driver is and "
+                    f"{reader.who} has a standard deviation of {name!r}, which states where a driver is and "
                     "counts as exact; leave it out"
                 )
             continue
-        named = names.read(name, None, source)
+        named = reader.read(name, None)
         found.setdefault((named.kind, named.subject), []).append((named, column))
     claims = [_together(parts) for parts in found.values()]
     if not claims:
         raise InputError(
-            f"{source} has no column beside {', '.join(used)}; give one to compare, as P.x or J.q"
+            f"{reader.who} has no column beside {', '.join(used)}; give one to compare, as P.x or J.q"
         )
     return claims
 
 
-def _together(parts: list[tuple[NamedQuantity, TableColumn]]) -> Claim:
+def _together(parts: list[tuple[Quantity, TableColumn]]) -> Claim:
     parts = sorted(parts, key=lambda part: AXES.find(part[0].axes))
     axes = "".join(named.axes for named, _ in parts)
-    first = parts[0][0]
+    first = replace(parts[0][0], columns=tuple(column for named, _ in parts for column in named.columns))
     values = np.column_stack([column.values for _, column in parts])
     bands = [column.uncertainty for _, column in parts]
     uncertainty = None

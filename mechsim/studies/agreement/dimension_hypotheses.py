@@ -22,7 +22,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.discrepancy import DISCRETE, NAMED, PLACED, Hypothesis, Miss, Values
 from mechsim.studies.agreement.evaluation_points import Comparand
 from mechsim.studies.agreement.fitting import linearly_explains
-from mechsim.studies.agreement.named_quantities import AXES
+from mechsim.studies.quantities import AXES
 
 # of all places of joints those that explain most in the first order are solved again
 TRIED = 6
@@ -39,7 +39,7 @@ def parameters(miss: Miss) -> Iterator[Hypothesis]:
     named = [_hypothesis(miss, miss.family, one, NAMED) for one in miss.family.dimensions.values()]
     among = [*named, *_of_couplings(miss)]
     # of efforts no exact derivatives are at hand
-    efforts = any(claim.named.kind in ("torque", "force", "moment") for claim in miss.claims)
+    efforts = any(claim.named.loaded for claim in miss.claims)
     yield from among if efforts else _likely(miss, among, TRIED + 2)
 
 
@@ -208,14 +208,14 @@ def _of_point(miss: Miss, point: str, i: int) -> Hypothesis:
 
     def slope() -> Values:
         links = miss.comparand.motion.links
-        if link == GROUND or link not in links:
+        if link == GROUND or link not in links or any(claim.named.function for claim in miss.claims):
             raise KeyError(link)
         turn = links[link].rotation[:, :, i]
         spin, bend = links[link].angular_velocity, links[link].angular_acceleration
         rate = np.cross(spin, turn)
         by = {"position": turn, "velocity": rate, "acceleration": np.cross(bend, turn) + np.cross(spin, rate)}
         return [
-            size * claim.named.components(by[claim.named.kind])
+            size * claim.named.select(by[claim.named.kind])
             if claim.named.subject == point and claim.named.kind in by
             else np.zeros_like(values)
             for claim, values in zip(miss.claims, miss.exact, strict=True)

@@ -11,25 +11,18 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.candidate import Claim
 from mechsim.studies.agreement.evaluation_points import Comparand
-from mechsim.studies.agreement.named_quantities import Kind, NamedQuantity
 from mechsim.studies.agreement.noise import Noise, noise_of
+from mechsim.studies.quantities import Quantity
+from mechsim.studies.quantity_expressions import unit_powers
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import efforts_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Tolerance
 
-# a formula is held to this part of what it measures: between its rounding, 1e-15, and a link 0.1 % long, 1e-3
-PLACES, RATES, SECONDS, LOADS = 1e-8, 1e-6, 1e-5, 1e-6
-PART: dict[Kind, tuple[float, int]] = {
-    "position": (PLACES, 1),
-    "joint": (PLACES, 1),
-    "velocity": (RATES, 3),
-    "joint rate": (RATES, 3),
-    "acceleration": (SECONDS, 5),
-    "joint acceleration": (SECONDS, 5),
-    "torque": (LOADS, 5),
-    "force": (LOADS, 5),
-    "moment": (LOADS, 5),
-}
+# tolerance of a formula relative to the scale of the quantity, and the power of the loops' conditioning by
+# which it widens, for positions, velocities and accelerations: between its rounding, 1e-15, and a link
+# 0.1 % long, 1e-3
+MOTION_TOLERANCES = ((1e-8, 1), (1e-6, 3), (1e-5, 5))
+FORCE_TOLERANCE = (1e-6, 5)
 WHY = "{part:.0e} of {scale:.3g} {unit}: a formula of one's own; a link 0.1 % long is 1e-3 of it"
 ASKED = "asked for"
 
@@ -52,20 +45,14 @@ class Scales:
     force: float = 1.0
     torque: float = 1.0
 
-    def of(self, named: NamedQuantity) -> float:
+    def of(self, quantity: Quantity) -> float:
         """Return the scale of a quantity in its unit."""
-        length = 1.0 if named.unit.startswith("rad") else self.length
-        return {
-            "position": self.length,
-            "velocity": self.length * self.rate,
-            "acceleration": self.length * self.rate**2,
-            "joint": length,
-            "joint rate": length * self.rate,
-            "joint acceleration": length * self.rate**2,
-            "torque": self.force if named.unit == "N" else self.torque,
-            "force": self.force,
-            "moment": self.force * self.length,
-        }[named.kind]
+        if quantity.kind == "torque":
+            return self.force if quantity.unit == "N" else self.torque
+        mass, length, time, _ = unit_powers(quantity.unit)
+        # a force moves its mass by the length in the time of a radian
+        weight = self.force / (self.length * self.rate**2)
+        return weight**mass * self.length**length * self.rate**-time
 
 
 def scales_of(comparand: Comparand, claims: Sequence[Claim]) -> Scales:
@@ -73,13 +60,13 @@ def scales_of(comparand: Comparand, claims: Sequence[Claim]) -> Scales:
     motion = comparand.motion
     length, stroke = reach_of(motion), stroke_of(motion)
     rate = float(np.abs(comparand.speed).max())
-    if not any(claim.named.kind in ("torque", "force", "moment") for claim in claims):
+    if not any(claim.named.loaded for claim in claims):
         return Scales(length, stroke, rate)
     found = efforts_scales(comparand.efforts)
     return Scales(length, stroke, rate, found["force"] or 1.0, found["torque"] or 1.0)
 
 
-def errors(named: NamedQuantity, found: Array, exact: Array) -> Array:
+def errors(named: Quantity, found: Array, exact: Array) -> Array:
     """Return the differences of values (n, k), of angles by the shorter turn."""
     gap = found - exact
     return gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)) if named.angle else gap
@@ -94,9 +81,9 @@ def bound_of(claim: Claim, scales: Scales, asked: float | None) -> Tolerance:
         asked: bound on places in [m], other quantities in proportion; None takes the usual part.
     """
     named, scale = claim.named, scales.of(claim.named)
-    part, power = PART[named.kind]
+    part, power = FORCE_TOLERANCE if named.loaded else MOTION_TOLERANCES[named.order]
     if asked is not None:
-        more = part / PLACES if named.kind not in ("position", "joint") else 1.0
+        more = part / MOTION_TOLERANCES[0][0]
         return Tolerance(asked / scales.length * scale * more, named.unit, ASKED)
     return Tolerance(part * scale, named.unit, WHY.format(part=part, scale=scale, unit=named.unit), power)
 
@@ -169,7 +156,7 @@ def check(
     )
 
 
-def _compared(named: NamedQuantity) -> tuple[str, str]:
+def _compared(named: Quantity) -> tuple[str, str]:
     """Return what is compared and of what, as the table of quantities has them where it knows the kind."""
     if named.kind in ("position", "velocity", "acceleration"):
         axes = f", {named.axes}" if len(named.axes) < 3 else ""
@@ -180,6 +167,8 @@ def _compared(named: NamedQuantity) -> tuple[str, str]:
         return named.kind, named.subject
     if named.kind == "joint":
         return "angle" if named.angle else "displacement", named.subject
+    if named.function is not None or named.kind == "effort":
+        return named.name, ""
     return f"{named.kind} {named.subject}", ""
 
 

@@ -282,7 +282,6 @@ def drivers_swapped(miss: Miss) -> Iterator[Hypothesis]:
         yield Hypothesis("swapped", what, DISCRETE, taken, lambda _, w=what: f"the drivers {w} are swapped")
 
 
-EFFORTS = ("torque", "force", "moment")
 EARTH = 9.81
 
 
@@ -291,7 +290,7 @@ def _machine(miss: Miss) -> dynamics.Machine:
 
 
 def _of_efforts(miss: Miss) -> bool:
-    return any(claim.named.kind in EFFORTS for claim in miss.claims)
+    return any(claim.named.loaded for claim in miss.claims)
 
 
 def _under(miss: Miss, vector: Array) -> Values:

@@ -20,13 +20,12 @@ from mechsim.model.efforts import Efforts
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.named_quantities import NamedQuantity
 from mechsim.studies.motion_source import profile_of
+from mechsim.studies.quantities import Column, Quantity, record_columns
 from mechsim.verdict.tolerances import RecordInstants
 
 INSTANTS = 73
 TURN = 2.0 * np.pi
-EFFORTS = ("torque", "force", "moment")
 
 
 @dataclass(frozen=True)
@@ -146,47 +145,51 @@ class Comparand:
         rate, bend = first * self.speed, first * self.acceleration + second * self.speed**2
         return {name: (value[i], rate[i], bend[i]) for i, name in enumerate(motion_laws.drivers)}
 
-    def exact(self, named: NamedQuantity) -> Array:
-        """Return what a quantity is, (n, k) in SI.
+    def exact(self, quantity: Quantity) -> Array:
+        """Return a quantity, (n, k) in SI.
 
         Raises:
             AssemblyError: where the loops do not close.
         """
-        kind, subject = named.kind, named.subject
-        if kind in EFFORTS:
-            return named.components(self._effort(kind, subject))
-        if kind in ("position", "velocity", "acceleration"):
-            return named.components(getattr(self.motion.points[subject], kind))
-        joints = self.motion.joints if subject in self.motion.joints else self._of_loops.joints
-        part = {"joint": "value", "joint rate": "rate", "joint acceleration": "acceleration"}[kind]
-        if subject not in joints and subject in self.form.mechanism.drivers:
-            value = self.drivers()[subject]
-            return value[("joint", "joint rate", "joint acceleration").index(kind)][:, None]
-        if subject not in joints:
-            raise InputError(f"{named.name}: nothing tells the coordinate {subject} of {self.form.name}")
-        return getattr(joints[subject], part)[:, None]
+        columns: dict[str, Array] = {}
+        if quantity.uses("point", "joint", "link"):
+            columns |= record_columns(self.motion, [quantity])
+            columns |= {
+                column.name: self._coordinate(column)
+                for column in quantity.columns
+                if column.source == "joint" and column.name not in columns
+            }
+        if quantity.loaded:
+            columns |= dict(self.efforts.columns())
+            drive = f"drive {self.form.mechanism.drivers[0]}"
+            columns.setdefault("torque", columns.get(drive, self.efforts.torque))
+        missing = [column.name for column in quantity.columns if column.name not in columns]
+        if missing:
+            raise InputError(f"{quantity.name}: nothing determines {missing[0]} of {self.form.name}")
+        return np.column_stack(quantity.components(columns))
 
-    def _effort(self, kind: str, subject: str) -> Array:
-        if kind != "torque":
-            reaction = self.efforts.reactions[subject]
-            return getattr(reaction, kind)
-        drives = self.efforts.drives
-        return (drives[subject] if drives else self.efforts.torque)[:, None]
+    def _coordinate(self, column: Column) -> Array:
+        """Return a joint coordinate or a rate of it that the motion does not hold, (n,)."""
+        if column.subject in self.form.mechanism.drivers:
+            return self.drivers()[column.subject][column.order]
+        columns = dict(self._of_loops.columns())
+        if column.name not in columns:
+            raise InputError(f"nothing determines the coordinate {column.subject} of {self.form.name}")
+        return columns[column.name]
 
-    def change(self, motion: Motion, named: NamedQuantity) -> Array:
-        """Return the derivative of a quantity, (n, k), from the derivatives of a motion; of no effort.
+    def change(self, motion: Motion, quantity: Quantity) -> Array:
+        """Return the derivative of a quantity, (n, k), from the derivatives of a motion; of no force.
 
         Raises:
             KeyError: for what the derivatives do not hold.
         """
-        if named.kind in EFFORTS:
-            raise KeyError(named.name)
-        if named.kind in ("position", "velocity", "acceleration"):
-            return named.components(getattr(motion.points[named.subject], named.kind))
-        if named.subject in self.form.mechanism.drivers:
-            return np.zeros((len(self), 1))
-        part = {"joint": "value", "joint rate": "rate", "joint acceleration": "acceleration"}[named.kind]
-        return getattr(motion.joints[named.subject], part)[:, None]
+        if quantity.loaded:
+            raise KeyError(quantity.name)
+        values, by = record_columns(self.motion, [quantity]), record_columns(motion, [quantity])
+        for column in quantity.columns:
+            if column.subject in self.form.mechanism.drivers:
+                by[column.name] = values[column.name] = np.zeros(len(self))
+        return np.column_stack(quantity.changes(values, by))
 
     @cached_property
     def _by_dimension(self) -> dict[tuple[bool, str], Motion]:
@@ -241,9 +244,9 @@ class Comparand:
             time=time,
         )
 
-    def all(self, named: Sequence[NamedQuantity]) -> list[Array]:
+    def all(self, quantities: Sequence[Quantity]) -> list[Array]:
         """Return what quantities are, (n, k) each in SI."""
-        return [self.exact(one) for one in named]
+        return [self.exact(quantity) for quantity in quantities]
 
 
 def _derivatives(comparand: Comparand, family: DesignFamily) -> dict[str, Motion]:

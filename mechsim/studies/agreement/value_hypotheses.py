@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.discrepancy import DISCRETE, NAMED, SIX, THREE, TWO, Hypothesis, Miss, Values
-from mechsim.studies.agreement.named_quantities import AXES, NamedQuantity
+from mechsim.studies.quantities import AXES, Quantity
 
 LENGTHS = {
     1e3: "mm for m",
@@ -26,11 +26,11 @@ VECTORS = ("position", "velocity", "acceleration")
 LINEAR = ("m", "m/s", "m/s2")
 
 
-def _of(miss: Miss, wanted: Callable[[NamedQuantity], bool]) -> list[int]:
+def _of(miss: Miss, wanted: Callable[[Quantity], bool]) -> list[int]:
     return [i for i, claim in enumerate(miss.claims) if wanted(claim.named)]
 
 
-def _changed(miss: Miss, places: Sequence[int], change: Callable[[Array, NamedQuantity], Array]) -> Values:
+def _changed(miss: Miss, places: Sequence[int], change: Callable[[Array, Quantity], Array]) -> Values:
     """Return the exact values with some of them changed."""
     found = list(miss.exact)
     for i in places:
@@ -119,7 +119,7 @@ def _vectors(miss: Miss) -> tuple[list[int], str]:
 
 
 def _turned(miss: Miss, places: Sequence[int], turn: Array, shift: Array | None = None) -> Values:
-    def change(values: Array, named: NamedQuantity) -> Array:
+    def change(values: Array, named: Quantity) -> Array:
         moved = values @ turn.T
         return moved if shift is None or named.kind != "position" else moved + shift
 

@@ -11,7 +11,7 @@ from mechsim.model.forces import Forces
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Claim
 from mechsim.studies.agreement.evaluation_points import comparand_of
-from mechsim.studies.agreement.named_quantities import names_of
+from mechsim.studies.quantities import quantity
 from mechsim.subjects.readers import parametric_model
 
 SPEED = 20 * np.pi
@@ -181,7 +181,7 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
         )
     else:
         other = machine.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
-    named = names_of(form.mechanism).read("torque:crank", None, "the test")
+    named = quantity("torque:crank", form.mechanism)
     claim = Claim(named, replace(comparand, machine=other).exact(named))
     found = agreement(comparand, [claim], "the test", None, parametric_model(form))
     assert found.findings[0].kind == kind, found.why

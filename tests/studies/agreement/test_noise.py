@@ -15,8 +15,8 @@ from mechsim.errors import InputError
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Claim
 from mechsim.studies.agreement.evaluation_points import Comparand
-from mechsim.studies.agreement.named_quantities import names_of
 from mechsim.studies.agreement.noise import FALSE_ALARM
+from mechsim.studies.quantities import quantity
 
 ANGLES = np.linspace(0.1, 6.2, 60)
 SIGMA = 2e-5
@@ -147,7 +147,7 @@ def test_fit_and_validate_read_the_same_table_alike(tmp_path):
 def test_right_tables_fail_as_rarely_as_is_stated():
     form = ms.catalog.make("four_bar")
     comparand = Comparand(form, ANGLES, np.ones(60), np.zeros(60))
-    named = [names_of(form.mechanism).read(name, 2, "the test") for name in ("B.xy", "C.xy")]
+    named = [quantity(name, form.mechanism) for name in ("B.xy", "C.xy")]
     random, failed, sigmas = np.random.default_rng(5), 0, []
     for _ in range(300):
         claims = [
