@@ -40,6 +40,9 @@ def unit_powers(unit: str) -> tuple[float, ...]:
 
 def unit_text(powers: Sequence[float]) -> str:
     """Return the unit of powers of kg, m, s and rad, by its usual name where it has one."""
+    if powers[0]:
+        # torque times angle is work
+        powers = (*powers[:3], 0.0)
     named = {unit_powers(unit): unit for unit in reversed(_NAMED)}
     factors = [
         f"{base}{power:g}" if power != 1.0 else base

@@ -83,7 +83,10 @@ def test_several_drivers_come_by_name():
         (lambda angle: [1], "gives a list; give a dictionary"),
         (lambda angle: {"C": angle}, "gives 'C': slider_crank has no quantity 'C'"),
         (lambda angle: {"crnak": angle}, "did you mean 'crank'"),
-        (lambda angle: {"torque:crnak": angle}, "has no quantity 'torque:crnak'; did you mean 'torque:crank'"),
+        (
+            lambda angle: {"torque:crnak": angle},
+            "'torque:crnak'; did you mean 'torque:crank'",
+        ),
         (lambda angle: {"B": angle[:3]}, r"gives 'B' of shape \(3,\)"),
         (lambda angle: {"B.xz": np.zeros((len(angle), 3))}, "give "),
         (lambda angle: {"A": slider(angle)["A"] * np.nan}, "no finite value for 'A' at crank angle = 0;"),

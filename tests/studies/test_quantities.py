@@ -1,0 +1,164 @@
+"""Names of quantities: one grammar, understood by sweep, sensitivity, fit, optimise and validate."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic import catalog
+from mechsim.errors import InputError
+from mechsim.studies.measured_table import measured_of
+from mechsim.studies.optimise.goals import goal_of
+from mechsim.studies.quantities import (
+    KINDS,
+    Column,
+    QuantityKind,
+    effort_units,
+    numeric_quantity,
+    quantity,
+    record_columns,
+    scalar_quantities,
+)
+from mechsim.verdict.quantities import EFFORTS
+
+ANGLES = np.linspace(0.3, 2.3, 9)
+STEP = 1e-6
+# name -> a dimension on which it depends
+DEPENDS_ON = {
+    "distance:A,B": "coupler",
+    "angle:crank,coupler": "crank",
+    "expr:distance:A,B*2 - sqrt(A.x**2 + B.y**2)": "coupler",
+    "A.x": "crank",
+    "rocker.v": "crank",
+    "speed:B": "crank",
+}
+
+
+def value(name, **dimensions):
+    solved = catalog.make("four_bar", **dimensions).solve(ANGLES, 2.0)
+    one = numeric_quantity(name, catalog.make("four_bar").mechanism)
+    return one.number(record_columns(solved, [one]))
+
+
+def verdict(name, factor):
+    def formula(angle):
+        return {name: factor * of_angles(name, angle)}
+
+    return ms.validate(catalog.make("four_bar"), against=formula, speed=2.0, attribute=False)
+
+
+def of_angles(name, angle):
+    solved = catalog.make("four_bar").solve(angle, 2.0)
+    one = numeric_quantity(name, catalog.make("four_bar").mechanism)
+    return one.number(record_columns(solved, [one]))
+
+
+def require_understood(name, dimension):
+    size = getattr(catalog.make("four_bar"), dimension)
+    moved = value(name, **{dimension: 1.01 * size})
+    table = ms.sensitivity("four_bar", name, dimension, angles=ANGLES, speed=2.0)
+    (column,) = table.values
+    np.testing.assert_allclose(table.values[column], value(name), rtol=1e-12)
+    ahead, behind = (value(name, **{dimension: size * (1.0 + sign * STEP)}) for sign in (1.0, -1.0))
+    slope = (ahead - behind) / (2.0 * STEP * size)
+    np.testing.assert_allclose(table.by[dimension][column], slope, rtol=1e-6, atol=1e-6 * np.abs(slope).max())
+    measure = f"at:0.3rad:{name}"
+    swept = ms.sweep("four_bar", {dimension: [size, 1.01 * size]}, measure=[measure], speed=2.0)
+    gap = swept[measure].values - [value(name)[0], moved[0]]
+    np.testing.assert_allclose(gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)), 0.0, atol=1e-9)
+    subject = ms.moved("four_bar", angles=ANGLES, speed=2.0)
+    fitted = ms.fit(subject, {"angle": ANGLES, column: moved}, [dimension])
+    assert fitted.values[dimension] == pytest.approx(1.01 * size, rel=1e-9)
+    largest = goal_of(f"max:{name}", subject).function(table.values)
+    assert np.real(largest) == pytest.approx(value(name).max())
+    assert verdict(name, 1.0).passed
+    assert not verdict(name, 1.001).passed
+
+
+@pytest.mark.parametrize(("name", "dimension"), DEPENDS_ON.items())
+def test_every_study_understands_every_name(name, dimension):
+    require_understood(name, dimension)
+
+
+def test_a_new_quantity_is_one_row_that_every_study_understands(monkeypatch):
+    def height(mechanism, point):
+        return [Column(f"{point}.y", "m", "point", point)], lambda values: values[0] + 1.0, "m"
+
+    with pytest.raises(InputError, match="has no quantity 'height:B'"):
+        quantity("height:B", catalog.make("four_bar").mechanism)
+    monkeypatch.setitem(KINDS, "height", QuantityKind("height", word="height", derive=height))
+    require_understood("height:B", "crank")
+
+
+def test_fields_of_forces_with_a_unit_have_names_and_rows():
+    form = catalog.make("four_bar")
+    study = ms.dynamics.prescribed(ms.dynamics.machine(form), ANGLES, 2.0)
+    columns = dict(study.columns())
+    assert effort_units().keys() <= columns.keys()
+    units = {row.unit for row in EFFORTS}
+    for name, unit in effort_units().items():
+        assert quantity(name, form.mechanism).unit == unit
+        assert unit in units or name not in vars(type(study.efforts))
+    exact = ms.validate(form, against=lambda angle: {"kinetic": energy(form, angle)}, attribute=False)
+    wrong = ms.validate(form, against=lambda angle: {"kinetic": 1.001 * energy(form, angle)}, attribute=False)
+    assert exact.passed
+    assert not wrong.passed
+
+
+def energy(form, angle):
+    return ms.dynamics.prescribed(ms.dynamics.machine(form), angle, 20.0 * np.pi).efforts.kinetic
+
+
+def test_columns_of_motions_and_forces_are_names():
+    form = catalog.make("rssr")
+    study = ms.dynamics.prescribed(ms.dynamics.machine(form), ANGLES, 2.0)
+    skipped = {"time", "angle", "speed", "acceleration"}
+    for record in (form.solve(ANGLES, 2.0), study):
+        for name, column in record.columns():
+            if name not in skipped:
+                one = quantity(name, form.mechanism)
+                np.testing.assert_array_equal(one.number(dict(record.columns())), column)
+                assert [part.name for part in one.scalars()] == [name]
+
+
+def test_a_vector_stands_for_its_components():
+    mechanism = catalog.make("rssr").mechanism
+    names = [one.name for one in scalar_quantities(["P3.v", "force:P3", "rocker"], mechanism)]
+    assert names == ["P3.vx", "P3.vy", "P3.vz", "P3.fx", "P3.fy", "P3.fz", "rocker.q"]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("distance:A", "write it as distance:P,Q"),
+        ("distance:A,Z", "has no quantity 'Z"),
+        ("angle:crank,arm", "has no link 'arm'; known are ground, crank"),
+        ("expr:A.x + rocker", "puts m and rad together"),
+        ("expr:sin(A.x)", "gives sin a value in m"),
+        ("expr:2*pi", "holds no quantity"),
+        ("expr:A.x +", "is no expression"),
+        ("expr:A.x + Z.x", "has no quantity 'Z.x'"),
+        ("expr:A.x**B.x", "exponent that is no number"),
+    ],
+)
+def test_what_is_no_quantity_is_rejected(name, message):
+    with pytest.raises(InputError, match=message):
+        quantity(name, catalog.make("four_bar").mechanism)
+
+
+def test_units_follow_through_an_expression():
+    mechanism = catalog.make("four_bar").mechanism
+    units = {
+        "expr:A.vx*B.x": "m2 s-1",
+        "expr:A.vx/B.x*rocker": "rad/s",
+        "expr:force:A*distance:A,B": "N m",
+        "expr:torque*rocker.v": "W",
+        "expr:atan2(B.y, B.x)": "rad",
+        "expr:max(A.x, B.x) - min(A.x, B.x)": "m",
+    }
+    assert {name: quantity(name, mechanism).unit for name in units} == units
+
+
+def test_the_measured_table_reads_the_same_names():
+    form = catalog.make("four_bar")
+    table = {"angle": ANGLES, "distance:A,B [mm]": 1e3 * value("distance:A,B")}
+    np.testing.assert_allclose(measured_of(table, form).values["distance:A,B"], value("distance:A,B"))
