@@ -116,7 +116,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "step = np.zeros((self.loops.tree.count, 1))",
         "step = np.zeros((self.loops.tree.count, 2))",
     ): "rows are chosen by the first pose alone",
-    (PATH, "TINY = 1e-300", "..."): "any tiny number will do where nothing is rough or has moved",
     (
         PATH,
         "step = remaining if remaining <= length else min(length, 0.6 * remaining)",
@@ -227,11 +226,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if segment.nodes[-1] < segment.nodes[0]:",
         "if segment.nodes[-1] < segment.nodes[1]:",
     ): "nodes go one way",
-    (
-        MANY,
-        "smooth, fairly_smooth = ((error < 1e-07) & (displacement < 0.001), (error < 1e-05) & (displacement < 0.01))",
-        "smooth, fairly_smooth = ((error < 1e-07) & (displacement < 0.0001), (error < 1e-05) & (displacement < 0.01))",
-    ): SPEED,
     (
         RATES,
         "distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=0.0))",

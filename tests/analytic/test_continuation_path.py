@@ -10,7 +10,7 @@ from mechsim import catalog, closure
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
-from mechsim.analytic.loops.path import MAX_GROWTH, NODES, TARGET_CORRECTION, TARGET_ERROR
+from mechsim.analytic.loops.path_segments import CONTROL
 from mechsim.analytic.loops.solver import Linearised, LoopSolver, loop_solver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
@@ -105,17 +105,19 @@ def test_the_next_cell_is_so_long_that_it_is_foretold_as_well_as_is_aimed_at(mov
     growth = path.growth(step, 1, 0.0, moved)
     # what is foretold errs by the power of the nodes of how far it is from the middle of the cell before
     now, then = step + 0.5 * before, growth * step + 0.5 * step
-    assert moved * (then / now) ** NODES == pytest.approx(TARGET_CORRECTION)
-    assert path.growth(step, 1, 0.0, 0.0) == MAX_GROWTH
-    assert path.growth(step, 1, 4.0 * TARGET_ERROR, 0.0) == pytest.approx(0.25 ** (2 / (NODES + 1)))
+    assert moved * (then / now) ** CONTROL.nodes == pytest.approx(CONTROL.target_correction)
+    assert path.growth(step, 1, 0.0, 0.0) == CONTROL.max_growth
+    assert path.growth(step, 1, 4.0 * CONTROL.target_error, 0.0) == pytest.approx(
+        0.25 ** (2 / (CONTROL.nodes + 1))
+    )
     path.segments[1].clear()
-    assert path.growth(step, 1, 0.0, 1.0) == MAX_GROWTH
+    assert path.growth(step, 1, 0.0, 1.0) == CONTROL.max_growth
 
 
 @pytest.mark.parametrize(("least", "holds"), [(0.19, False), (0.21, True)])
 def test_a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halved(least, holds, monkeypatch):
     path = crank_path(catalog.make("four_bar").mechanism)
-    monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * least, 3.0, NODES))
+    monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * least, 3.0, CONTROL.nodes))
     cell, length = path.next_segment(path.initial, 1, 0.05)
     assert (cell is not None) == holds
     assert (length == 0.025) == (not holds)

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.loops.path_segments import PathStates, Segment, interpolation_error, nodes_between
+from mechsim.analytic.loops.path_segments import PathStates, Segment
 from mechsim.analytic.loops.solver import MIN_SHARE_RATIO, Linearised
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.collocation import interpolation_error, nodes_between
 
 # largest and smallest half length of a segment centred on a change point
 MAX_HALF_LENGTH, MIN_HALF_LENGTH = 0.1, 5e-4

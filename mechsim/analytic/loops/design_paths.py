@@ -13,14 +13,8 @@ import numpy as np
 
 from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.loops.path import (
-    FIRST_LENGTH,
-    MAX_INTERPOLATION_ERROR,
-    MAX_LENGTH,
-    NODES,
-)
 from mechsim.analytic.loops.path_rates import FINAL, ClosedChunk, Instants
-from mechsim.analytic.loops.path_segments import CLOSED, MAX_CORRECTION, PathStates, Segment, nodes_between
+from mechsim.analytic.loops.path_segments import CLOSED, PathStates, Segment
 from mechsim.analytic.loops.solver import (
     MIN_VALUE_RATIO,
     NEARBY,
@@ -28,10 +22,13 @@ from mechsim.analytic.loops.solver import (
     loop_solver,
 )
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.collocation import nodes_between
 from mechsim.numerics.newton import newton
+from mechsim.numerics.step_control import StepControl
 
-# designs that need cells shorter than this are left to themselves
-MIN_LENGTH = 4e-3
+# as for one mechanism, with larger targets: a rejected segment costs only the designs that need shorter ones,
+# and a design that needs segments shorter than the smallest length is traced by itself
+CONTROL = StepControl(min_length=4e-3, target_error=2e-5, target_correction=2e-2)
 # part of the designs that a longer step must suit
 GROWTH_QUANTILE = 0.2
 # instants closed in one go
@@ -103,7 +100,9 @@ class ManyPaths:
         first = Coordinates(q.values[:, :1], q.turns[..., :1])
         solver, empty = loop_solver(loops, first), np.zeros(0)
         side = np.zeros(len(rows))
-        group = Group(rows, self.begin, FIRST_LENGTH, q, side, solver.rows, solver.null_space, empty, empty)
+        group = Group(
+            rows, self.begin, CONTROL.first_length, q, side, solver.rows, solver.null_space, empty, empty
+        )
         for direction in (1.0, -1.0):
             indices = np.flatnonzero(direction * (angles - self.begin) >= (0.0 if direction > 0 else 1e-300))
             waiting = [group] if len(indices) else []
@@ -117,7 +116,7 @@ class ManyPaths:
         """Follow a group over one cell; return the groups that go on."""
         end_parameter = float((direction * angles[indices]).max()) * direction
         remaining = direction * (end_parameter - group.reached)
-        if group.step < MIN_LENGTH:
+        if group.step < CONTROL.min_length:
             self.failed.append(group.rows)
             return []
         group, others = self._with_adequate_rows(group)
@@ -125,7 +124,7 @@ class ManyPaths:
             return others
         step = remaining if remaining <= group.step else min(group.step, 0.6 * remaining)
         step = max(step, 1e-6)
-        nodes, weights = nodes_between(group.reached, group.reached + direction * step, NODES)
+        nodes, weights = nodes_between(group.reached, group.reached + direction * step, CONTROL.nodes)
         try:
             states, valid, growths, side = self._closed(group, nodes)
         except np.linalg.LinAlgError:
@@ -143,7 +142,7 @@ class ManyPaths:
         if remaining <= step + 1e-12:
             return others
         growth = float(np.quantile(growths, GROWTH_QUANTILE))
-        longer = min(MAX_LENGTH, growth * step)
+        longer = min(CONTROL.max_length, growth * step)
         next_group = replace(group, reached=reached, step=longer, at=q, sign=side, nodes=nodes, states=states)
         return [*others, next_group]
 
@@ -215,12 +214,13 @@ class ManyPaths:
         same_sign = (signs == sign[:, None]).all(1)
         valid = (
             (residual < CLOSED)
-            & (displacement < MAX_CORRECTION)
-            & (error <= MAX_INTERPOLATION_ERROR)
+            & (displacement < CONTROL.max_correction)
+            & (error <= CONTROL.max_error)
             & same_sign
         )
-        smooth, fairly_smooth = (error < 1e-7) & (displacement < 1e-3), (error < 1e-5) & (displacement < 1e-2)
-        return states, valid, np.where(smooth, 2.0, np.where(fairly_smooth, 1.4, 1.0)), sign
+        correction = displacement if len(group.nodes) else None
+        ratio = float(np.ptp(group.nodes)) / float(np.ptp(nodes)) if len(group.nodes) else 1.0
+        return states, valid, CONTROL.growth(error, correction, ratio), sign
 
     def _predicted(self, group: Group, nodes: Array) -> Array:
         """Return rough states at nodes, (d, nodes, w): by the cell before, or along the tangent."""

@@ -21,11 +21,10 @@ from mechsim.analytic.loops.change_points import (
 )
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_segments import (
+    CONTROL,
     PathStates,
     PrescribedValues,
     Segment,
-    interpolation_error,
-    nodes_between,
 )
 from mechsim.analytic.loops.solver import (
     MIN_DETERMINANT_RATIO,
@@ -38,16 +37,8 @@ from mechsim.errors import AssemblyError
 from mechsim.model.limits import require_travel
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.collocation import interpolation_error, nodes_between
 
-# nodes of a segment; its first and largest length in radians of the driver motion; largest growth factor
-NODES, FIRST_LENGTH, MAX_LENGTH, MAX_GROWTH = 9, 0.1, 1.2, 3.0
-# a segment shorter than this ends at a singular pose
-MIN_LENGTH = 1e-13
-# interpolation error, relative to 1 rad or the characteristic length, above which a segment is rejected
-MAX_INTERPOLATION_ERROR = 1e-4
-# targets of the step-size control: interpolation error and corrector displacement. They grow with the
-# length to the power of half the number of nodes, and of that number
-TARGET_ERROR, TARGET_CORRECTION = 1e-5, 5e-3
 # fraction of a segment about a change point in which poses are taken from its polynomial, since the Jacobian
 # is singular there; and the smallest distance of a start from a change point
 SINGULAR_FRACTION, MIN_START_DISTANCE = 0.05, 1e-5
@@ -56,8 +47,6 @@ AT_START = 1e-3
 # largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
 # below which nodes are closed to rounding
 NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
-# lower bound of errors, to divide by
-TINY = 1e-300
 # tolerance of equal parameters
 SAME_PARAMETER = 1e-9
 # after a segment shorter than this the tangent predicts: rounding spoils its polynomial
@@ -144,16 +133,16 @@ class ContinuationPath(PathStates):
         start, names = self._end(direction), self.words
         who = f"{self._name}: {names.mover}"
         require_travel(who, names.position(start), names.position(target), abs(target - start))
-        length = NEXT_LENGTH * segments[-1].length if segments else FIRST_LENGTH
+        length = NEXT_LENGTH * segments[-1].length if segments else CONTROL.first_length
         if not segments and self.segments[-direction]:
-            length *= MAX_GROWTH  # no tangent foretells it
+            length *= CONTROL.max_growth  # no tangent foretells it
         while (remaining := direction * (target - self._end(direction))) > 0.0:
             current = self._end(direction)
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
             segment, length = self.next_segment(current, direction, step)
             if segment is not None:
                 segments.append(segment)
-            elif length < MIN_LENGTH:
+            elif length < CONTROL.min_length:
                 raise AssemblyError(self._end_message(current))
 
     def _end(self, direction: int) -> float:
@@ -186,7 +175,7 @@ class ContinuationPath(PathStates):
                 return self._segment_past(self._upcoming, current, direction)
             step = min(step, remaining)
         solver = self._solver(current, direction)
-        nodes, weights = nodes_between(current, current + direction * step, NODES)
+        nodes, weights = nodes_between(current, current + direction * step, CONTROL.nodes)
         solution = self.closed(
             solver, nodes, self.predicted(current, direction, solver, nodes), NODE_RESIDUAL
         )
@@ -196,7 +185,7 @@ class ContinuationPath(PathStates):
             solution = self.closed(solver, nodes, solution[0]) or solution
         states, loops, displacement = solution
         error = float(interpolation_error(states).max())
-        if error > MAX_INTERPOLATION_ERROR:
+        if error > CONTROL.max_error:
             return None, 0.5 * step
         adequate, by_determinant = solver.adequate(loops)
         segment = Segment(nodes, states, weights, solver, adequate)
@@ -214,27 +203,19 @@ class ContinuationPath(PathStates):
             segment, index, direction
         ):
             return None, step
-        middle_sign, segments = float(signs[NODES // 2]), self.segments[direction]
+        middle_sign, segments = float(signs[CONTROL.nodes // 2]), self.segments[direction]
         if self.sign * middle_sign < 0.0 and segment.solver is segments[-1].solver:
             # the change point lies at the end of the last segment
             length = segments[-1].length
             return None, 0.6 * length if self.drop_last_segment(direction) else 0.5 * step
         self.sign = middle_sign
-        return segment, min(MAX_LENGTH, step * self.growth(step, direction, error, displacement))
+        return segment, min(CONTROL.max_length, step * self.growth(step, direction, error, displacement))
 
     def growth(self, step: float, direction: int, error: float, displacement: float) -> float:
         """Return the largest ratio of the next segment's length to this one's."""
-        growth = min(MAX_GROWTH, (TARGET_ERROR / max(error, TINY)) ** (2.0 / (NODES + 1)))
         if not self.segments[direction]:
-            return growth  # predicted by the tangent
-        # the error of a polynomial grows as the product of the distances to its nodes
-        previous_length = self.segments[direction][-1].length
-        return min(
-            growth,
-            (1.0 + 0.5 * previous_length / step)
-            * (TARGET_CORRECTION / max(displacement, TINY)) ** (1.0 / NODES)
-            - 0.5,
-        )
+            return float(CONTROL.growth(error))  # predicted by the tangent
+        return float(CONTROL.growth(error, displacement, self.segments[direction][-1].length / step))
 
     def _with_adequate_rows(
         self, segment: Segment, closed: Linearised, by_determinant: NDArray[np.bool_]

@@ -16,8 +16,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion, short_repr
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.collocation import derivative
 from mechsim.numerics.inputs import numbers
-from mechsim.numerics.interpolation import derivative
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import FreeLoops
 from mechsim.theory.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, NODES, TracedCurve

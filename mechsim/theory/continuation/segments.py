@@ -16,7 +16,7 @@ from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.errors import AssemblyError
-from mechsim.numerics import interpolation
+from mechsim.numerics import collocation
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
@@ -106,16 +106,16 @@ class CurveSegment:
 
     def evaluate(self, coefficients: Array, arc: Array) -> Array:
         """Return polynomials at arcs (n,), (n, w)."""
-        return interpolation.value(coefficients, self.scaled(arc))
+        return collocation.value(coefficients, self.scaled(arc))
 
     def fitted(self, values: Array) -> Array:
         """Return the coefficients of the polynomials through values at the nodes, (k, w)."""
-        return interpolation.fitted(self.scaled(self.nodes), values)
+        return collocation.fitted(self.scaled(self.nodes), values)
 
     @cached_property
     def feature_derivatives(self) -> Array:
         """Coefficients of the derivatives of the pose features by arc, (k - 1, m)."""
-        return interpolation.derivative(self.feature_coefficients) * 2.0 / (self.high - self.low)
+        return collocation.derivative(self.feature_coefficients) * 2.0 / (self.high - self.low)
 
     def predicted(self, loops: FreeLoops, arc: Array) -> Array:
         """Return flattened coordinates extrapolated beyond its end by a polynomial of lower degree.
@@ -123,8 +123,8 @@ class CurveSegment:
         A higher degree amplifies the rounding of the nodes, most of all in short segments.
         """
         degree = NODES // 2 if self.high - self.low > SHORT_LENGTH else LOW_DEGREE
-        fit = interpolation.smoothed(self.scaled(self.nodes), loops.flat(self.coordinates), degree)
-        return interpolation.value(fit, self.scaled(arc))
+        fit = collocation.smoothed(self.scaled(self.nodes), loops.flat(self.coordinates), degree)
+        return collocation.value(fit, self.scaled(arc))
 
     def scaled(self, arc: Array) -> Array:
         """Return arcs scaled to the segment: -1 at its start, 1 at its end."""
@@ -259,7 +259,7 @@ def _accepted_segment(
     distinct = np.diff(nodes.length) > 1e-14 * max(1.0, low)
     if not (cosines.min() > MIN_COSINE and distinct.all()):
         return None
-    arcs = low + interpolation.integral(nodes.length, speed)
+    arcs = low + collocation.integral(nodes.length, speed)
     high, nothing = float(arcs[-1]), np.empty(0)
     largest = max(largest, float(nodes.singular_values.max()))
     segment = CurveSegment(
@@ -278,8 +278,8 @@ def _accepted_segment(
 def _interpolation_error(loops: FreeLoops, segment: CurveSegment) -> float:
     """Return the error of interpolating the odd nodes from the even ones."""
     states = loops.flat(segment.coordinates)
-    fit = interpolation.fitted(segment.scaled(segment.nodes[::2]), states[::2])
-    return float(np.abs(interpolation.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
+    fit = collocation.fitted(segment.scaled(segment.nodes[::2]), states[::2])
+    return float(np.abs(collocation.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
 
 
 def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNodes) -> list[float]:

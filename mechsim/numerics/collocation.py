@@ -1,0 +1,135 @@
+"""Polynomials through Chebyshev nodes: nodes, values, derivatives, integrals and error estimates.
+
+Columns of values are interpolated together. Source: L. N. Trefethen, Approximation theory and approximation
+practice (2013), chapters 3 to 5 for nodes and barycentric weights.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Self
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from mechsim.numerics.arrays import Array
+
+
+@dataclass(frozen=True)
+class Interpolant:
+    """A polynomial through values at nodes.
+
+    Attributes:
+        nodes: parameters, (k,).
+        states: values there, (k, w).
+        weights: barycentric, (k,).
+    """
+
+    nodes: Array
+    states: Array
+    weights: Array
+
+    @property
+    def low(self) -> float:
+        """Its lowest parameter."""
+        return float(min(self.nodes[0], self.nodes[-1]))
+
+    @property
+    def length(self) -> float:
+        """The range of the parameter."""
+        return abs(float(self.nodes[-1] - self.nodes[0]))
+
+    def evaluate(self, s: Array) -> Array:
+        """Return the polynomial at parameters (n,), (n, w)."""
+        distance = s[:, None] - self.nodes
+        at_node = distance == 0.0
+        weights = np.where(at_node.any(1)[:, None], at_node, self.weights / np.where(at_node, 1.0, distance))
+        total = weights.sum(1, keepdims=True)
+        # far beyond the nodes the weights cancel: the nearest node is used
+        cancelled = total[:, 0] == 0.0
+        if cancelled.any():
+            weights[cancelled] = np.eye(len(self.nodes))[np.abs(distance[cancelled]).argmin(1)]
+            total[cancelled] = 1.0
+        return (weights / total) @ self.states
+
+    def derivative(self) -> Self:
+        """Return the polynomial's derivative, through the same nodes."""
+        distance = self.nodes[:, None] - self.nodes
+        np.fill_diagonal(distance, 1.0)
+        matrix = self.weights / self.weights[:, None] / distance
+        np.fill_diagonal(matrix, 0.0)
+        np.fill_diagonal(matrix, -matrix.sum(1))
+        return replace(self, states=matrix @ self.states)
+
+    def restricted(self, low: float, high: float) -> Self:
+        """Return the same polynomial through nodes from one parameter to another."""
+        nodes, weights = nodes_between(low, high, len(self.nodes))
+        return replace(self, nodes=nodes, states=self.evaluate(nodes), weights=weights)
+
+    def truncation_error(self) -> float:
+        """Return the truncation error, estimated by the last three Chebyshev coefficients."""
+        middle, reach = 0.5 * (self.nodes[0] + self.nodes[-1]), 0.5 * (self.nodes[-1] - self.nodes[0])
+        basis = np.polynomial.chebyshev.chebvander((self.nodes - middle) / reach, len(self.nodes) - 1)
+        return float(np.abs(np.linalg.solve(basis, self.states)[-3:]).max())
+
+
+def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
+    """Return Chebyshev points of the second kind from one end to the other, and barycentric weights."""
+    cosines, weights = _chebyshev(count)
+    nodes = 0.5 * (low + high) + 0.5 * (low - high) * cosines
+    nodes[0], nodes[-1] = low, high
+    return nodes, weights
+
+
+def interpolation_error(states: Array) -> Array:
+    """Return the error at odd nodes of the polynomial through even nodes, for columns (k, w): (w,)."""
+    return np.abs(_odd_from_even(len(states)) @ states[::2] - states[1::2]).max(0)
+
+
+@cache
+def _odd_from_even(count: int) -> Array:
+    nodes, half = nodes_between(0.0, 1.0, count)[0], nodes_between(0.0, 1.0, count // 2 + 1)
+    weights = half[1] / (nodes[1::2, None] - half[0])
+    return weights / weights.sum(1, keepdims=True)
+
+
+@cache
+def _chebyshev(count: int) -> tuple[Array, Array]:
+    weights = np.where(np.arange(count) % 2, -1.0, 1.0)
+    weights[[0, -1]] *= 0.5
+    return np.cos(np.pi * np.arange(count) / (count - 1)), weights
+
+
+def fitted(x: Array, values: Array) -> Array:
+    """Return the coefficients (n, w) of the polynomials through values (n, w) at x (n,) in [-1, 1].
+
+    Raises:
+        LinAlgError: where two x are one.
+    """
+    return np.linalg.solve(chebyshev.chebvander(x, len(x) - 1), values).astype(np.float64, copy=False)
+
+
+def smoothed(x: Array, values: Array, degree: int) -> Array:
+    """Return the coefficients (degree + 1, w) of the polynomials nearest to values (n, w) at x (n,)."""
+    return np.linalg.lstsq(chebyshev.chebvander(x, degree), values)[0].astype(np.float64, copy=False)
+
+
+def value(coefficients: Array, x: Array) -> Array:
+    """Return polynomials at x (n,), (n, w)."""
+    return np.asarray(chebyshev.chebval(x, coefficients), dtype=np.float64).T
+
+
+def derivative(coefficients: Array, order: int = 1) -> Array:
+    """Return the coefficients of a derivative by x."""
+    return np.asarray(chebyshev.chebder(coefficients, order), dtype=np.float64)
+
+
+def integral(x: Array, values: Array) -> Array:
+    """Return the integral from x[0] to each x (n,), rising, of the polynomial through values (n,) there.
+
+    Raises:
+        LinAlgError: where two x are one.
+    """
+    half = 0.5 * (x[-1] - x[0])
+    scaled = (x - x[0]) / half - 1.0
+    whole = np.asarray(chebyshev.chebint(fitted(scaled, values[:, None]), lbnd=-1.0), dtype=np.float64)
+    return half * value(whole, scaled)[:, 0]
