@@ -33,8 +33,7 @@ class StepControl:
         target_correction: corrector displacement that the next segment should have.
         safety: factor on the ratio that the errors allow.
 
-    Source: P. Deuflhard, Newton methods for nonlinear problems (2004), chapter 5: lengths by the displacement of
-    the corrector.
+    Source: P. Deuflhard, Newton methods for nonlinear problems (2004), chapter 5.
     """
 
     nodes: int = 9
