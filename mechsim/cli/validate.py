@@ -65,8 +65,9 @@ class AgainstOptions:
     )
     tolerance: str | None = option(
         None,
-        "Tolerance on positions. Default: with --against 1e-8 of the workspace, else (stepped runs) 1e-8 of "
-        "the stroke or the size; if given, an .xml must satisfy it with its own settings, too.",
+        "Tolerance on positions. Default: with --against 1e-8 of the workspace, else rounding for the file's "
+        "formula and 1e-8 of the stroke or the size for stepped runs; if given, an .xml must satisfy it with "
+        "its own settings, too.",
     )
     plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
 

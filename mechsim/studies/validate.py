@@ -119,7 +119,8 @@ def case_of(
         speed: crank speed in [rad/s]; a crank that cannot turn fully swings with this as its fastest.
         quick: leave out the stepped run.
         tolerance: on positions of stepped runs in [m]; an MJCF file's own settings must satisfy it too. None
-            takes 1e-8 of the stroke or the size, and only reports what the file's own settings do.
+            takes 1e-8 of the stroke or the size, rounding for the formula that the file names, and only
+            reports what the file's own settings do.
         budget: processor time in [s] for stepped runs; where they do not converge within it the verdict
             is "failed", and its reason states the budget and the error that was reached.
         watch: told what is being done, and as a part of the whole 0 until it is done.
@@ -165,7 +166,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
         verdicts["closed form"] = against_loops(drive, exact)
     formula = None
     if drive.formula:
-        formula = held(family, speed=speed, attribute=not quick)
+        formula = held(family, speed=speed, tolerance=tolerance, attribute=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
     wanted = speed if profile.steady and drive.motion_laws is None else None

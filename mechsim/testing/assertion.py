@@ -36,7 +36,7 @@ def assert_agrees(
         formula: a function of the drivers' coordinates, FILE.py:FUNC or FILE.csv; None takes the one that
             the model's file names. It is run.
         tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
-            None takes 1e-8 of the reach.
+            None takes 1e-8 of the workspace, and rounding for the formula that the model's file names.
         set: parameter -> its value, as `ms.load` takes it.
         drive: coordinate -> its program, as `ms.load` takes it.
         duration: of the programs, as `ms.load` takes it.

@@ -1,9 +1,12 @@
 """The gallery: each mechanism obeys its law, closed by its loop equations and met by MuJoCo."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mechsim.errors import InputError
+from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import claimed
 from mechsim.studies.agreement.discrepancy import bound_of, check, scales_of
 from mechsim.studies.agreement.evaluation_points import comparand_of
@@ -63,6 +66,16 @@ def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
         check(one, comparand.exact(one.named), comparand, bound_of(one, scales, None), None).passed
         for one in law
     )
+
+
+@pytest.mark.parametrize(("error", "accepted"), [(0.0, True), (1e-11, False)])
+def test_a_formula_of_a_file_is_accepted_to_rounding_only(shown, error, accepted):
+    form = load(shown.name)
+    comparand = comparand_of(form, speed=1.0)
+    law = claimed(run_object(shown.formula), comparand, "law", form.parameters)
+    wrong = [replace(one, values=one.values + error * comparand.form.mechanism.size) for one in law]
+    checks = agreement(comparand, wrong, "law", diagnose=False, exact_formula=True).checks
+    assert [check.passed for check in checks] == [accepted] * len(checks)
 
 
 def test_a_law_follows_the_parameters_that_are_changed():

@@ -147,7 +147,7 @@ def validate(
         duration: of the programs, as `load` takes it.
         speed: of a crank, in [rad/s], or text, as "600rpm".
         tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
-            None takes 1e-8 of the reach.
+            None takes 1e-8 of the workspace, and rounding for the formula that the model's file names.
         attribute: whether a run in time is made, and its distance from the claim taken apart.
 
     Raises:
@@ -173,7 +173,10 @@ def held(
 ) -> Agreement:
     """Hold what moves, as it stands in its family, against a formula or a table; arguments as `validate`."""
     source, comparand, claims, again = _claims(family.make({}), against, speed)
-    said = agreement(comparand, claims, source, tolerance, family, function=again is not None)
+    exact = against is None
+    said = agreement(
+        comparand, claims, source, tolerance, family, function=again is not None, exact_formula=exact
+    )
     if not attribute:
         return said
     return replace(said, attribution=told(comparand, claims, scales_of(comparand, claims), again))
@@ -187,6 +190,7 @@ def agreement(
     family: DesignFamily | None = None,
     *,
     function: bool = True,
+    exact_formula: bool = False,
     diagnose: bool = True,
 ) -> Agreement:
     """Return whether claims agree with the exact motion, and what explains it if they do not.
@@ -198,11 +202,12 @@ def agreement(
         tolerance: as in `validate`.
         family: the mechanism among others with other dimensions; None takes places of joints.
         function: whether the claims come from a function, which is asked at drivers alone.
+        exact_formula: whether the function is exact but for rounding, as the formula of a model's file.
         diagnose: whether causes of a difference are looked for.
     """
     exact = tuple(comparand.all([claim.named for claim in claims]))
     scales = scales_of(comparand, claims)
-    allowed = tuple(bound_of(claim, scales, tolerance) for claim in claims)
+    allowed = tuple(bound_of(claim, scales, tolerance, exact=exact_formula) for claim in claims)
     compared = list(zip(claims, exact, allowed, strict=True))
     phase, count = comparand.phase, measured(claims)
     noise = tuple(
@@ -217,7 +222,8 @@ def agreement(
     findings: tuple[Finding, ...] = ()
     if diagnose and not verdict.passed:
         among = dimension_family(comparand.form) if family is None else family
-        findings = diagnosis(Miss(comparand, tuple(claims), exact, allowed, among, function))
+        resolution = tuple(bound_of(claim, scales, tolerance) for claim in claims)
+        findings = diagnosis(Miss(comparand, tuple(claims), exact, resolution, among, function))
     return Agreement(
         form=comparand.form,
         source=source,

@@ -16,14 +16,53 @@ from mechsim.studies.quantities import Quantity
 from mechsim.studies.quantity_expressions import unit_powers
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import efforts_scales, reach_of, stroke_of
-from mechsim.verdict.tolerances import Tolerance
+from mechsim.verdict.tolerances import EPS, Tolerance
 
-# tolerance of a formula relative to the scale of the quantity, and the power of the loops' conditioning by
-# which it widens, for positions, velocities and accelerations: between its rounding, 1e-15, and a link
-# 0.1 % long, 1e-3
-MOTION_TOLERANCES = ((1e-8, 1), (1e-6, 3), (1e-5, 5))
-FORCE_TOLERANCE = (1e-6, 5)
-WHY = "{part:.0e} of {scale:.3g} {unit}: a formula of one's own; a link 0.1 % long is 1e-3 of it"
+
+@dataclass(frozen=True, slots=True)
+class FormulaTolerances:
+    """Tolerances relative to the scale of a quantity, each with a power of the loops' conditioning.
+
+    Where loops are poorly conditioned a tolerance widens by that power.
+
+    Attributes:
+        positions: of points and joint coordinates.
+        velocities: of both.
+        accelerations: of both.
+        forces: of torques, reactions and energies.
+        reason: for all; {part}, {scale} and {unit} stand for the tolerance.
+    """
+
+    positions: tuple[float, int]
+    velocities: tuple[float, int]
+    accelerations: tuple[float, int]
+    forces: tuple[float, int]
+    reason: str
+
+    def of(self, quantity: Quantity) -> tuple[float, int]:
+        """Return tolerance and power of a quantity."""
+        by_order = (self.positions, self.velocities, self.accelerations)
+        return self.forces if quantity.loaded else by_order[quantity.order]
+
+
+# of any function or table: between what a solver inside a function leaves, the square of the 1.5e-8 at which
+# scipy's fsolve stops, and a link 0.1 % long, 1e-3; a smaller difference has no cause that can be determined
+USER_TOLERANCES = FormulaTolerances(
+    positions=(1e-8, 1),
+    velocities=(1e-6, 3),
+    accelerations=(1e-5, 5),
+    forces=(1e-6, 5),
+    reason="{part:.0e} of {scale:.3g} {unit}: a user's function or table; a link 0.1 % long is 1e-3 of it",
+)
+# of the formula that a model's file names: rounding times the condition of the loops. Positions of the 24
+# gallery mechanisms differ by 10 eps at most; the powers are those of solved poses (`verdict.quantities`)
+EXACT_TOLERANCES = FormulaTolerances(
+    positions=(1024 * EPS, 1),
+    velocities=(8192 * EPS, 3),
+    accelerations=(65536 * EPS, 5),
+    forces=(1e-10, 5),
+    reason="{part:.0e} of {scale:.3g} {unit}: rounding times condition; measured 2e-15 for the gallery",
+)
 ASKED = "asked for"
 
 
@@ -72,20 +111,24 @@ def errors(named: Quantity, found: Array, exact: Array) -> Array:
     return gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)) if named.angle else gap
 
 
-def bound_of(claim: Claim, scales: Scales, asked: float | None) -> Tolerance:
+def bound_of(claim: Claim, scales: Scales, asked: float | None, *, exact: bool = False) -> Tolerance:
     """Return how far a claim may be off.
 
     Args:
         claim: what is said.
         scales: of the comparand.
         asked: bound on places in [m], other quantities in proportion; None takes the usual part.
+        exact: whether the claim is a formula that is exact but for rounding.
     """
     named, scale = claim.named, scales.of(claim.named)
-    part, power = FORCE_TOLERANCE if named.loaded else MOTION_TOLERANCES[named.order]
+    usual = EXACT_TOLERANCES if exact and asked is None else USER_TOLERANCES
+    part, power = usual.of(named)
     if asked is not None:
-        more = part / MOTION_TOLERANCES[0][0]
+        more = part / USER_TOLERANCES.positions[0]
         return Tolerance(asked / scales.length * scale * more, named.unit, ASKED)
-    return Tolerance(part * scale, named.unit, WHY.format(part=part, scale=scale, unit=named.unit), power)
+    return Tolerance(
+        part * scale, named.unit, usual.reason.format(part=part, scale=scale, unit=named.unit), power
+    )
 
 
 def weights(claim: Claim, comparand: Comparand, tolerance: Tolerance) -> Array:
