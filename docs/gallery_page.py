@@ -13,6 +13,8 @@ from mechsim.cli import main
 # gripper, ankle, platforms and the planar classics come first
 FIRST = ("parallel_gripper", "humanoid_ankle", "stewart_gough", "delta_robot", "four_bar", "slider_crank")
 PICTURE_SIZE = "240x180"
+# a gripper opens and closes; a full turn of its driver would fold it
+MOTIONS = {"parallel_gripper": "--drive right=60deg-28deg*cos(2*pi*t)"}
 RENDER = f"--size {PICTURE_SIZE} --fps 12 --no-labels"
 
 HEAD = """# Gallery
@@ -65,11 +67,8 @@ def _draw(extra: Path, name: str) -> None:
             _output(f"render {name} --size {PICTURE_SIZE} --no-labels -o {still}")
         if not (animation := still.with_suffix(".gif")).is_file():
             # several drivers follow their motion laws and have no turn
-            motion = (
-                "--frames-per-turn 24"
-                if json.loads(_output(f"show {name} --json")).get("crank_range")
-                else ""
-            )
+            crank = json.loads(_output(f"show {name} --json")).get("crank_range")
+            motion = MOTIONS.get(name, "--frames-per-turn 24" if crank else "")
             _output(f"render {name} {RENDER} {motion} -o {animation}")
     except RuntimeError as error:
         print(error)
@@ -82,7 +81,7 @@ def _card(extra: Path, name: str, about: str) -> str:
             f'<picture><source media="(prefers-reduced-motion: reduce)" srcset="../pictures/{name}.png">'
             f'<img src="../pictures/{name}.gif" alt="{name}" loading="lazy" width="240" height="180"></picture>'
         )
-    return f'<a href="../views/{name}.html">{picture}<b>{name}</b><span>{html.escape(about)}</span></a>'
+    return f'<a href="../views/{name}.html">{picture}<b>{name}</b><span>{html.escape(about).replace(chr(96), "")}</span></a>'
 
 
 def _laws() -> list[tuple[str, str, str]]:

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 TITLE = re.compile(r"^# (.+)$", re.MULTILINE)
+INCLUDE = re.compile(r"^```\{include\} (\S+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 FRONT = re.compile(r"\A---\n.*?\n---\n", re.DOTALL)
 HEAD = """# mechsim
 
@@ -26,13 +27,28 @@ def write(app, error):
     out = Path(app.outdir)
     lines = []
     for name in sorted(app.env.found_docs, key=_order):
-        text = FRONT.sub("", Path(app.env.doc2path(name)).read_text(encoding="utf-8"))
+        source = Path(app.env.doc2path(name))
+        text = with_included(FRONT.sub("", source.read_text(encoding="utf-8")), source.parent)
         page = out / f"{name}.md"
         page.parent.mkdir(parents=True, exist_ok=True)
         page.write_text(text, encoding="utf-8")
         title = TITLE.search(text)
         lines.append(f"- [{title[1] if title else name}]({name}.md){_summary(text)}\n")
     (out / "llms.txt").write_text(HEAD + "".join(lines), encoding="utf-8")
+
+
+def with_included(text: str, folder: Path) -> str:
+    """Return the text of a page with the files it includes in place of the directives."""
+
+    def included(directive: re.Match[str]) -> str:
+        content = (folder / directive[1]).read_text(encoding="utf-8")
+        options = dict(re.findall(r':([\w-]+): "?(.*?)"?$', directive[2], re.MULTILINE))
+        content = content.split(options["start-after"], 1)[1] if "start-after" in options else content
+        return (
+            content.split(options["end-before"], 1)[0].strip() if "end-before" in options else content.strip()
+        )
+
+    return INCLUDE.sub(included, text)
 
 
 def _order(name: str) -> tuple[int, str]:
@@ -44,5 +60,5 @@ def _summary(text: str) -> str:
     """Return the first sentence below the title, or nothing."""
     body = text[match.end() :] if (match := TITLE.search(text)) else text
     paragraph = next((text for text in body.split("\n\n") if re.match(r"[A-Z`*]", text.strip())), "")
-    sentence = re.split(r"(?<=[.!?])\s", " ".join(paragraph.split()))[0]
-    return f": {sentence}" if sentence else ""
+    sentence = re.split(r"(?<=[.!])\s", " ".join(paragraph.split()))[0]
+    return f": {sentence.strip(chr(42))}" if sentence else ""

@@ -85,3 +85,13 @@ def test_pictures_in_docs_are_used():
     text = "".join(path.read_text() for path in [*PAGES, DOCS.parent / "README.md"])
     pictures = [path.name for path in DOCS.iterdir() if path.suffix in (".png", ".gif")]
     assert [name for name in pictures if name not in text] == []
+
+
+def test_the_glossary_has_thirty_terms_at_most_and_is_that_of_contributing():
+    sys.path.insert(0, str(DOCS))
+    from published_text import with_included
+
+    text = with_included((DOCS / "reference" / "glossary.md").read_text(), DOCS / "reference")
+    terms = re.findall(r"^\| ([^|]+) \|", text, re.MULTILINE)[1:]
+    assert 20 <= len(terms) <= 30
+    assert "assembly mode" in terms
