@@ -1,8 +1,8 @@
-"""A mechanism of one's own, described once: its loop equations against MuJoCo.
+"""Describe your own mechanism once, and compare its loop equations with MuJoCo.
 
 A spatial slider-crank: a crank on a slanted shaft drives a slider through a rod with a ball joint at
-one end and a universal joint at the other. No closed form is written; `closure` solves the loop
-equations of any mechanism.
+one end and a universal joint at the other. There is no closed form; `closure` solves the loop equations of any
+mechanism.
 
 Run: python examples/own_mechanism.py
 """
@@ -30,7 +30,7 @@ mechanism = Mechanism(
     ),
     driver="shaft",
     points={"tip": ("crank", TIP), "slider": ("slider", (0.0, 0.0, 0.0))},
-    # roughly where the links are at crank angle 0: this says which assembly is meant, no more
+    # approximate poses of the links at crank angle 0; they select the assembly mode
     guess={
         "rod": Pose(np.array([0.03, 0.0, 0.0]), np.eye(3)),
         "slider": Pose(np.array([0.17, 0.01, 0.02]), np.eye(3)),
@@ -49,7 +49,7 @@ def main() -> None:
     assert verdict.passed
 
     poses = closure.assemble(mechanism, [0.0])
-    print("freedoms:", closure.freedom(mechanism, poses))
+    print("degrees of freedom:", closure.freedom(mechanism, poses))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""A model of one's own against a formula of one's own.
+"""Compare your own MJCF model with your own formula.
 
-All mechsim asks of the MJCF file is a hinge called "crank", and a site named like each point of the
-formula. The formula is any function from crank angles, (n,), to points, name -> (n, 3).
+The MJCF file needs a hinge called "crank", and a site with the name of each point of the formula. The
+formula is any function from crank angles, (n,), to points, name -> (n, 3).
 
 Run: python examples/own_model.py
 """
@@ -16,7 +16,7 @@ HEIGHT, GROUND, CRANK, COUPLER, ROCKER = 0.2, 0.1, 0.04, 0.1, 0.08
 
 
 def formula(angle: np.ndarray) -> dict[str, np.ndarray]:
-    """The four-bar as a schoolbook has it: two circles about A and the rocker's pivot meet in B."""
+    """Return A and B of the four-bar: two circles about A and the rocker's pivot intersect in B."""
     a = CRANK * np.exp(1j * angle)
     to_pivot = GROUND - a
     reach = np.abs(to_pivot)

@@ -1,6 +1,6 @@
 """Balancing by counterweights: where two of them make a four-bar shake its frame least.
 
-The shaking force of a four-bar can be made nought at every instant by counterweights on crank and rocker: the
+The shaking force of a four-bar can be made zero at every instant by counterweights on crank and rocker: the
 centre of all masses then stands still (R. S. Berkof and G. G. Lowen, A new method for completely force
 balancing simple linkages, ASME J. Eng. Ind. 91 (1969) 21-26). The search finds it from the force alone.
 
@@ -15,17 +15,17 @@ import mechsim as ms
 from mechsim.studies.optimise import Goal, Optimum
 
 MODEL = str(Path(__file__).with_name("counterweights.toml"))
-TURN = np.linspace(0.0, 2.0 * np.pi, 13)
+CRANK_ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
 VARY = dict.fromkeys(("crank_x", "crank_y", "rocker_x", "rocker_y"), (-0.1, 0.1))
-SHAKING = Goal(("frame.fx", "frame.fy"), lambda given: np.concatenate([given["frame.fx"], given["frame.fy"]]))
+SHAKING = Goal(("frame.fx", "frame.fy"), lambda quantities: np.concatenate([quantities["frame.fx"], quantities["frame.fy"]]))
 
 
 def search() -> Optimum:
-    start = ms.moved(MODEL, angles=TURN, speed=ms.units.rpm(600))
+    start = ms.moved(MODEL, angles=CRANK_ANGLES, speed=ms.units.rpm(600))
     return ms.optimise(start, VARY, SHAKING)
 
 
 if __name__ == "__main__":
-    found = search()
-    print(f"{found.outcome}: {', '.join(f'{name} {1e3 * one:.3f} mm' for name, one in found.values.items())}")
-    print(f"shaking force {found.before:.3g} N before, {found.after:.3g} N now, root mean square")
+    optimum = search()
+    print(f"{optimum.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in optimum.values.items())}")
+    print(f"shaking force {optimum.before:.3g} N before, {optimum.after:.3g} N now, root mean square")

@@ -14,27 +14,27 @@ from mechsim.analytic import catalog
 from mechsim.studies.optimise import Goal, Optimum, Quantities
 
 BEGIN, SWEEP = np.deg2rad(25.0), np.deg2rad(60.0)
-PART = np.linspace(0.0, 1.0, 13)
-WANTED = SWEEP * np.log(1.0 + PART) / np.log(2.0)
+FRACTION = np.linspace(0.0, 1.0, 13)
+TARGET = SWEEP * np.log(1.0 + FRACTION) / np.log(2.0)
 
 
-def off(given: Quantities) -> object:
+def off(quantities: Quantities) -> object:
     """By how much the rocker is off, wherever it begins."""
-    left = given["rocker.q"] - WANTED
-    return left - left.mean()
+    error = quantities["rocker.q"] - TARGET
+    return error - error.mean()
 
 
 def search() -> Optimum:
-    begun = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.08, rocker=0.07)
-    start = ms.moved(begun, angles=BEGIN + SWEEP * PART)
+    initial = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.08, rocker=0.07)
+    start = ms.moved(initial, angles=BEGIN + SWEEP * FRACTION)
     vary = {"crank": (0.02, 0.2), "coupler": (0.02, 0.3), "rocker": (0.02, 0.2)}
     return ms.optimise(start, vary, Goal(("rocker.q",), off))
 
 
 if __name__ == "__main__":
-    found = search()
-    print(f"{found.outcome}: {', '.join(f'{name} {1e3 * one:.3f} mm' for name, one in found.values.items())}")
+    optimum = search()
+    print(f"{optimum.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in optimum.values.items())}")
     print(
-        f"rocker off by {np.rad2deg(found.before):.3f} deg before, {np.rad2deg(found.after):.4f} deg now, "
+        f"rocker off by {np.rad2deg(optimum.before):.3f} deg before, {np.rad2deg(optimum.after):.4f} deg now, "
         "root mean square"
     )

@@ -1,7 +1,7 @@
-"""A straighter line: lengths of a Hoeken linkage that keep its point nearer to a line over half a turn.
+"""A straighter line: lengths of a Hoeken linkage whose point stays closer to a line over half a turn.
 
-The crank stays as it is; ground, coupler, rocker and the arm of the point may change by a tenth. The line
-must not get shorter. That the crank turns fully needs no words: the loops must close at every angle.
+The crank keeps its length. Ground, coupler, rocker and the arm of the point may change by a tenth. The line
+must not get shorter. The loops must close at every crank angle, so the crank still rotates fully.
 
 Run: python examples/design/straighter_line.py
 """
@@ -13,25 +13,25 @@ from mechsim.analytic import catalog
 from mechsim.studies.optimise import Goal, Limit, Optimum, Quantities, largest, smallest
 
 HOEKEN = {"crank": 0.04, "ground": 0.08, "coupler": 0.1, "rocker": 0.1, "arm": 0.2, "arm_angle": 0.0}
-TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+CRANK_ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 # the half of the turn over which the point runs along its line
 HALF = slice(9, 28)
 
 
-def off(given: Quantities) -> object:
+def off(quantities: Quantities) -> object:
     """How far the point is off its mean height."""
-    height = given["C.y"][HALF]
+    height = quantities["C.y"][HALF]
     return height - height.mean()
 
 
-def length(given: Quantities) -> object:
+def length(quantities: Quantities) -> object:
     """How long the line is."""
-    along = given["C.x"][HALF]
+    along = quantities["C.x"][HALF]
     return largest(along) - smallest(along)
 
 
 def search() -> Optimum:
-    start = ms.moved(catalog.make("four_bar", **HOEKEN), angles=TURN)
+    start = ms.moved(catalog.make("four_bar", **HOEKEN), angles=CRANK_ANGLES)
     vary = {name: (0.9 * HOEKEN[name], 1.1 * HOEKEN[name]) for name in ("ground", "coupler", "rocker", "arm")}
     before = float(np.ptp(start.values(["C.x"], {})["C.x"][HALF]))
     limit = Limit(("C.x",), length, low=before, name="length of the line")
@@ -39,8 +39,8 @@ def search() -> Optimum:
 
 
 if __name__ == "__main__":
-    found = search()
-    print(f"{found.outcome}: {', '.join(f'{name} {1e3 * one:.3f} mm' for name, one in found.values.items())}")
+    optimum = search()
+    print(f"{optimum.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in optimum.values.items())}")
     print(
-        f"off the line {1e6 * found.before:.2f} um before, {1e6 * found.after:.2f} um now, root mean square"
+        f"off the line {1e6 * optimum.before:.2f} um before, {1e6 * optimum.after:.2f} um now, root mean square"
     )
