@@ -1,8 +1,8 @@
 """Describe your own mechanism once, and compare its loop equations with MuJoCo.
 
 A spatial slider-crank: a crank on a slanted shaft drives a slider through a rod with a ball joint at
-one end and a universal joint at the other. There is no closed form; `closure` solves the loop equations of any
-mechanism.
+one end and a universal joint at the other. There is no closed form; `closure` solves the loop
+equations of any mechanism.
 
 Run: python examples/own_mechanism.py
 """

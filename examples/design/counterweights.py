@@ -17,7 +17,9 @@ from mechsim.studies.optimise import Goal, Optimum
 MODEL = str(Path(__file__).with_name("counterweights.toml"))
 CRANK_ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
 VARY = dict.fromkeys(("crank_x", "crank_y", "rocker_x", "rocker_y"), (-0.1, 0.1))
-SHAKING = Goal(("frame.fx", "frame.fy"), lambda quantities: np.concatenate([quantities["frame.fx"], quantities["frame.fy"]]))
+SHAKING = Goal(
+    ("frame.fx", "frame.fy"), lambda values: np.concatenate([values["frame.fx"], values["frame.fy"]])
+)
 
 
 def search() -> Optimum:
@@ -26,6 +28,6 @@ def search() -> Optimum:
 
 
 if __name__ == "__main__":
-    optimum = search()
-    print(f"{optimum.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in optimum.values.items())}")
-    print(f"shaking force {optimum.before:.3g} N before, {optimum.after:.3g} N now, root mean square")
+    best = search()
+    print(f"{best.outcome}: {', '.join(f'{name} {1e3 * size:.3f} mm' for name, size in best.values.items())}")
+    print(f"shaking force {best.before:.3g} N before, {best.after:.3g} N now, root mean square")

@@ -18,9 +18,9 @@ FRACTION = np.linspace(0.0, 1.0, 13)
 TARGET = SWEEP * np.log(1.0 + FRACTION) / np.log(2.0)
 
 
-def off(quantities: Quantities) -> object:
+def off(values: Quantities) -> object:
     """By how much the rocker is off, wherever it begins."""
-    error = quantities["rocker.q"] - TARGET
+    error = values["rocker.q"] - TARGET
     return error - error.mean()
 
 
@@ -32,9 +32,9 @@ def search() -> Optimum:
 
 
 if __name__ == "__main__":
-    optimum = search()
-    print(f"{optimum.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in optimum.values.items())}")
+    best = search()
+    print(f"{best.outcome}: {', '.join(f'{name} {1e3 * size:.3f} mm' for name, size in best.values.items())}")
     print(
-        f"rocker off by {np.rad2deg(optimum.before):.3f} deg before, {np.rad2deg(optimum.after):.4f} deg now, "
+        f"rocker off by {np.rad2deg(best.before):.3f} deg before, {np.rad2deg(best.after):.4f} deg now, "
         "root mean square"
     )

@@ -18,15 +18,15 @@ CRANK_ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 HALF = slice(9, 28)
 
 
-def off(quantities: Quantities) -> object:
+def off(values: Quantities) -> object:
     """How far the point is off its mean height."""
-    height = quantities["C.y"][HALF]
+    height = values["C.y"][HALF]
     return height - height.mean()
 
 
-def length(quantities: Quantities) -> object:
+def length(values: Quantities) -> object:
     """How long the line is."""
-    along = quantities["C.x"][HALF]
+    along = values["C.x"][HALF]
     return largest(along) - smallest(along)
 
 
@@ -39,8 +39,6 @@ def search() -> Optimum:
 
 
 if __name__ == "__main__":
-    optimum = search()
-    print(f"{optimum.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in optimum.values.items())}")
-    print(
-        f"off the line {1e6 * optimum.before:.2f} um before, {1e6 * optimum.after:.2f} um now, root mean square"
-    )
+    best = search()
+    print(f"{best.outcome}: {', '.join(f'{name} {1e3 * size:.3f} mm' for name, size in best.values.items())}")
+    print(f"off the line {1e6 * best.before:.2f} um before, {1e6 * best.after:.2f} um now, root mean square")

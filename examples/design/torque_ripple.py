@@ -22,18 +22,18 @@ def search() -> Optimum:
         MeasureLimit("range:rocker", low=0.95 * swing),
         Limit(
             ("B.q",),
-            lambda quantities: np.cos(quantities["B.q"]) ** 2,
+            lambda values: np.cos(values["B.q"]) ** 2,
             high=np.cos(np.deg2rad(40.0)) ** 2,
             name="transmission",
         ),
-        Limit((), lambda quantities: quantities["ground"] + quantities["coupler"] + quantities["rocker"], high=0.3, name="size"),
+        Limit(
+            (), lambda values: values["ground"] + values["coupler"] + values["rocker"], high=0.3, name="size"
+        ),
     ]
     return ms.optimise(start, VARY, "ripple:torque", limits)
 
 
 if __name__ == "__main__":
-    optimum = search()
-    print(f"{optimum.outcome}: {', '.join(f'{name} {1e3 * value:.2f} mm' for name, value in optimum.values.items())}")
-    print(
-        f"ripple {optimum.before:.3g} N m before, {optimum.after:.3g} N m now, root mean square; {optimum.limits}"
-    )
+    best = search()
+    print(f"{best.outcome}: {', '.join(f'{name} {1e3 * size:.2f} mm' for name, size in best.values.items())}")
+    print(f"ripple {best.before:.3g} N m before, {best.after:.3g} N m now, root mean square; {best.limits}")
