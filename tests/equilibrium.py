@@ -104,11 +104,16 @@ def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Effor
     for i, load in enumerate(forces.loads):
         link, local = located(mechanism, load.place)
         yield Action(
-            f"load {i}", link, None, load.force.at(motion.angle, motion.time), at.point(link, local), none
+            f"load {i}",
+            link,
+            None,
+            load.force.evaluate(motion.angle, motion.time),
+            at.point(link, local),
+            none,
         )
     for i, couple in enumerate(forces.couples):
         yield Action(
-            f"couple {i}", couple.link, None, none, none, couple.moment.at(motion.angle, motion.time)
+            f"couple {i}", couple.link, None, none, none, couple.moment.evaluate(motion.angle, motion.time)
         )
     yield from _springs(mechanism, forces, at)
     yield from _friction(mechanism, forces, at)

@@ -110,7 +110,7 @@ def _under_laws(
                 f"{mechanism.name}: t = {outside[0]:g} s is outside the table of {name}, 0 to {end:g} s; "
                 "give times within it, or more rows"
             )
-    return PathInstants(motion_laws.pace * time, motion_laws.pace, 0.0, time)
+    return PathInstants(motion_laws.rate * time, motion_laws.rate, 0.0, time)
 
 
 def _times(name: str, t: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ from mechsim.analytic.forms import Form
 from mechsim.cli.output import print_table
 from mechsim.errors import InputError
 from mechsim.model import motors
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring
 from mechsim.model.load_profile import table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Geared, PlainMotor
@@ -87,10 +87,10 @@ def _named(
     return name.strip(), tuple(values)
 
 
-def _places(text: str, option: str) -> tuple[Place, Place]:
+def _places(text: str, option: str) -> tuple[Location, Location]:
     """Return two places written as A:B; each a point, or LINK@X,Y,Z in the link's frame."""
 
-    def place(part: str) -> Place:
+    def place(part: str) -> Location:
         link, at, rest = part.strip().partition("@")
         if not at:
             return link

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.forms import Form
 from mechsim.cli.exit_codes import notes, tell
 from mechsim.errors import MobilityError
-from mechsim.model.motion import Motion, taken
+from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import PART_OF_RANGE, CrankProfile, within_range
 from mechsim.numerics.angles import TURN
 from mechsim.verdict.tolerances import RATES
@@ -48,14 +48,14 @@ def few_digits(form: Form, motion: Motion) -> FewDigits | None:
         return None
     if not len(rows):
         return None
-    some = taken(motion, rows)
+    some = select_instants(motion, rows)
     far = some.conditioning if some.conditioning is not None else form.conditioning(some)
     at = int(np.argmin(far))
     digits = int(max(-np.log10(RATES.widened(far[at : at + 1], 1)[0]), 0.0))
     if digits >= ENOUGH:
         return None
     motion_laws = form.motion_laws
-    place = some.angle[at] if motion_laws is None else some.angle[at] / motion_laws.pace
+    place = some.angle[at] if motion_laws is None else some.angle[at] / motion_laws.rate
     return FewDigits(digits, float(place), "angle" if motion_laws is None else "t", float(far[at]))
 
 

@@ -36,8 +36,8 @@ from mechsim.cli.scene_options import CTRL, SceneOptions, plain_settings, user_s
 from mechsim.cli.verdict_text import found_in, in_json, of_crank, tell_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import POSITION_TOLERANCE, Outcome
-from mechsim.model.motion import taken
-from mechsim.model.motion_laws import arc_around
+from mechsim.model.motion import select_instants
+from mechsim.model.motion_laws import interval_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
@@ -184,7 +184,7 @@ def _motion(drive: Form, options: RunOptions) -> CrankProfile:
     motion_laws = drive.motion_laws
     if motion_laws is not None:
         options.refuse(*OF_A_CRANK, because=PROGRAMMED)
-        return motion_laws.clock
+        return motion_laws.path_profile
     if options.profile:
         return _profile(options.profile)
     speed = speed_of(options.speed or SPEED)
@@ -225,7 +225,7 @@ def _posed(drive: Form, options: RunOptions, asked: Mapping[str, Any], scene: Sc
     rows = driver_path(drive, files.read(options.at), options.at, uniform=True)
     last = max(round(rows.motion_laws.duration), 1)
     run = simulation.simulate(drive, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
-    return replace(run, motion=taken(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
+    return replace(run, motion=select_instants(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
 
 
 def _tell(run: Run, output: str | None) -> None:
@@ -257,7 +257,7 @@ def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:
         return simulation.constant(speed, turns)
     profile = simulation.constant(speed, turns, drive.mechanism.start)
     ends, _, _ = profile.state(np.array([0.0, profile.duration]))
-    around = arc_around(arcs, float(ends[0]))
+    around = interval_around(arcs, float(ends[0]))
     if around is None or not around[0] <= ends.min() <= ends.max() <= around[1]:
         raise AssemblyError(
             f"{drive.name}: the crank cannot make {turns:g} turns from {ends[0]:.6g} rad: it can stand "

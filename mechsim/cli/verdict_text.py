@@ -236,14 +236,14 @@ def print_findings(found: Sequence[Finding] | None) -> None:
     if not found:
         typer.echo("findings: none")
         return
-    rows = [(one.kind, one.place.removeprefix("line "), one.advice) for one in found]
+    rows = [(one.kind, one.position.removeprefix("line "), one.advice) for one in found]
     print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
 
 
 def tell_findings(found: Sequence[Finding] | None) -> None:
     """Print findings at the head of a verdict, a line each."""
     for one in found or ():
-        typer.echo(f"{one.kind}: {one.told}")
+        typer.echo(f"{one.kind}: {one.one_line}")
 
 
 def agreement_lines(name: str, agreement: "Agreement") -> list[str]:

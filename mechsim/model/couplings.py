@@ -10,7 +10,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 
 # the highest degree, that of MJCF's joint equality
-MOST = 4
+MAX_DEGREE = 4
 
 Terms = Mapping[str, float]
 
@@ -63,10 +63,10 @@ class Coupling:
     pressure_angle: float | None = None
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.coefficients) <= MOST + 1:
+        if not 1 <= len(self.coefficients) <= MAX_DEGREE + 1:
             raise InputError(
                 f"coupling {self.name!r} has {len(self.coefficients)} coefficients; "
-                f"give 1 to {MOST + 1}, from the constant up"
+                f"give 1 to {MAX_DEGREE + 1}, from the constant up"
             )
         numbers = [*self.coefficients, *self.zeros, *self.left_terms.values(), *self.right_terms.values()]
         if not np.isfinite([number(one) for one in numbers]).all():
@@ -90,7 +90,7 @@ class Coupling:
         return (*self.left_terms, *self.right_terms)
 
     @property
-    def slope(self) -> float:
+    def ratio(self) -> float:
         """The coefficient of the first power: of gears, the ratio."""
         return self.coefficients[1] if len(self.coefficients) > 1 else 0.0
 

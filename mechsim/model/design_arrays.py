@@ -34,7 +34,7 @@ class DesignArrays:
         """How many designs there are."""
         return next(iter(self.ends.values()))[0].shape[-1]
 
-    def some(self, which: NDArray[np.intp]) -> "DesignArrays":
+    def subset(self, which: NDArray[np.intp]) -> "DesignArrays":
         """Return some of the designs."""
         ends = {name: tuple(part[..., which] for part in parts) for name, parts in self.ends.items()}
         points = {name: local[..., which] for name, local in self.points.items()}
@@ -75,13 +75,13 @@ class StartedDesigns:
 
     arrays: DesignArrays
     guess: Mapping[str, Pose]
-    told: Mapping[str, Array]
+    coordinates: Mapping[str, Array]
 
-    def some(self, which: NDArray[np.intp]) -> "StartedDesigns":
+    def subset(self, which: NDArray[np.intp]) -> "StartedDesigns":
         """Return some of the designs."""
         guess = {link: Pose(pose.position[which], pose.rotation[which]) for link, pose in self.guess.items()}
         return StartedDesigns(
-            self.arrays.some(which), guess, {name: value[which] for name, value in self.told.items()}
+            self.arrays.subset(which), guess, {name: value[which] for name, value in self.coordinates.items()}
         )
 
 

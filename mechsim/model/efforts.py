@@ -42,35 +42,35 @@ class Reaction:
     moment: Array
     point: Array
     determined: NDArray[np.bool_] | None = None
-    sure: Array | None = None
+    projector: Array | None = None
 
     __repr__ = short_repr
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def is_determined(self) -> NDArray[np.bool_]:
         """Whether each component is determined, (6,); a road that does not tell takes all for so."""
         return np.ones(len(COMPONENTS), dtype=np.bool_) if self.determined is None else self.determined
 
-    def settled(self, force: Array, moment: Array) -> tuple[Array, Array]:
+    def project(self, force: Array, moment: Array) -> tuple[Array, Array]:
         """Return what is determined of forces and moments in this joint, (n, 3) each."""
-        if self.sure is None:
-            return np.where(self.known[:3], force, 0.0), np.where(self.known[3:], moment, 0.0)
-        sure = self.sure
+        if self.projector is None:
+            return np.where(self.is_determined[:3], force, 0.0), np.where(self.is_determined[3:], moment, 0.0)
+        sure = self.projector
         return (sure[:, 0] @ force[..., None])[..., 0], (sure[:, 1] @ moment[..., None])[..., 0]
 
     @property
-    def partly(self) -> tuple[str, ...]:
+    def partly_undetermined(self) -> tuple[str, ...]:
         """Names of the components that are not determined, but for a part across or along others."""
-        if self.sure is None:
+        if self.projector is None:
             return ()
-        rows = np.abs(self.sure).max((0, 3)).reshape(len(COMPONENTS))
-        open_ = zip(COMPONENTS, self.known, rows > PARTLY, strict=True)
+        rows = np.abs(self.projector).max((0, 3)).reshape(len(COMPONENTS))
+        open_ = zip(COMPONENTS, self.is_determined, rows > PARTLY, strict=True)
         return tuple(name for name, known, part in open_ if part and not known)
 
     @property
-    def open(self) -> tuple[str, ...]:
+    def undetermined(self) -> tuple[str, ...]:
         """Names of the components that are not determined."""
-        return tuple(name for name, known in zip(COMPONENTS, self.known, strict=True) if not known)
+        return tuple(name for name, known in zip(COMPONENTS, self.is_determined, strict=True) if not known)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +152,7 @@ class Efforts:
     straight: frozenset[str] = frozenset()
     meshes: Mapping[str, MeshForce] = field(default_factory=dict[str, MeshForce])
     undetermined: frozenset[str] = frozenset()
-    meeting: NDArray[np.bool_] | None = None
+    at_branch_point: NDArray[np.bool_] | None = None
 
     __repr__ = short_repr
 
@@ -167,7 +167,7 @@ class Efforts:
     @property
     def unbounded(self) -> NDArray[np.bool_]:
         """Where assemblies meet, so that forces between links have no limit, (n,)."""
-        return np.zeros(len(self), dtype=np.bool_) if self.meeting is None else self.meeting
+        return np.zeros(len(self), dtype=np.bool_) if self.at_branch_point is None else self.at_branch_point
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield time, angle, rates, torque or drives, energies and reactions as columns of a table in SI."""

@@ -5,14 +5,14 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypedDict
 
 
-class FilePlace(TypedDict):
+class FilePosition(TypedDict):
     """Where something stands: in an included file, empty for the file itself, and on which line, if known."""
 
     file: str
     line: int | None
 
 
-NOWHERE: FilePlace = {"file": "", "line": None}
+NO_POSITION: FilePosition = {"file": "", "line": None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,12 +51,12 @@ class Finding:
         return self.message + (f"; {self.remedy}" if self.remedy else "")
 
     @property
-    def told(self) -> str:
+    def one_line(self) -> str:
         """The finding in one line: where, what, remedy."""
-        return f"{self.place}: {self.advice}" if self.place else self.advice
+        return f"{self.position}: {self.advice}" if self.position else self.advice
 
     @property
-    def place(self) -> str:
+    def position(self) -> str:
         """File and line in words; empty where they are not known."""
         line = "" if self.line is None else f"line {self.line}"
         return ", ".join(filter(None, [self.file, line]))

@@ -18,7 +18,7 @@ from mechsim.model.motors import Motor
 from mechsim.numerics.inputs import HUGE, number, numbers, require
 
 # a tracked point's name, or a link ("ground" too) and a point in its frame in [m]
-Place = str | tuple[str, Vector]
+Location = str | tuple[str, Vector]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +75,8 @@ class Spring:
         damping: c in [N s/m], 0 or more.
     """
 
-    a: Place
-    b: Place
+    a: Location
+    b: Location
     stiffness: float
     rest: float = 0.0
     damping: float = 0.0
@@ -124,7 +124,7 @@ class Load:
         force: its course, three components in the ground frame in [N].
     """
 
-    place: Place
+    place: Location
     force: LoadProfile
 
     def __post_init__(self) -> None:
@@ -192,7 +192,7 @@ class Forces:
         """Raise InputError unless every joint and place named is the mechanism's, and of a kind that fits."""
         for friction in self.friction:
             name = mechanism.joint(friction.joint).kind
-            if KINDS[name].freedoms in (0, 6):
+            if KINDS[name].dof in (0, 6):
                 raise InputError(
                     f"friction is given in {name} joint {friction.joint!r}, where nothing rubs; leave it out"
                 )
@@ -241,7 +241,7 @@ def acting_on(source: object, forces: Forces | None) -> Forces:
     return Forces() if own is None else require("forces", own, Forces)
 
 
-def located(mechanism: Mechanism, place: Place) -> tuple[str, Vector]:
+def located(mechanism: Mechanism, place: Location) -> tuple[str, Vector]:
     """Return the link of a place and the point in that link's frame in [m].
 
     Raises:

@@ -37,10 +37,10 @@ class Kind:
     slides: tuple[Axis, ...]
     turns: tuple[Axis, ...]
     # whether its displacement goes with its turn, by `Joint.lead`
-    led: bool = False
+    helical: bool = False
 
     @property
-    def freedoms(self) -> int:
+    def dof(self) -> int:
         """How many relative motions are free; of a screw, which a coupling holds, both."""
         return len(self.slides) + len(self.turns)
 
@@ -60,7 +60,7 @@ class Kind:
         return len(self.turns) == 3
 
     @property
-    def floats(self) -> bool:
+    def floating(self) -> bool:
         """Whether it holds nothing."""
         return self.ball and len(self.slides) == 3
 
@@ -75,7 +75,7 @@ class Kind:
         return len(self.turns) < 2
 
     @property
-    def alike(self) -> tuple[int, ...]:
+    def aligned_columns(self) -> tuple[int, ...]:
         """Columns of both sides' frames that point one way, not only along each other, as rows have it."""
         return () if not self.aligned else (2,) if self.turns else (2, 0)
 
@@ -92,12 +92,12 @@ class Kind:
     @property
     def single(self) -> bool:
         """Whether it has one freedom: a hinge or a slide."""
-        return self.freedoms == 1
+        return self.dof == 1
 
     @property
     def drivable(self) -> bool:
         """Whether its coordinates can be prescribed: a hinge, a slide, or both along one axis."""
-        return self.slides in ((), ("a",)) and self.turns in ((), ("a",)) and self.freedoms > 0
+        return self.slides in ((), ("a",)) and self.turns in ((), ("a",)) and self.dof > 0
 
     @property
     def mixed(self) -> bool:
@@ -105,7 +105,7 @@ class Kind:
         return bool(self.slides and self.turns) and not self.ball
 
     @property
-    def endings(self) -> tuple[str, ...]:
+    def suffixes(self) -> tuple[str, ...]:
         """What follows a joint's name in the name of each of its coordinates; a ball's turns have none."""
         if self.single:
             return ("",)
@@ -126,7 +126,7 @@ KINDS: dict[KindName, Kind] = {
     "revolute": Kind(slides=(), turns=("a",)),
     "prismatic": Kind(slides=("a",), turns=()),
     "cylindrical": Kind(slides=("a",), turns=("a",)),
-    "screw": Kind(slides=("a",), turns=("a",), led=True),
+    "screw": Kind(slides=("a",), turns=("a",), helical=True),
     "universal": Kind(slides=(), turns=("a", "b")),
     "spherical": Kind(slides=(), turns=("x", "y", "z")),
     "planar": Kind(slides=("x", "y"), turns=("a",)),
@@ -208,7 +208,7 @@ def _about_z(angle: float | Array) -> Array:
     return turn
 
 
-def opposed(joint: str, column: int) -> str:
+def antiparallel_message(joint: str, column: int) -> str:
     """Return in one sentence that a joint came together with columns of its sides' frames opposed."""
     return (
         f"joint {joint!r} came together with its {_OPPOSED[column]} opposed; turn one round, or give a guess "

@@ -168,12 +168,12 @@ class Joint:
                 f"cross angle of {self.kind} joint {self.name!r} is {self.cross_angle} rad; only the axes of "
                 "a universal joint cross: take it out"
             )
-        if not abs(number(self.lead)) < np.inf or KINDS[self.kind].led != (self.lead != 0.0):
+        if not abs(number(self.lead)) < np.inf or KINDS[self.kind].helical != (self.lead != 0.0):
             raise InputError(
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
                 "give a screw its displacement a turn, and no other joint any"
             )
-        if 0 in KINDS[self.kind].alike and not (self.a.marked or self.b.marked):
+        if 0 in KINDS[self.kind].aligned_columns and not (self.a.marked or self.b.marked):
             side = self.a.frame
             mark = least_turned(np.array(self.b.axis), side[:, 2], side[:, 0])
             if np.abs(mark - np.array(self.b.mark)).max() > ROUNDED:
@@ -183,7 +183,7 @@ class Joint:
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of its coordinates: the joint's own where it has one, else NAME.way, NAME.turn, NAME.1 ..."""
-        return tuple(self.name + ending for ending in KINDS[self.kind].endings)
+        return tuple(self.name + ending for ending in KINDS[self.kind].suffixes)
 
 
 def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:

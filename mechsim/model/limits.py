@@ -47,8 +47,8 @@ def require_within(
     ranges: Ranges,
     values: Mapping[str, Array],
     units: Mapping[str, str],
-    said: Callable[[int], str],
-    less: str,
+    describe: Callable[[int], str],
+    remedy: str,
 ) -> None:
     """Refuse poses beyond the range of a joint.
 
@@ -57,8 +57,8 @@ def require_within(
         ranges: joint -> lowest and highest value in [m] or [rad].
         values: joint -> (n,) in the same unit.
         units: joint -> "m" or "rad".
-        said: says of the number of a pose where it is, as at which crank angle.
-        less: what the user may do beside widening the range.
+        describe: index of a pose -> its label, such as its crank angle.
+        remedy: what the user may do besides widening the range.
 
     Raises:
         AssemblyError: with the joint, its value, its bound and where.
@@ -72,7 +72,8 @@ def require_within(
         if len(beyond) and beyond[worst] > ROUNDED * max(1.0, high - low):
             raise AssemblyError(
                 f"{name}: joint {joint!r} would stand at {at[worst]:.6g} {units[joint]}, beyond its range of "
-                f"{low:.6g} to {high:.6g}, at {said(worst)}; widen the range, start within it, or {less}"
+                f"{low:.6g} to {high:.6g}, at {describe(worst)}; widen the range, start within "
+                f"it, or {remedy}"
             )
 
 

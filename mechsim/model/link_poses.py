@@ -114,7 +114,7 @@ def _wound(mechanism: Mechanism) -> dict[str, float]:
     placed = {GROUND: IDENTITY, **mechanism.guess}
     found: dict[str, float] = {}
     for joint in mechanism.joints:
-        if KINDS[joint.kind].led and joint.a.link in placed and joint.b.link in placed:
+        if KINDS[joint.kind].helical and joint.a.link in placed and joint.b.link in placed:
             way = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
             found[joint.coordinates[1]] = TURN * way / joint.lead
     return found
@@ -145,7 +145,7 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
         if link.name in motion.links:
             moved = motion.links[link.name]
             found[link.name] = Pose(moved.position, moved.rotation)
-        elif link.seen:
+        elif link.is_body:
             raise InputError(
                 f"the motion does not say where link {link.name!r} is, so it cannot be drawn; "
                 "solve it with links"
@@ -171,12 +171,12 @@ def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], m
 STANDS = "@"
 
 
-def stand_in(joint: Joint) -> str:
+def virtual_body(joint: Joint) -> str:
     """Return the name of the link that stands where one side of a split joint does."""
     return f"{joint.name}{STANDS}{_stood_for(joint).link}"
 
 
-def with_stand_ins(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+def with_virtual_bodies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Pose]:
     """Return poses of links, and where joints are split, of what stands in for some of them."""
     known = {GROUND: IDENTITY, **poses}
     stands = {
@@ -203,7 +203,7 @@ def split(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
         if joint.name not in names:
             joints.append(joint)
             continue
-        name, end = stand_in(joint), _stood_for(joint)
+        name, end = virtual_body(joint), _stood_for(joint)
         links.append(Link(name, inertia=inertias[end.link]))
         own: End = replace(end, link=name)
         led = replace(joint, a=own) if end is joint.a else replace(joint, b=own)

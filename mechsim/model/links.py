@@ -126,7 +126,7 @@ def _checked(moments: Array) -> Matrix:
 
 GROUND = "ground"
 # what names of links begin with that stand for no body: those between several joints of one
-UNSEEN = "~"
+VIRTUAL_PREFIX = "~"
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EX: Vector = (1.0, 0.0, 0.0)
 EY: Vector = (0.0, 1.0, 0.0)
@@ -156,7 +156,7 @@ class Pose:
         """Return the place of a point given in the link's frame, (..., 3) in [m]."""
         return self.position + self.rotation @ np.asarray(local)
 
-    def at(self, index: int | slice) -> "Pose":
+    def select(self, index: int | slice) -> "Pose":
         """Return the pose or poses at an index of the leading axis."""
         return Pose(self.position[index], self.rotation[index])
 
@@ -180,6 +180,6 @@ class Link:
     inertia: Inertia | None = None
 
     @property
-    def seen(self) -> bool:
+    def is_body(self) -> bool:
         """Whether it stands for a body; motions need not say where others are."""
-        return not self.name.startswith(UNSEEN)
+        return not self.name.startswith(VIRTUAL_PREFIX)

@@ -14,7 +14,7 @@ from mechsim.numerics.inputs import HUGE
 
 Over = Literal["angle", "time"]
 # how far a table may miss the turn, in [rad], and be drawn to it: angles written with six digits
-WRITTEN = 1e-5
+PERIOD_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class LoadProfile:
     value: Callable[[Array], Array]
     width: int
 
-    def at(self, angle: ArrayLike, time: ArrayLike | None = None) -> Array:
+    def evaluate(self, angle: ArrayLike, time: ArrayLike | None = None) -> Array:
         """Return the values at crank angles in [rad] and times in [s], (n,) or (n, 3).
 
         Raises:
@@ -162,7 +162,7 @@ def _check_table(x: Array, y: Array, over: str) -> None:
 
 def _check_period(x: Array, y: Array, over: str) -> None:
     span = float(x[-1] - x[0])
-    if over == "angle" and abs(span - TURN) > WRITTEN:
+    if over == "angle" and abs(span - TURN) > PERIOD_TOLERANCE:
         raise InputError(
             f"load table does not cover the turn: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
             f"{span:.8g} of {TURN:.8g}; give rows over exactly one turn, both ends included"

@@ -56,7 +56,7 @@ class LinkMass:
 
 def masses_of(mechanism: Mechanism) -> tuple[LinkMass, ...]:
     """Return the masses of links that have an inertia; links that stand for no body are left out."""
-    return tuple(_mass(link.name, link.inertia) for link in mechanism.links if link.inertia and link.seen)
+    return tuple(_mass(link.name, link.inertia) for link in mechanism.links if link.inertia and link.is_body)
 
 
 def summary(masses: Sequence[LinkMass]) -> str:

@@ -240,7 +240,7 @@ class Mechanism:
         screws = tuple(
             Coupling(joint.name, joint.coordinates[0], joint.coordinates[1], (0.0, joint.lead / TURN))
             for joint in self.joints
-            if KINDS[joint.kind].led
+            if KINDS[joint.kind].helical
         )
         return gears + screws + tuple(self.couplings)
 

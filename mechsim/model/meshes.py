@@ -94,7 +94,7 @@ def meshes_of(mechanism: Mechanism) -> dict[str, Mesh]:
 
 def threads_of(mechanism: Mechanism) -> dict[str, Joint]:
     """Return name of a coupling -> the screw joint whose thread it is."""
-    screws = [joint for joint in mechanism.joints if KINDS[joint.kind].led]
+    screws = [joint for joint in mechanism.joints if KINDS[joint.kind].helical]
     return {
         name: joint
         for name, law in mechanism.named_laws.items()
@@ -114,7 +114,7 @@ def mesh_of(mechanism: Mechanism, law: Coupling) -> Mesh | None:
         return None
     driven, driver = pair
     weights = [next(iter(terms.values())) for terms in (law.left_terms, law.right_terms)]
-    rate = law.slope * weights[1] / weights[0]
+    rate = law.ratio * weights[1] / weights[0]
     (spin2, origin2), (spin1, origin1) = driven.twist, driver.twist
     line = _pitch_line(rate * spin2 - spin1, rate * origin2 - origin1, mechanism.size)
     point = None if line is None else _pitch_point(pair, *line, mechanism.size)

@@ -102,14 +102,14 @@ class LinkMotion:
 class JointMotion:
     """A joint's coordinate and its first two rates, (n,) each, in `unit` and per second.
 
-    `part` says which of a joint's coordinates it is; None where the joint has one.
+    `index` is the number of the coordinate; None where the joint has one.
     """
 
     value: Array
     rate: Array
     acceleration: Array
     unit: Literal["rad", "m"] = "rad"
-    part: int | None = None
+    index: int | None = None
 
     __repr__ = short_repr
 
@@ -172,7 +172,7 @@ class Motion:
     def __len__(self) -> int:
         return len(self.angle)
 
-    def place_errors(self, other: "Motion") -> dict[str, Array]:
+    def position_errors(self, other: "Motion") -> dict[str, Array]:
         """Return how far each tracked point is from another motion's at the same instants, (n,) in [m]."""
         gaps = {name: self.points[name].position - point.position for name, point in other.points.items()}
         return {name: np.sqrt((gap**2).sum(1)) for name, gap in gaps.items()}
@@ -230,8 +230,8 @@ class Motion:
                     yield f"{name}.{prefix}{axis}", column, unit
         for name, joint in self.joints.items():
             called, part = name, ""
-            if joint.part is not None:
-                called, part = name.rpartition(".")[0], str(joint.part)
+            if joint.index is not None:
+                called, part = name.rpartition(".")[0], str(joint.index)
             rates = zip("qva", (joint.value, joint.rate, joint.acceleration), ("", "/s", "/s2"), strict=True)
             for letter, column, per in rates:
                 yield f"{called}.{letter}{part}", column, joint.unit + per
@@ -257,12 +257,12 @@ def join(parts: list[Record]) -> Record:
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
-def taken(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
+def select_instants(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
     """Return some instants of a motion, or of another record of instants."""
     return _taken(record, rows)
 
 
-def weighed(record: Record, weights: Array) -> Record:
+def weighted_sums(record: Record, weights: Array) -> Record:
     """Return sums of a record's n instants by weights, (k, n): a record of k instants."""
 
     def summed(one: Array) -> Array:
@@ -271,7 +271,7 @@ def weighed(record: Record, weights: Array) -> Record:
     return _mapped(summed, record)
 
 
-def put(record: Record, rows: NDArray[np.intp], part: Record) -> Record:
+def replace_instants(record: Record, rows: NDArray[np.intp], part: Record) -> Record:
     """Return a record in which some instants, (k,), are those of another with k."""
 
     def replaced(one: Array, other: Array) -> Array:

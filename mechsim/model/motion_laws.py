@@ -36,14 +36,14 @@ class CrankProfile:
     """
 
     duration: float
-    fastest: float
+    max_speed: float
     state: Callable[[Array], tuple[Array, Array, Array]]
     steady: bool = False
 
     @property
     def turns(self) -> float:
         """Turns the crank would make in this time at its fastest."""
-        return self.duration * self.fastest / TURN
+        return self.duration * self.max_speed / TURN
 
     @property
     def angles(self) -> Array:
@@ -51,7 +51,7 @@ class CrankProfile:
         return self.state(np.linspace(0.0, self.duration, LEAST_INSTANTS))[0]
 
     @property
-    def least(self) -> int:
+    def min_instants(self) -> int:
         """Instants, and steps, of which fewer do not show the motion: a short swing ends where it began."""
         return 1 if self.steady else LEAST_INSTANTS
 
@@ -127,12 +127,12 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
     return CrankProfile(TURN / rate, abs(fastest), state)
 
 
-def closes_nowhere(name: str) -> AssemblyError:
+def no_crank_range_error(name: str) -> AssemblyError:
     """Return the refusal of a mechanism whose crank range is empty."""
     return AssemblyError(f"{name}: the loops close at no crank angle; change the dimensions")
 
 
-def arc_around(arcs: CrankRange, angle: float) -> tuple[float, float] | None:
+def interval_around(arcs: CrankRange, angle: float) -> tuple[float, float] | None:
     """Return the arc that holds a crank angle, counted on the angle's lap, in [rad]; None if none does.
 
     A turn fewer or more is the same pose: an arc from 1 to 7 rad holds 0.5 rad as one from -5.3 to 0.7.
@@ -162,7 +162,7 @@ def within_range(
     if arcs.full:
         return constant(speed, turns)
     angle = mechanism.start if through is None else through
-    around = arc_around(arcs, angle)
+    around = interval_around(arcs, angle)
     if around is None:
         why = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
         raise AssemblyError(f"{mechanism.name}: the loops do not close at crank angle {angle:.6g} rad, {why}")
@@ -194,29 +194,29 @@ class MotionLaws:
         duration: in [s].
         drivers: names of the driven coordinates.
         states: of each driver, as `State`.
-        pace: angle of the clock per second, in [rad/s].
-        moment: what an instant is called in messages; None where it is called by its time.
+        rate: path parameter per second, in [rad/s].
+        label: time in [s] -> name of an instant in messages; None names it by its time.
     """
 
     duration: float
     drivers: tuple[str, ...]
     states: tuple[State, ...]
-    pace: float
-    moment: Callable[[float], str] | None = None
+    rate: float
+    label: Callable[[float], str] | None = None
 
-    def called(self, angle: float) -> str:
+    def instant_label(self, angle: float) -> str:
         """Return what the instant of an angle of the clock is called."""
-        time = angle / self.pace
-        return f"{time:.7g} s" if self.moment is None else self.moment(time)
+        time = angle / self.rate
+        return f"{time:.7g} s" if self.label is None else self.label(time)
 
     @property
-    def clock(self) -> CrankProfile:
+    def path_profile(self) -> CrankProfile:
         """The profile of the clock."""
 
         def state(time: Array) -> tuple[Array, Array, Array]:
-            return self.pace * time, np.full_like(time, self.pace), np.zeros_like(time)
+            return self.rate * time, np.full_like(time, self.rate), np.zeros_like(time)
 
-        return CrankProfile(self.duration, self.pace, state, steady=True)
+        return CrankProfile(self.duration, self.rate, state, steady=True)
 
     def state(self, time: Array) -> tuple[Array, Array, Array]:
         """Return values, rates and accelerations of the drivers at times (n,) in [s], (drivers, n) each."""
@@ -226,10 +226,10 @@ class MotionLaws:
         )
         return value, rate, acceleration
 
-    def by_clock(self, angle: Array) -> tuple[Array, Array, Array]:
+    def along_path(self, angle: Array) -> tuple[Array, Array, Array]:
         """Return the drivers and their first two derivatives at angles of the clock, (drivers, n) each."""
-        value, rate, acceleration = self.state(angle / self.pace)
-        return value, rate / self.pace, acceleration / self.pace**2
+        value, rate, acceleration = self.state(angle / self.rate)
+        return value, rate / self.rate, acceleration / self.rate**2
 
     @property
     def by_name(self) -> Mapping[str, State]:
@@ -248,14 +248,14 @@ class MotionLaws:
         _, rate, second = self.state(_probes(self.duration))
         quick, quicker = (np.sqrt((one**2).mean(1)) for one in (rate, second))
         frequency = np.divide(quicker, quick, out=np.zeros_like(quick), where=quick > 0.0)
-        return max(self.pace, float(frequency.max()), TURN / self.duration)
+        return max(self.rate, float(frequency.max()), TURN / self.duration)
 
     @property
     def revolutions(self) -> float:
         """Revolutions of the fastest driver, or cycles of the one that oscillates most often."""
         return self.duration * self.fastest / TURN
 
-    def lasting(self, duration: float) -> "MotionLaws":
+    def with_duration(self, duration: float) -> "MotionLaws":
         """Return the same programs over another duration in [s]."""
         return replace(self, duration=duration)
 
@@ -305,7 +305,7 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
             f"{mechanism.name}: no driver moves by more than {max(paces):.3g} rad or sizes a second; give "
             f"one a program that moves by {SLOWEST:g} at least"
         )
-    made = replace(made, pace=max(paces))
+    made = replace(made, rate=max(paces))
     require_revolutions(mechanism.name, made.revolutions, duration)
     return made
 

@@ -31,7 +31,7 @@ class ConstantTorque:
         return np.full_like(np.asarray(speed, dtype=np.float64), self.value)
 
     @property
-    def slope(self) -> float:
+    def derivative(self) -> float:
         """How the torque changes with speed, in [N m s]."""
         return 0.0
 
@@ -63,10 +63,10 @@ class TorqueSpeedLine:
 
     def torque(self, speed: ArrayLike) -> Array:
         """Return the torque on the crank at crank speeds in [rad/s], (n,) in [N m]."""
-        return self.stall + self.slope * np.asarray(speed, dtype=np.float64)
+        return self.stall + self.derivative * np.asarray(speed, dtype=np.float64)
 
     @property
-    def slope(self) -> float:
+    def derivative(self) -> float:
         """How the torque changes with speed, in [N m s]."""
         return -self.stall / self.no_load
 
@@ -100,7 +100,7 @@ class DCMotor:
         return (self.voltage - self.constant * np.asarray(speed, dtype=np.float64)) / self.resistance
 
     @property
-    def slope(self) -> float:
+    def derivative(self) -> float:
         """How the torque changes with speed, in [N m s]."""
         return -(self.constant**2) / self.resistance
 
@@ -140,9 +140,9 @@ class Geared:
         return self.ratio * self.motor.torque(self.ratio * np.asarray(speed, dtype=np.float64))
 
     @property
-    def slope(self) -> float:
+    def derivative(self) -> float:
         """How the torque on the crank changes with the crank's speed, in [N m s]."""
-        return self.ratio**2 * self.motor.slope
+        return self.ratio**2 * self.motor.derivative
 
     @property
     def no_load(self) -> float:

@@ -72,7 +72,7 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
     exact = solver.solve(t=middles)
     grid = replace(grid, error=between(grid, exact, middles))
     with suppress(MechsimError):
-        run = simulated(solver, laws.clock, samples=SAMPLES // 2, method="step").motion
+        run = simulated(solver, laws.path_profile, samples=SAMPLES // 2, method="step").motion
         if not run.broken and run.time is not None:
             grid = replace(
                 grid, ghost=ghost_of("MuJoCo, stepped", solver.mechanism, solver.solve_as(run), run)
@@ -185,14 +185,14 @@ def _row(
         path = path_under_laws(mechanism, laws)
     except AssemblyError:
         return np.zeros(len(nodes), dtype=np.bool_), None
-    parameter = parameter * laws.pace
+    parameter = parameter * laws.rate
     ends = [_reached(path, direction, float(parameter[end])) for direction, end in ((-1, 0), (1, -1))]
     stand = (parameter >= ends[0]) & (parameter <= ends[1])
     if not stand.any():
         return stand, None
     reachable = parameter[stand]
     return stand, solve_under_laws(
-        path, laws, reachable, np.full_like(reachable, laws.pace), np.zeros_like(reachable)
+        path, laws, reachable, np.full_like(reachable, laws.rate), np.zeros_like(reachable)
     )
 
 

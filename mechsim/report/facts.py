@@ -196,7 +196,7 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
 
     def carried(reaction: Reaction) -> dict[str, Any]:
         force, moment = (
-            np.where(free, 0.0, _norm(vector)) for vector in reaction.settled(reaction.force, reaction.moment)
+            np.where(free, 0.0, _norm(vector)) for vector in reaction.project(reaction.force, reaction.moment)
         )
         return {"force": peak(force), "moment": peak(moment)}
 
@@ -220,8 +220,8 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
                 "on": reaction.link,
                 "by": reaction.by,
                 **carried(reaction),
-                "not_determined": list(reaction.open),
-                "partly_determined": list(reaction.partly),
+                "not_determined": list(reaction.undetermined),
+                "partly_determined": list(reaction.partly_undetermined),
             }
             for name, reaction in result.reactions.items()
         },

@@ -147,7 +147,7 @@ def _errors(source: PlotSource, method: str) -> "Figure":
         exact = solver.solve_as(run)
     else:
         exact = solver.solve_along(run.angle, run.speed, run.acceleration)
-    errors, tolerance, timed = run.place_errors(exact), source.bounds.get(method), bool(run.drivers)
+    errors, tolerance, timed = run.position_errors(exact), source.bounds.get(method), bool(run.drivers)
     abscissa = run.time if timed and run.time is not None else run.angle
     return plots.error_plot(abscissa, errors, unit="m", tolerance=tolerance, timed=timed)
 

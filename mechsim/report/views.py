@@ -11,8 +11,8 @@ from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import MechsimError
-from mechsim.model.motion import Motion, taken
-from mechsim.model.motion_laws import arc_around, constant, within_range
+from mechsim.model.motion import Motion, select_instants
+from mechsim.model.motion_laws import constant, interval_around, within_range
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.file_bodies import drawn_as
@@ -104,7 +104,7 @@ def _angles(solver: Form, limits: tuple[float, float] | None) -> tuple[Array, Ar
         share = np.linspace(0.0, 1.0, samples + 1)
     else:
         start = solver.mechanism.start
-        around = (start - TURN, start + TURN) if arcs.full else arc_around(arcs, start) or (start, start)
+        around = (start - TURN, start + TURN) if arcs.full else interval_around(arcs, start) or (start, start)
         low, high = (
             around[0] + KEPT_OFF * (around[1] - around[0]),
             around[1] - KEPT_OFF * (around[1] - around[0]),
@@ -196,8 +196,8 @@ def _turning(solver: Form, name: str, curve: AssemblyCurve) -> PoseGrid:
     """Return the poses of a curve over which the crank turns fully, over its angle."""
     motion = even_motion(curve, 2 * SAMPLES * abs(curve.turns), 1.0)
     if motion.angle[-1] < motion.angle[0]:
-        motion = taken(motion, BACKWARDS)
-    shown, between_nodes = taken(motion, NODES), taken(motion, MIDDLES)
+        motion = select_instants(motion, BACKWARDS)
+    shown, between_nodes = select_instants(motion, NODES), select_instants(motion, MIDDLES)
     driver = solver.mechanism.crank.name
     grid = motion_grid(name, solver.mechanism, shown, driver=driver, speeds=False)
     return replace(grid, error=between(grid, between_nodes, between_nodes.angle))
@@ -206,7 +206,7 @@ def _turning(solver: Form, name: str, curve: AssemblyCurve) -> PoseGrid:
 def _round(solver: Form, name: str, curve: AssemblyCurve) -> PoseGrid:
     """Return the poses of a curve over which the crank swings, over a slider that goes round it evenly."""
     motion = even_motion(curve, 2 * SAMPLES, 1.0)
-    shown, between_nodes = taken(motion, NODES), taken(motion, MIDDLES)
+    shown, between_nodes = select_instants(motion, NODES), select_instants(motion, MIDDLES)
     along = np.linspace(0.0, 100.0, len(motion))
     landmarks = [
         Landmark(100.0 * turning_point.arc / curve.length, "dead centre", "dead")
@@ -272,7 +272,7 @@ def case_view(case: Case) -> View | None:
     if not motion.links:
         return None
     rising = slice(None) if motion.drivers else slice(0, 1 + int(np.argmax(motion.angle)))
-    shown = taken(motion, rising)
+    shown = select_instants(motion, rising)
     if motion.drivers and shown.time is not None:
         grid = motion_grid("judged", solver.mechanism, shown, driver="time", unit="s", nodes=shown.time)
     else:

@@ -363,7 +363,7 @@ def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
     square = abs(float(np.dot(rack.a.axis, pinion.a.axis))) < SQUARE
     slide, hinge = KINDS[rack.kind], KINDS[pinion.kind]
     kinds = slide.single and not slide.turns and hinge.hinge and rack.a.link == pinion.a.link
-    return kinds and square and len(coupling.coefficients) == 2 and coupling.slope != 0.0
+    return kinds and square and len(coupling.coefficients) == 2 and coupling.ratio != 0.0
 
 
 def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth: int) -> None:
@@ -371,10 +371,10 @@ def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth:
 
     A bracket joins the rack to the place of its slide.
     """
-    radius = abs(coupling.slope)
+    radius = abs(coupling.ratio)
     step = 2.0 * np.pi * radius / teeth
     slide_axis, axis = np.asarray(rack.a.axis), np.asarray(pinion.a.axis)
-    out = np.cross(slide_axis, axis) * np.sign(coupling.slope)
+    out = np.cross(slide_axis, axis) * np.sign(coupling.ratio)
     draw_wheel(canvas, Wheel(pinion.b, radius, teeth, angle_in(pinion.a, out) - coupling.zeros[1]))
     own = pinion.a
     up = np.asarray((upright_end(own, canvas.normals[own.link]) if canvas.normals else own).axis)

@@ -87,7 +87,7 @@ class DrivenRun:
     @property
     def min_steps(self) -> int:
         """Minimum number of steps per cycle, for the motion's shape and its records."""
-        least = max(self.profile.least, self.samples or 0)
+        least = max(self.profile.min_instants, self.samples or 0)
         return int(np.ceil(least * self.cycle / self.profile.turns - 1e-9))
 
     def stepped(self, settings: Settings, tolerance: float | None = None) -> Run:
@@ -191,9 +191,9 @@ class DrivenRun:
         if self.total is not None:
             what = f"a motion of {self.profile.turns:g} turns with the given time step"
         require_steps(what, self.total or wanted, "take fewer turns or a shorter duration, or longer steps")
-        total = self.total or max(self.profile.least, int(np.ceil(wanted - 1e-9)))
+        total = self.total or max(self.profile.min_instants, int(np.ceil(wanted - 1e-9)))
         if self.samples is None:
-            return total, max(1, int(total / max(self.profile.least, SAMPLES * self.profile.turns)))
+            return total, max(1, int(total / max(self.profile.min_instants, SAMPLES * self.profile.turns)))
         stride = -(-total // self.samples)
         return stride * self.samples, stride
 
@@ -263,7 +263,7 @@ def solved_run(
     Raises:
         AssemblyError: where the crank cannot make all of it.
     """
-    samples = samples or max(profile.least, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
+    samples = samples or max(profile.min_instants, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, samples + 1)
     angle, speed, acceleration = profile.state(time)
     if not profile.steady:

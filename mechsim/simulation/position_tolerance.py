@@ -191,7 +191,7 @@ def _after_diverging(
     """
     trials = {settings.steps_per_turn}
     if driven.closed.custom:
-        cycle = driven.cycle * TURN / driven.profile.fastest
+        cycle = driven.cycle * TURN / driven.profile.max_speed
         trials.add(round(min(cycle / float(driven.closed.model.opt.timestep), MAX_STEPS)))
     for trial in sorted(one for one in trials if one > _trial_steps(driven)):
         error = float(short.errors_by_turn(_with_steps(driven, settings, trial)).max())

@@ -52,11 +52,11 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
     require_steps(
         f"a motion of {profile.duration:g} s in steps of {timestep:g} s", total, "take longer steps"
     )
-    if total < profile.least:
-        most = profile.duration / profile.least
+    if total < profile.min_instants:
+        most = profile.duration / profile.min_instants
         raise InputError(
             f"time step is {timestep:g} s, but the motion lasts {profile.duration:.6g} s and needs "
-            f"{profile.least} steps at least; take {most:.3g} s at the most"
+            f"{profile.min_instants} steps at least; take {most:.3g} s at the most"
         )
     if run.samples is not None and total % run.samples:
         fitting = _divisors(total)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.joint_kinds import KINDS, antiparallel_message
 from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
@@ -40,10 +40,10 @@ def require_aligned(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
     """
     all_poses = {GROUND: IDENTITY, **poses}
     for joint in mechanism.joints:
-        for i in KINDS[joint.kind].alike:
+        for i in KINDS[joint.kind].aligned_columns:
             a, b = (all_poses[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b))
             if not float(np.dot(a, b)) > 0.0:
-                raise AssemblyError(f"{mechanism.name}: {opposed(joint.name, i)}")
+                raise AssemblyError(f"{mechanism.name}: {antiparallel_message(joint.name, i)}")
 
 
 class HasMechanism(Protocol):
@@ -324,7 +324,7 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     """
     loops, rough = initial_guess(mechanism, scene)
     many = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
-    poses = {name: pose.at(0) for name, pose in many.items()}
+    poses = {name: pose.select(0) for name, pose in many.items()}
     require_aligned(mechanism, poses)
     return generate(mechanism, scene, poses)
 
@@ -370,7 +370,7 @@ def parameter_profile(motion_laws: MotionLaws) -> CrankProfile:
 
     Its `fastest` rate is that of the motion laws, which may reverse more or less often than the parameter.
     """
-    return replace(motion_laws.clock, fastest=motion_laws.fastest)
+    return replace(motion_laws.path_profile, max_speed=motion_laws.fastest)
 
 
 def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
@@ -385,5 +385,5 @@ def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
     assert drive is not None
     target = np.array([motion_laws.first[name] for name in drive.names])
     start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")
-    under = loops.with_law(motion_laws.by_clock, lambda angle: f"{angle / motion_laws.pace:.6g} s")
+    under = loops.with_law(motion_laws.along_path, lambda angle: f"{angle / motion_laws.rate:.6g} s")
     return replace(closed, loops=under, qpos=under.close(start[None])[0])

@@ -188,7 +188,7 @@ def check_step(timestep: float, profile: CrankProfile, cycle: str = "a turn of t
     """
     if not 0.0 < timestep < np.inf:
         raise InputError(f"time step is {timestep} s; give a finite time above 0")
-    turn = 2.0 * np.pi / profile.fastest
+    turn = 2.0 * np.pi / profile.max_speed
     if timestep > turn / 4.0:
         raise InputError(
             f"time step is {timestep:g} s, but {cycle} takes {turn:.6g} s; "

@@ -129,7 +129,7 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
             raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
-    angles = at if motion_laws is None else motion_laws.pace * at
+    angles = at if motion_laws is None else motion_laws.rate * at
     if len(angles) and float(np.ptp(angles)) > MAX_RANGE:
         turns = float(np.ptp(angles)) / (2.0 * np.pi)
         raise InputError(

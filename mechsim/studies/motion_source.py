@@ -26,7 +26,7 @@ def profile_of(drive: Form, speed: float, turns: float, through: float | None = 
     """
     motion_laws = drive.motion_laws
     if motion_laws is not None:
-        return motion_laws.clock
+        return motion_laws.path_profile
     if not (turns != 0.0 and abs(turns) < 1e4):
         raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
     return within_range(

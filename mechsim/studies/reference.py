@@ -11,7 +11,7 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
 from mechsim.model.efforts import Efforts
-from mechsim.model.motion import Motion, PointMotion, taken
+from mechsim.model.motion import Motion, PointMotion, select_instants
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -100,14 +100,14 @@ def _by_poses(solver: Form, reference: ReferenceData) -> Verdict:
     if motion.broken:
         return Verdict("diverged", (), motion.broken)
     count = np.arange(len(motion)) < len(reference.first)
-    return _checked(taken(motion, count), reference, "pose", run.efforts)
+    return _checked(select_instants(motion, count), reference, "pose", run.efforts)
 
 
 def _profile(solver: Form, reference: ReferenceData) -> CrankProfile:
     """Return the crank's steady motion over the reference data, or the path of the motion laws."""
     motion_laws = solver.motion_laws
     if motion_laws is not None:
-        return motion_laws.clock
+        return motion_laws.path_profile
     assert reference.speed is not None
     speed, start, end = reference.speed, reference.first[0], reference.first[-1]
 

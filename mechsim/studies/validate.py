@@ -16,8 +16,8 @@ from mechsim.errors import AssemblyError, BudgetError
 from mechsim.model.finding import most_severe
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, taken
-from mechsim.model.motion_laws import CrankProfile, arc_around, swing
+from mechsim.model.motion import Motion, select_instants
+from mechsim.model.motion_laws import CrankProfile, interval_around, swing
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
@@ -158,7 +158,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
     profile = profile_of(drive, speed, drive.period / TURN)
     drive = drive.starting_at(profile.angles)
     # by the clock of programs there is no other speed than their own
-    speed = speed if drive.motion_laws is None else profile.fastest
+    speed = speed if drive.motion_laws is None else profile.max_speed
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
@@ -257,7 +257,7 @@ def _decided(drive: Form, profile: CrankProfile, speed: float) -> CrankProfile:
     start, points = drive.mechanism.start, np.array(drive.change_points())
     if not len(points):
         return profile
-    arc = arc_around(drive.crank_range(), start)
+    arc = interval_around(drive.crank_range(), start)
     low, high = (start - TURN, start + TURN) if arc is None or drive.crank_range().full else arc
     around = points + TURN * np.round((start - points) / TURN) + TURN * np.array([[-1.0], [0.0], [1.0]])
     low = max([low, *(around[around < start] + KEPT_OFF)])
@@ -312,8 +312,8 @@ def against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
     if len(points):
         # at a change point the loops give no rates; there the poses' road is asked
         off = np.abs(np.exp(1j * exact.angle[:, None]) - np.exp(1j * points)).min(1) > KEPT_OFF
-        exact = taken(exact, off)
-        poses = {name: pose.at(off) for name, pose in poses.items()}
+        exact = select_instants(exact, off)
+        poses = {name: pose.select(off) for name, pose in poses.items()}
     open_by, turned_by = loops.residual_norms(mechanism, poses, exact.angle)
     loop_rates = loops.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
     closed = Tolerance(8 * EPS * mechanism.size, "m", "8 ulp of the longest link")

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.errors import InputError
-from mechsim.model.load_profile import WRITTEN, LoadProfile, Over, constant, function, table
+from mechsim.model.load_profile import PERIOD_TOLERANCE, LoadProfile, Over, constant, function, table
 from mechsim.model.motion_laws import State, steady, tabled
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
@@ -173,7 +173,7 @@ class WrittenLoad:
 
     def __call__(self, position: Array) -> Array:
         """Return the values at places (n,), (n,) or (n, 3)."""
-        columns = [component.profile.at(position, position) for component in self.components]
+        columns = [component.profile.evaluate(position, position) for component in self.components]
         return columns[0] if len(columns) == 1 else np.stack(columns, 1)
 
 
@@ -209,7 +209,7 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
         axis, position, value = read_column(
             text, name, list(_AXES), "a load give two, t in s or angle in rad"
         )
-        full_turn = axis == "angle" and abs(np.ptp(position) - TURN) < WRITTEN
+        full_turn = axis == "angle" and abs(np.ptp(position) - TURN) < PERIOD_TOLERANCE
         return LoadComponent(text, table(position, value, over=_AXES[axis], periodic=bool(full_turn)))
     names = variables(text)
     if len(names) > 1:

@@ -11,7 +11,7 @@ from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.rounded_geometry import Corrected, corrected
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.links import UNSEEN, Pose
+from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import make_motion_laws, steady
@@ -52,7 +52,7 @@ class MjcfForm(LoopForm):
 
 def _without_hidden_links(motion: Motion) -> Motion:
     """Return a motion without the links that stand for nothing in the file."""
-    return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(UNSEEN)})
+    return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(VIRTUAL_PREFIX)})
 
 
 @dataclass(frozen=True)

@@ -309,7 +309,7 @@ def _joints_to_fix(mechanism: Mechanism, prescription: Prescription) -> list[str
     floating = [
         joint.name
         for joint in mechanism.joints
-        if KINDS[joint.kind].floats and GROUND in (joint.a.link, joint.b.link)
+        if KINDS[joint.kind].floating and GROUND in (joint.a.link, joint.b.link)
     ]
     if prescription.fix_base and not floating:
         raise InputError(f"{mechanism.name} has no link that floats; leave out --fix-base")

@@ -67,7 +67,7 @@ def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates
     units: dict[str, Unit] = {}
     for name, table in joints.items():
         kind = KINDS[table["kind"]]
-        for ending, unit in zip(kind.endings, kind.units, strict=True):
+        for ending, unit in zip(kind.suffixes, kind.units, strict=True):
             kinds[name + ending] = table["kind"]
             units[name + ending] = "m" if unit == "m" else "rad"
     return FileCoordinates(values, kinds, units)

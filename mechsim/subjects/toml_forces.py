@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mechsim.errors import InputError
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Place, Spring, located
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
 from mechsim.model.joint_kinds import KINDS, KindName
 from mechsim.model.links import ORIGIN
 from mechsim.model.load_profile import LoadProfile, constant
@@ -106,8 +106,8 @@ def _unit(values: Values, mechanism: Mechanism, joint: str, path: tuple[str, ...
     return "m" if "m" in KINDS[kinds[joint]].units else "rad"
 
 
-def _point(mechanism: Mechanism, read: Any) -> Place:
-    point: Place = read if isinstance(read, str) else (read["link"], read.get("at", ORIGIN))
+def _point(mechanism: Mechanism, read: Any) -> Location:
+    point: Location = read if isinstance(read, str) else (read["link"], read.get("at", ORIGIN))
     located(mechanism, point)
     return point
 

@@ -11,7 +11,7 @@ from mechsim import files
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.forces import Forces, Place
+from mechsim.model.forces import Forces, Location
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link, Pose
 from mechsim.model.load_profile import LoadProfile
@@ -116,7 +116,7 @@ def _components(profile: LoadProfile, what: str) -> list[str]:
         return [quoted(_absolute(text)) if isinstance(text, str) else number(text) for text in texts]
     if profile.over is not None:
         raise InputError(f"{what} is a function of {profile.over}, which no text says; give it as text")
-    return [number(text) for text in profile.at(np.zeros(1)).ravel()]
+    return [number(text) for text in profile.evaluate(np.zeros(1)).ravel()]
 
 
 def _absolute(text: str) -> str:
@@ -124,7 +124,7 @@ def _absolute(text: str) -> str:
     return str(Path(text).resolve()) if text.lower().endswith(files.EXTENSIONS) else text
 
 
-def _point(point: Place) -> str:
+def _point(point: Location) -> str:
     if isinstance(point, str):
         return quoted(point)
     return f"{{ link = {quoted(point[0])}, at = {listed(point[1])} }}"

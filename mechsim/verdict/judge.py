@@ -87,7 +87,7 @@ def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
         wrong = sign < 0.0
         first = np.flatnonzero(wrong[1:] & wrong[:-1])
         return float(angle[first[0]]) if len(first) else None
-    far = np.max(list(simulated.place_errors(exact).values()), axis=0)
+    far = np.max(list(simulated.position_errors(exact).values()), axis=0)
     pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))
     rows = np.unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
     apart = np.zeros(len(rows))

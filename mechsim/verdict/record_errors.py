@@ -122,9 +122,9 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
 
     def error(found: Efforts, exact: Efforts, name: str) -> Array | None:
         one, other = exact.reactions[name], found.reactions[name]
-        if {*names} <= {*one.open} - {*one.partly}:
+        if {*names} <= {*one.undetermined} - {*one.partly_undetermined}:
             return None
-        gaps = one.settled(other.force - one.force, other.moment - one.moment)
+        gaps = one.project(other.force - one.force, other.moment - one.moment)
         gap = gaps[0] if kind == "force" else gaps[1]
         return np.where(_untold(exact), 0.0, lengths(gap))
 

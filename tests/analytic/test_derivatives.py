@@ -82,8 +82,8 @@ def test_derivatives_are_those_of_the_motions_of_mechanisms_beside(model, given,
     of = parametric_model(model, **given)
     form = of.make({})
     turning = form.mechanism.has_crank and not given
-    angles = form.mechanism.start + ANGLES[:3] if turning else ANGLES[:2] / 10.0 * form.motion_laws.pace
-    speed = SPEED if turning else form.motion_laws.pace
+    angles = form.mechanism.start + ANGLES[:3] if turning else ANGLES[:2] / 10.0 * form.motion_laws.rate
+    speed = SPEED if turning else form.motion_laws.rate
     found = motion_derivatives(form, changes(of, names), angles, speed)
     kinds = {"points": ("position", "velocity", "acceleration"), "joints": ("value", "rate")}
     for name in names:

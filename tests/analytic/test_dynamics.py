@@ -268,11 +268,11 @@ def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
 def test_a_planar_mechanism_leaves_forces_across_its_plane_open_and_a_spatial_one_nothing():
     planar = dynamics.prescribed(dynamics.machine(catalog.make("four_bar")), [0.5], 10.0)
     assert planar.indeterminacy == 3
-    assert all(one.open == ("fz", "mx", "my") for one in planar.efforts.reactions.values())
+    assert all(one.undetermined == ("fz", "mx", "my") for one in planar.efforts.reactions.values())
     for name in ("rssr", "rrsrr", "looper"):
         spatial = dynamics.prescribed(dynamics.machine(catalog.make(name)), [0.5], 10.0)
         assert spatial.indeterminacy == 0
-        assert all(one.open == () for one in spatial.efforts.reactions.values())
+        assert all(one.undetermined == () for one in spatial.efforts.reactions.values())
 
 
 def test_a_coupler_that_spins_by_itself_carries_what_a_guided_one_does_at_both_ends():

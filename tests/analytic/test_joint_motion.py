@@ -5,7 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.loops.record import with_all_joints
-from mechsim.model.motion import taken
+from mechsim.model.motion import select_instants
 
 
 # joints that turn and slide on moving links: a slide on a lever, crosses of a shaft, a rod's sleeve
@@ -23,7 +23,7 @@ def test_joints_read_from_links_move_as_the_loop_equations_say(name):
         scale = max(1.0, np.abs(wanted.rate).max()), max(1.0, np.abs(wanted.acceleration).max())
         np.testing.assert_allclose(found[joint].rate, wanted.rate, atol=1e-12 * scale[0])
         np.testing.assert_allclose(found[joint].acceleration, wanted.acceleration, atol=1e-11 * scale[1])
-        assert (found[joint].unit, found[joint].part) == (wanted.unit, wanted.part)
+        assert (found[joint].unit, found[joint].index) == (wanted.unit, wanted.index)
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
@@ -33,7 +33,7 @@ def test_turns_between_rows_are_counted_by_the_speed(sense):
     angles = sense * 2.0 * np.pi * (time + 0.03 * time**2)
     exact = form.solve(angles, sense * 2.0 * np.pi * (1.0 + 0.06 * time), sense * 0.12 * np.pi)
     # seven tenths of a turn apart at first, and farther as the speed grows
-    sparse = taken(replace(exact, joints={}, time=time), slice(None, None, 35))
+    sparse = select_instants(replace(exact, joints={}, time=time), slice(None, None, 35))
     told = with_all_joints(form.mechanism, sparse).joints
     assert np.ptp(told["crank"].value) > 8.0 * np.pi
     for name, one in told.items():

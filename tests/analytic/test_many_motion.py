@@ -108,7 +108,7 @@ def flat_and_others():
     for crank in (0.04, 0.038, 0.037, 0.036):
         mechanism = ms.catalog.make("four_bar", crank=crank, **lengths).mechanism
         there = ms.closure.follow(mechanism, [2.0])
-        found.append(mechanism.with_guess({name: pose.at(0) for name, pose in there.items()}, 2.0))
+        found.append(mechanism.with_guess({name: pose.select(0) for name, pose in there.items()}, 2.0))
     return found
 
 

@@ -219,7 +219,7 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
         near(tree.joints[name].value, joint.value + 2.0 * np.pi * np.round(turns), 1e-12)
         near(tree.joints[name].rate, joint.rate, 1e-11)
         near(tree.joints[name].acceleration, joint.acceleration, 1e-11)
-        assert (tree.joints[name].unit, tree.joints[name].part) == (joint.unit, joint.part)
+        assert (tree.joints[name].unit, tree.joints[name].index) == (joint.unit, joint.index)
 
 
 @cases

@@ -61,7 +61,7 @@ def test_both_roads_begin_where_the_mechanism_is_put_together():
     assert with_closed_guess(mechanism) is mechanism
     found = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
     exact = closure.solve(spherical_four_bar(), found.angle)
-    assert max(gap.max() for gap in found.place_errors(exact).values()) < 1e-13
+    assert max(gap.max() for gap in found.position_errors(exact).values()) < 1e-13
 
 
 def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):

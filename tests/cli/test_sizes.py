@@ -278,6 +278,6 @@ def test_a_motor_far_too_strong_for_its_machine_drives_it_all_the_same(motor: mo
     assert run.outcome == "done"
     assert run.energy_error < 1e-9
     assert run.angle[-1] - run.angle[0] == pytest.approx(0.5 * np.pi, rel=1e-12)
-    if motor.slope:
+    if motor.derivative:
         # it holds its speed but for the moment it starts
         assert np.ptp(run.speed[1:]) < 0.02 * abs(motor.no_load)

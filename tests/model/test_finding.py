@@ -13,9 +13,9 @@ def test_a_finding_is_told_in_one_line_with_its_line_and_its_remedy():
         remedy="move it",
         line=7,
     )
-    assert found.told == "line 7: c1 stands open by 2 mm; move it"
+    assert found.one_line == "line 7: c1 stands open by 2 mm; move it"
     bare = Finding(kind="open", what="tip", by=1, explains=0.0, message="tip can move")
-    assert bare.told == "tip can move"
+    assert bare.one_line == "tip can move"
 
 
 def test_a_finding_goes_into_json_with_the_names_that_are_promised():

@@ -70,4 +70,4 @@ def test_motors_give_their_torque_at_rest_and_at_no_load():
     assert line.torque([0.0, 25.0, 50.0, 100.0]) == pytest.approx([2.0, 1.0, 0.0, -2.0])
     assert dc.torque([0.0, 120.0]) == pytest.approx([0.6, 0.0], abs=1e-15)
     for motor in (line, dc, motors.ConstantTorque(3.0)):
-        assert motor.torque(1.0) - motor.torque(0.0) == pytest.approx(motor.slope)
+        assert motor.torque(1.0) - motor.torque(0.0) == pytest.approx(motor.derivative)

@@ -23,7 +23,7 @@ CROSS_ANGLE = 1.1
 )
 def test_a_row_of_the_table_says_what_is_free_and_what_is_held(name, freedoms, forces, moments, units):
     kind = KINDS[name]
-    assert (kind.freedoms, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
+    assert (kind.dof, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -40,4 +40,4 @@ def test_coordinates_say_where_they_displace_a_joint(kind, first, second, angle,
 def test_kinds_are_named_by_what_they_do():
     assert kinds_that(lambda kind: kind.single).startswith("revolute or prismatic")
     assert kinds_that(lambda kind: kind.mixed).startswith("cylindrical")
-    assert kinds_that(lambda kind: kind.freedoms > 6) == ""
+    assert kinds_that(lambda kind: kind.dof > 6) == ""

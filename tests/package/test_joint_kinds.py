@@ -34,7 +34,7 @@ def arm_with(kind, turned_round):
                 a,
                 b,
                 cross_angle=CROSS_ANGLE if KINDS[kind].crossed else np.pi / 2,
-                lead=0.01 if KINDS[kind].led else 0.0,
+                lead=0.01 if KINDS[kind].helical else 0.0,
             ),
         ),
         driver="crank",
@@ -63,13 +63,13 @@ def values_of(kind, *sizes):
 def test_the_loop_equations_hold_what_a_kind_does_not_leave_free(kind, turned_round):
     mechanism = arm_with(kind, turned_round)
     values = values_of(kind, 0.13, -0.7, 0.4)
-    if KINDS[kind].led:
+    if KINDS[kind].helical:
         values = (mechanism.joint("J").lead * -0.7 / (2.0 * np.pi), -0.7)
     poses = poses_at(mechanism, values)
     poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
     rows = closure.equations(mechanism, poses, 0.0)
     assert np.abs(rows.residual).max() <= 1e-15
-    held = 6 - KINDS[kind].freedoms + KINDS[kind].led
+    held = 6 - KINDS[kind].dof + KINDS[kind].helical
     assert rows.residual.shape == (1, 5 + held + 1)
     assert np.linalg.matrix_rank(rows.jacobian[0]) == 6 + held
 
@@ -90,7 +90,7 @@ def test_a_model_s_coordinates_are_those_of_the_kind(kind, turned_round):
         assert np.abs(data.body("tip").xmat.reshape(3, 3) - expected.rotation).max() <= 2e-15
 
 
-@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.freedoms < 6])
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.dof < 6])
 def test_every_kind_is_drawn_with_more_than_the_bodies_of_its_links(kind, monkeypatch):
     mechanism = arm_with(kind, False)
     drawn = link_shapes(mechanism)

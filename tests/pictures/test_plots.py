@@ -232,7 +232,7 @@ def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(monkeypatc
 def test_a_force_s_rounding_is_not_drawn_as_a_force():
     upright = np.linspace(-1.0, 1.0, 9)[:, None] * np.array([1e-15, 0.0, 40.0])
     reactions = {
-        name: SimpleNamespace(link="rod", force=force, moment=force, settled=lambda f, m: (f, m))
+        name: SimpleNamespace(link="rod", force=force, moment=force, project=lambda f, m: (f, m))
         for name, force in {"A": upright, "B": np.tile([3e-14, 0.0, 0.0], (9, 1))}.items()
     }
     efforts = SimpleNamespace(reactions=reactions, unbounded=np.zeros(9, dtype=bool))

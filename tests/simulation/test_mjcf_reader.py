@@ -6,7 +6,7 @@ import pytest
 
 from mechsim.errors import InputError
 from mechsim.model.joints import joint_coordinate
-from mechsim.model.links import GROUND, IDENTITY, UNSEEN
+from mechsim.model.links import GROUND, IDENTITY, VIRTUAL_PREFIX
 from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_reader.kinematic_tree import kinematic_tree, poses
 from mechsim.simulation.mjcf_reader.parsed_file import MAX_DEPTH
@@ -58,7 +58,7 @@ def test_links_stand_where_mujoco_has_the_bodies_and_coordinates_are_those_of_qp
     mujoco.mj_kinematics(model, data)
     placed = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
     for name, pose in placed.items():
-        if name == GROUND or name.startswith(UNSEEN):
+        if name == GROUND or name.startswith(VIRTUAL_PREFIX):
             continue
         body = data.body({"ground_body": "ground"}.get(name, name))
         np.testing.assert_allclose(pose.position, body.xpos, atol=1e-14)

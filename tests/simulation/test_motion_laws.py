@@ -71,7 +71,7 @@ def test_steps_are_those_of_the_loop_equations_where_the_drivers_really_were(cas
 def test_rates_are_the_derivatives_of_places(case):
     mechanism, moves = CASES[case]()
     step = 1e-3
-    motion = simulate(mechanism, motion_laws=moves.lasting(8 * step), samples=8).motion
+    motion = simulate(mechanism, motion_laws=moves.with_duration(8 * step), samples=8).motion
     for one in (*motion.points.values(), *motion.links.values()):
         assert one.velocity[4] == pytest.approx(FIRST @ one.position / step, abs=1e-9)
         assert one.acceleration[4] == pytest.approx(FIRST @ one.velocity / step, abs=1e-8)

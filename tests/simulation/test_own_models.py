@@ -154,5 +154,5 @@ def test_the_clock_of_programs_stands_under_no_default_and_in_no_record():
     moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, 0.5)
     assert isinstance(moves, MotionLaws)
     motion = simulate(text, motion_laws=moves, settings=Settings()).motion
-    assert motion.angle == pytest.approx(moves.pace * motion.time, abs=1e-12)
+    assert motion.angle == pytest.approx(moves.rate * motion.time, abs=1e-12)
     assert not any("clock" in name for name in (*motion.joints, *motion.links, *motion.points))

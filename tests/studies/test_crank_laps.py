@@ -12,7 +12,7 @@ from strategies import CASES, random_knitter
 
 from mechsim import catalog, closure
 from mechsim.errors import AssemblyError
-from mechsim.model.motion_laws import PART_OF_RANGE, arc_around, constant, swing
+from mechsim.model.motion_laws import PART_OF_RANGE, constant, interval_around, swing
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import TURN
 from mechsim.simulation import Settings, simulate
@@ -34,7 +34,7 @@ def swings(draw, name):
         arcs, start = drive.crank_range(), drive.mechanism.start
     except AssemblyError:
         assume(False)
-    around = None if arcs.full else arc_around(arcs, start)
+    around = None if arcs.full else interval_around(arcs, start)
     assume(around is not None and around[1] - around[0] > 0.2)
     low, high = around
     angles = np.linspace(low, high, 61)[2:-2]
@@ -101,7 +101,7 @@ LOOPER = catalog.Looper(
 @pytest.mark.slow
 @pytest.mark.parametrize("drive", [KNITTER, LOOPER], ids=["warp_knitter", "looper"])
 def test_where_a_crank_turns_by_more_than_a_turn_all_roads_mean_the_same_pose_on_another_lap(drive):
-    low, high = arc_around(drive.crank_range(), drive.mechanism.start)
+    low, high = interval_around(drive.crank_range(), drive.mechanism.start)
     assert high - low > TURN
     for middle, reach in ((low + 0.06, 0.05), (0.5 * (low + high), 0.49 * (high - low))):
         profile = swing(middle + TURN, reach, 20.0)
@@ -152,7 +152,7 @@ def test_a_geared_crank_that_turns_into_another_linkage_is_refused_on_another_la
     for seed in range(60):
         drive = random_knitter(seed, -1.5)
         arcs = drive.crank_range()
-        around = None if arcs.full else arc_around(arcs, drive.mechanism.start)
+        around = None if arcs.full else interval_around(arcs, drive.mechanism.start)
         if around is not None:
             break
     low, high = around

@@ -71,7 +71,7 @@ def made(tmp_path):
 def test_varying_loads_are_in_si_at_their_places(made):
     forces = made(VARYING).forces
     at = np.array([0.0, 0.3, 2.0])
-    push, table, couple, torque = (one.at(at, at) for one in forces.courses)
+    push, table, couple, torque = (one.evaluate(at, at) for one in forces.courses)
     np.testing.assert_allclose(push[:, 0], 10.0 * np.sin(2 * np.pi * at + np.pi / 6), rtol=1e-14)
     assert (push[:, 1:] == [1.0, 0.0]).all()
     # straight lines over 4 degrees miss a square of sines by 7 h^2/4 at most
@@ -103,7 +103,7 @@ def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
     at = np.linspace(0.0, 2.0, 11)
     for found, wanted in zip(again.forces.courses, form.forces.courses, strict=True):
         # lengths and angles were in other units, and are reckoned again
-        np.testing.assert_allclose(found.at(at, at), wanted.at(at, at), rtol=1e-14)
+        np.testing.assert_allclose(found.evaluate(at, at), wanted.evaluate(at, at), rtol=1e-14)
     assert to_toml(again) == to_toml(form)
     push = replace(form.forces.loads[0], force=replace(form.forces.loads[0].force, value=np.sin))
     with pytest.raises(InputError, match="load on B is a function of time, which no text says"):

@@ -252,7 +252,7 @@ def test_everything_comes_back_to_the_last_bit(press, tmp_path):
     assert Path(again.formula).name == Path(press.formula).name
     # loads hold functions: what they give at an instant stands for them
     for found, wanted in zip(again.forces.courses, press.forces.courses, strict=True):
-        assert np.array_equal(found.at([0.0]), wanted.at([0.0]))
+        assert np.array_equal(found.evaluate([0.0]), wanted.evaluate([0.0]))
     bare = [replace(one.forces, loads=(), couples=(), crank_torque=None) for one in (again, press)]
     assert bare[0] == bare[1]
     assert to_toml(again) == to_toml(press)

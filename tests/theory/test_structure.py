@@ -174,7 +174,7 @@ def test_a_tracked_point_off_the_axis_makes_the_spin_no_longer_idle():
 def test_several_idle_spins_are_named_one_by_one():
     plain = Rssr().mechanism
     poses = assemble(plain, [plain.start])
-    rocker, far = poses["rocker"].at(0), np.array([0.071, 0.013, 0.009])
+    rocker, far = poses["rocker"].select(0), np.array([0.071, 0.013, 0.009])
     arm = np.array([0.003, 0.002, 0.019])
     near = rocker.rotation.T @ (far + arm - rocker.position)
     rod = (
@@ -184,7 +184,7 @@ def test_several_idle_spins_are_named_one_by_one():
     slide = Joint(
         "slide", "cylindrical", End(GROUND, (0.0, 0.013, 0.009), EX), End("slider", (0.0, 0.013, 0.009), EX)
     )
-    still = {name: poses[name].at(0) for name in ("crank", "coupler", "rocker")}
+    still = {name: poses[name].select(0) for name in ("crank", "coupler", "rocker")}
     mechanism = Mechanism(
         name="two rods",
         links=(*plain.links, Link("rod"), Link("slider")),

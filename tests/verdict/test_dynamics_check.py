@@ -140,7 +140,7 @@ def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
     angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
     study = dynamics.prescribed(machine, angle, 50.0)
     pin = study.efforts.reactions["third pin"]
-    force, _ = pin.settled(pin.force, pin.moment)
+    force, _ = pin.project(pin.force, pin.moment)
     across, along = (
         np.stack([part(angle), other(angle), 0.0 * angle], 1)
         for part, other in ((lambda x: -np.sin(x), np.cos), (np.cos, np.sin))
@@ -150,7 +150,7 @@ def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
     weight = arm.mass * (across @ [0.4, -9.81, 0.0]) * arm.centre[0] / 0.03
     np.testing.assert_allclose((force * across).sum(1), weight, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose((force * along).sum(1), 0.0, atol=1e-12)
-    assert pin.partly == ("fx", "fy")
+    assert pin.partly_undetermined == ("fx", "fy")
     run = driven(machine.mechanism, machine.forces, speed=50.0, method="step", samples=24)
     verdict = crosscheck_driven(run, machine)
     assert verdict.passed, verdict
@@ -170,7 +170,7 @@ def test_forces_beside_a_change_point_are_what_they_are_without_it():
     whole, part = (dynamics.prescribed(machine, at, 50.0).efforts for at in (angle, angle[[1, 2, 4]]))
     assert whole.unbounded.tolist() == [True, False, False, True, False]
     for name, one in part.reactions.items():
-        assert one.open == whole.reactions[name].open
+        assert one.undetermined == whole.reactions[name].undetermined
         np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], one.force, rtol=1e-9, atol=1e-9)
 
 
@@ -179,7 +179,7 @@ def test_no_record_says_itself_where_it_is_not_judged():
     machine = dynamics.machine(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).efforts
     doubled = {name: replace(one, force=2.0 * one.force) for name, one in exact.reactions.items()}
-    wrong = replace(exact, meeting=np.ones(5, dtype=np.bool_), reactions=doubled)
+    wrong = replace(exact, at_branch_point=np.ones(5, dtype=np.bool_), reactions=doubled)
     for name in doubled:
         error = of_reactions("force")(wrong, exact, name)
         assert (error > 0.0).tolist() == [False, True, True, False, True]

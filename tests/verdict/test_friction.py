@@ -123,7 +123,7 @@ def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link
     assert crosscheck_driven(run, other).outcome == "failed"
     spin = machine.drive.solve(run.motion.angle, 30.0).links["link"].angular_velocity
     found = dynamics.prescribed(machine, run.motion.angle, 30.0).efforts
-    assert found.power_loads == pytest.approx((moment.at(found.angle) * spin).sum(1), abs=1e-12)
+    assert found.power_loads == pytest.approx((moment.evaluate(found.angle) * spin).sum(1), abs=1e-12)
 
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
@@ -136,7 +136,7 @@ def test_a_geared_motor_drives_as_the_reduced_equation_says_and_a_wrong_ratio_is
     assert crosscheck_free(run, wrong).outcome == "failed"
     geared = Geared(motor, 9.0)
     assert geared.torque(geared.no_load) == pytest.approx(0.0, abs=1e-12)
-    assert geared.slope == pytest.approx((geared.torque(2.0) - geared.torque(1.0)).item())
+    assert geared.derivative == pytest.approx((geared.torque(2.0) - geared.torque(1.0)).item())
 
 
 @pytest.mark.parametrize(

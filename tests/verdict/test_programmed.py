@@ -29,7 +29,7 @@ def lagging(by: float) -> LoopForm:
     late = make_motion_laws(
         five_bar(), {"left": waving(2.0, 0.3, 6.0, -by), "right": waving(1.0, 0.2, 9.0)}, 1.0
     )
-    return LoopForm(five_bar(), motion_laws=replace(late, pace=MOVES.pace))
+    return LoopForm(five_bar(), motion_laws=replace(late, rate=MOVES.rate))
 
 
 @pytest.mark.parametrize("source", ["pose", "step"])

@@ -148,8 +148,8 @@ def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
         and subject.form.mechanism.laws
         and made.mechanism.joints == subject.form.mechanism.joints
     ):
-        slopes = [law.slope for law in made.mechanism.laws]
-        kind = "phase" if slopes == [law.slope for law in subject.form.mechanism.laws] else "gear"
+        slopes = [law.ratio for law in made.mechanism.laws]
+        kind = "phase" if slopes == [law.ratio for law in subject.form.mechanism.laws] else "gear"
     what = (one.name, one.name.split(".")[0]) if ".at." in one.name else (one.name,)
     return Mistake(kind, what, subject.solved(made).all(named))
 

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import catalog
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.errors import MechsimError
-from mechsim.model.motion_laws import CrankProfile, arc_around, swing, within_range
+from mechsim.model.motion_laws import CrankProfile, interval_around, swing, within_range
 from mechsim.numerics.angles import TURN
 
 # sizes vary by this factor up and down, angles by this many radians
@@ -60,7 +60,9 @@ def _values(name: str, random: np.random.Generator) -> dict[str, Any]:
 def rough_swing(drive: ClosedForm, random: np.random.Generator) -> CrankProfile:
     """Return a swing anywhere inside the range of a drive, on any lap on which its linkage is the same."""
     arcs, start = drive.crank_range(), drive.mechanism.start
-    low, high = (start - np.pi, start + np.pi) if arcs.full else arc_around(arcs, start) or (start, start)
+    low, high = (
+        (start - np.pi, start + np.pi) if arcs.full else interval_around(arcs, start) or (start, start)
+    )
     low, high = (low + high) / 2.0 + INSIDE * (high - low) / 2.0 * np.array([-1.0, 1.0])
     middle = random.uniform(low, high)
     reach = min(middle - low, high - middle) * random.uniform(0.1, 1.0)
@@ -71,7 +73,7 @@ def rough_swing(drive: ClosedForm, random: np.random.Generator) -> CrankProfile:
 def close_swing(drive: ClosedForm, random: np.random.Generator, nearest: float) -> CrankProfile | None:
     """Return a swing that ends from 0.1 rad to so near a dead centre; None where the crank turns fully."""
     arcs = drive.crank_range()
-    around = arc_around(arcs, drive.mechanism.start)
+    around = interval_around(arcs, drive.mechanism.start)
     if arcs.full or around is None:
         return None
     low, high = around

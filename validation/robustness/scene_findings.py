@@ -336,7 +336,7 @@ def main(folder, *, measured):
             good &= gaps(read)
             continue
         for one in before:
-            print(f"    {one.kind}: {one.told}"[:220])
+            print(f"    {one.kind}: {one.one_line}"[:220])
         base = found_in(read.spec.copy(), {**asked, "fix_base": False, "key": None})
         missed, tried = seeded(read, {**asked, "fix_base": False, "key": None}, base)
         total, lost = total + tried, lost + len(missed)

@@ -111,7 +111,7 @@ def _long(drive: ClosedForm, random: np.random.Generator, found: Found) -> None:
         run = simulate(wrong.mechanism, profile=profile, method="pose")
         exact = drive.solve(run.motion.angle)
         # a length that nothing depends on, as of a guide left out, is no mistake
-        moved = max(float(gap.max()) for gap in wrong.solve(run.motion.angle).place_errors(exact).values())
+        moved = max(float(gap.max()) for gap in wrong.solve(run.motion.angle).position_errors(exact).values())
     except AssemblyError:
         return
     place = POSITION_TOLERANCE * stroke_of(exact)

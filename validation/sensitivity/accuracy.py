@@ -106,8 +106,8 @@ def beside(name):
         of = parametric_model(name, drive={one: f"{far}*sin(2*pi*t)" for one, far in units.items()})
         form = of.make({})
     motion_laws = form.motion_laws
-    angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws is None else motion_laws.pace * AT / 40.0
-    rate = 1.0 if motion_laws is None else motion_laws.pace
+    angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws is None else motion_laws.rate * AT / 40.0
+    rate = 1.0 if motion_laws is None else motion_laws.rate
     found = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
     near = motion_beside(form, angles, rate)
     worst = [0.0, 0.0]

@@ -30,7 +30,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
-from mechsim.model.motion_laws import arc_around, closes_nowhere
+from mechsim.model.motion_laws import interval_around, no_crank_range_error
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 
@@ -357,7 +357,7 @@ class ClosedForm(ABC):
         """Return the crank angle of the guess in [rad]."""
         arcs = self.crank_range()
         if not arcs.arcs:
-            raise closes_nowhere(self.name)
+            raise no_crank_range_error(self.name)
         return arcs.start()
 
     @cached_property
@@ -567,7 +567,7 @@ class TwoBranchForm(ClosedForm):
         """Return a crank angle, in [rad], with well separated assemblies and no change point between."""
         full, turns = self._arcs.full, round(self.period / TURN)
         angle -= turns * TURN * np.round(angle / (turns * TURN)) if full else 0.0
-        low, high = segment(angle, self._root.touching, None if full else arc_around(self._arcs, angle))
+        low, high = segment(angle, self._root.touching, None if full else interval_around(self._arcs, angle))
         spread = np.concatenate([[angle], np.linspace(low, high, 25)])
         margins = self.margin(spread)
         return angle if margins[0] > CLEAR * margins.max() else float(spread[np.argmax(margins)])

@@ -68,7 +68,7 @@ def efforts_along(
             replace(machine, mechanism=mechanism, forces=forces), motion, speed, acceleration
         )
         by[name] = {column: change_of(values) for column, values in found.columns()}
-    left = {joint: one.open for joint, one in study.efforts.reactions.items()}
+    left = {joint: one.undetermined for joint, one in study.efforts.reactions.items()}
     open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
     return EffortDerivatives(dict(study.columns()), by, open_)
 
@@ -111,6 +111,6 @@ def _times(machine: Machine, motion: Motion, speed: Array, acceleration: Array) 
     """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
     motion_laws = getattr(machine.drive, "motion_laws", None)
     if motion_laws is not None:
-        return motion.angle / motion_laws.pace
+        return motion.angle / motion_laws.rate
     steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()
     return motion.angle / speed if steady else None

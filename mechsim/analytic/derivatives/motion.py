@@ -246,7 +246,7 @@ def record_of(
     motion_laws = form.motion_laws
     if motion_laws is None:
         return found
-    return replace(found, time=instants.parameter / motion_laws.pace, drivers=motion_laws.drivers)
+    return replace(found, time=instants.parameter / motion_laws.rate, drivers=motion_laws.drivers)
 
 
 def derivative_of(motion: Motion) -> Motion:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from mechsim.model.couplings import Coupling
-from mechsim.model.forces import Forces, Friction, JointSpring, Load, Place, Spring
+from mechsim.model.forces import Forces, Friction, JointSpring, Load, Location, Spring
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Inertia, Link
 from mechsim.model.mechanism import Mechanism
@@ -204,7 +204,7 @@ def _force_values(forces: Forces) -> Iterator[object]:
         yield _local(load.place)
 
 
-def _local(place: Place) -> tuple[float, ...]:
+def _local(place: Location) -> tuple[float, ...]:
     """Return the numbers of a place: none of a tracked point, whose own are the mechanism's."""
     return () if isinstance(place, str) else place[1]
 
@@ -213,7 +213,7 @@ def with_force_numbers(forces: Forces, row: Array) -> Forces:
     """Return forces with other numbers, (k,) in the order of `force_numbers`."""
     take = Taker(row)
 
-    def place(given: Place) -> Place:
+    def place(given: Location) -> Location:
         return given if isinstance(given, str) else (given[0], three(take.some(3)))
 
     def spring(one: Spring) -> Spring:

@@ -225,14 +225,14 @@ def loads(machine: Machine, unit: UnitMotion, time: Array | None) -> Loads:
     out = np.zeros_like(unit.twist)
     for load in machine.forces.loads:
         link, place, _ = unit.place(load.place)
-        add_force(unit, out, link, place, load.force.at(unit.angle, time))
+        add_force(unit, out, link, place, load.force.evaluate(unit.angle, time))
     for couple in machine.forces.couples:
         slot = unit.slot(couple.link)
         if slot is not None:
-            out[:, slot, 3:] += couple.moment.at(unit.angle, time)
+            out[:, slot, 3:] += couple.moment.evaluate(unit.angle, time)
     require_idle(unit, out, "a load")
     course = machine.forces.crank_torque
-    crank = np.zeros(len(unit)) if course is None else course.at(unit.angle, time)
+    crank = np.zeros(len(unit)) if course is None else course.evaluate(unit.angle, time)
     return Loads(out, crank, crank + power(unit, out))
 
 

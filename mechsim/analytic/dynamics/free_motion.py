@@ -66,9 +66,9 @@ class Runner:
         if self.forces.motor is not None:
             drive += float(self.forces.motor.torque(speed))
         if self.forces.crank_torque is not None:
-            drive += float(self.forces.crank_torque.at(angle, time)[0])
+            drive += float(self.forces.crank_torque.evaluate(angle, time)[0])
         for i, push in enumerate(self.pushes):
-            drive += float(push.at(angle, time)[0] @ row[5 + k + 3 * i : 8 + k + 3 * i])
+            drive += float(push.evaluate(angle, time)[0] @ row[5 + k + 3 * i : 8 + k + 3 * i])
         return inertia, slope, static, damping, dry, drive
 
     def rates(self, sign: float) -> Callable[[float, Array], Array]:
@@ -103,7 +103,7 @@ class Runner:
             time, angle, speed = self.time, float(state[0]), float(state[1])
             inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
             motor = self.forces.motor
-            steeper = 0.0 if motor is None else float(motor.slope)
+            steeper = 0.0 if motor is None else float(motor.derivative)
             force = static - damping * speed - sign * dry + drive - 0.5 * slope * speed**2
             matrix = np.zeros((4, 4))
             matrix[0, 1] = 1.0
@@ -198,9 +198,12 @@ class Runner:
 
     def _is_stiff(self, inertia: float) -> bool:
         motor = self.forces.motor
-        if motor is None or motor.slope == 0.0:
+        if motor is None or motor.derivative == 0.0:
             return False
-        return abs(motor.slope) / inertia * TURN / max(abs(motor.no_load), abs(float(self.state[1]))) > STIFF
+        return (
+            abs(motor.derivative) / inertia * TURN / max(abs(motor.no_load), abs(float(self.state[1])))
+            > STIFF
+        )
 
     def _direction(self, end: float) -> float:
         """Return the sign of the motion that begins from rest; 0 where dry friction or balance holds it.

@@ -16,7 +16,7 @@ from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.efforts import Efforts, Reaction, wrench_columns
 from mechsim.model.masses import LinkMass
-from mechsim.model.motion import Motion, join, short_repr, taken
+from mechsim.model.motion import Motion, join, select_instants, short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import require
 from mechsim.numerics.resources import require_room
@@ -152,14 +152,14 @@ def prescribed_along(
     """Return what `prescribed` does, at values of the path parameter and its rates.
 
     The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
-    `motion_laws.pace`.
+    `motion_laws.rate`.
     """
     angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
         machine = machine.starting_at(angle, float(np.ravel(rate)[0]))
     motion_laws = getattr(machine.drive, "motion_laws", None)
     if motion_laws is not None and time is None:
-        time = angle / motion_laws.pace
+        time = angle / motion_laws.rate
     n, joints = len(angle), len(machine.mechanism.joints)
     equations = 6.0 * len(machine.mechanism.links)
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
@@ -173,7 +173,7 @@ def prescribed_along(
     for first in range(0, n, PART):
         rows = slice(first, first + PART)
         instants = None if at is None else at[rows]
-        run = None if as_run is None else taken(as_run, rows)
+        run = None if as_run is None else select_instants(as_run, rows)
         parts.append(_solved(machine, angle[rows], w[rows], e[rows], instants, standing[rows], run))
         done = min(first + PART, n)
         watch(f"{done:,} of {n:,} instants", done / n)
@@ -240,7 +240,7 @@ def moved_as(
         drives={**held.drives, **held.holds} if unit.drivers else {},
         locked={} if unit.drivers else held.holds,
         straight=unit.mechanism.straight,
-        meeting=held.meeting,
+        at_branch_point=held.meeting,
     )
     return InverseDynamics(
         machine=machine,
@@ -287,8 +287,10 @@ def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
     """Return parts put end to end; what is not determined in one of them is not determined."""
 
     def bare(one: Reaction) -> Reaction:
-        sure = np.broadcast_to(np.eye(3), (len(one.force), 2, 3, 3)) if one.sure is None else one.sure
-        return replace(one, determined=None, sure=sure if indeterminacy else None)
+        sure = (
+            np.broadcast_to(np.eye(3), (len(one.force), 2, 3, 3)) if one.projector is None else one.projector
+        )
+        return replace(one, determined=None, projector=sure if indeterminacy else None)
 
     indeterminacy = max(part.indeterminacy for part in parts)
     whole = join(
@@ -298,7 +300,9 @@ def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
         ]
     )
     reactions = {
-        name: replace(one, determined=np.all([part.efforts.reactions[name].known for part in parts], 0))
+        name: replace(
+            one, determined=np.all([part.efforts.reactions[name].is_determined for part in parts], 0)
+        )
         for name, one in whole.reactions.items()
     }
     undetermined = frozenset[str]().union(*(part.efforts.undetermined for part in parts))

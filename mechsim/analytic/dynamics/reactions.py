@@ -120,7 +120,7 @@ def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
 
 
 def _spans(mechanism: Mechanism) -> list[slice]:
-    ends = np.cumsum([0, *(6 - KINDS[joint.kind].freedoms for joint in mechanism.joints)]).tolist()
+    ends = np.cumsum([0, *(6 - KINDS[joint.kind].dof for joint in mechanism.joints)]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
@@ -153,7 +153,7 @@ def _reaction(
         moment=wrench[:, 3:, 0],
         point=point,
         determined=undone <= SETTLED,
-        sure=_sure(alone) if slack.shape[-1] else None,
+        projector=_sure(alone) if slack.shape[-1] else None,
     )
 
 
@@ -246,7 +246,7 @@ def _on_coordinates(unit: UnitMotion, joint: Joint, law: Coupling) -> Array:
     """Return the wrench of a coupling's row on link b about the joint's point, per unit of effort, (n, 6)."""
     kind, zero = KINDS[joint.kind], np.zeros((len(unit), 3))
     out = np.zeros((len(unit), 6))
-    for terms, factor in ((law.left_terms, 1.0), (law.right_terms, -law.slope)):
+    for terms, factor in ((law.left_terms, 1.0), (law.right_terms, -law.ratio)):
         for name in {*terms} & {*joint.coordinates}:
             index = joint.coordinates.index(name)
             if index < len(kind.slides):

@@ -14,7 +14,7 @@ from mechsim.analytic import loops
 from mechsim.analytic.loops import Rows
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.errors import InputError
-from mechsim.model.forces import Place, located
+from mechsim.model.forces import Location, located
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
@@ -107,7 +107,7 @@ class UnitMotion:
         swing = cross(self.twist[:, slot, 3:], arm)
         return self.position[:, slot] + arm, self.twist[:, slot, :3] + swing
 
-    def place(self, place: Place) -> tuple[str, Array, Array]:
+    def place(self, place: Location) -> tuple[str, Array, Array]:
         """Return the link of a place, where it is and its derivative."""
         link, local = located(self.mechanism, place)
         return link, *self.point(link, local)

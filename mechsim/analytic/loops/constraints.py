@@ -25,7 +25,7 @@ from mechsim.analytic.loops.tree import Index, SpanningTree, as_slice, spanning_
 from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import with_stand_ins
+from mechsim.model.link_poses import with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import TURN
@@ -289,7 +289,7 @@ class TreeLoops:
 
     def read(self, poses: Mapping[str, Pose], angles: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of one pose of every moving link; given angles as they are counted."""
-        everywhere = {GROUND: IDENTITY, **with_stand_ins(self.tree.mechanism, poses)}
+        everywhere = {GROUND: IDENTITY, **with_virtual_bodies(self.tree.mechanism, poses)}
         values, rotations = np.zeros((self.tree.count, 1)), np.empty((len(self.tree.balls), 3, 3, 1))
         ball = 0
         for branch in self.tree.branches:

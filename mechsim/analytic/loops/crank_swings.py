@@ -272,7 +272,7 @@ class SwingTracer:
             instants = Instants(crank_angles, np.ones_like(crank_angles), zero, *self.like.law(crank_angles))
             chunk = ClosedChunk(solver, np.arange(len(crank_angles)), instants, result.q, result.linearised)
             store_chunk(links_motion, indices, np.arange(p), chunk, rates=rates)
-        designs = ManyLoops(loops, self.started.arrays.some(swings.rows))
+        designs = ManyLoops(loops, self.started.arrays.subset(swings.rows))
         return record_of_rows(designs, links_motion, angles, speed, acceleration, joints), known
 
     def _predicted(self, swings: Swings, indices: Rows, angles: Array) -> Coordinates:

@@ -93,7 +93,7 @@ def shared_loops(
         return SharedLoops(solver, crank_law, float(solver.reference.values[loops.driven[0], 0]))
 
     def motion_law(clock: Array) -> tuple[Array, Array, Array]:
-        value, first, second = motion_laws.by_clock(clock)
+        value, first, second = motion_laws.along_path(clock)
         return with_locked(value, locked), with_locked(first, 0.0 * locked), with_locked(second, 0.0 * locked)
 
     return SharedLoops(solver, motion_law, 0.0)

@@ -85,7 +85,7 @@ def initial_coordinates(many: ManyLoops, started: StartedDesigns) -> tuple[Coord
         joint_values = coordinates(branch.kind, displacement, rotation_a, rotation_b, joint.cross_angle)
         values[branch.first : branch.first + joint_values.shape[1]] = joint_values.T
     prescribed = {*tree.mechanism.drivers, *tree.mechanism.locked}
-    for name, value in started.told.items():
+    for name, value in started.coordinates.items():
         index = tree.index_of.get(name)
         if index is None:
             continue

@@ -180,11 +180,11 @@ def _summed(tree: SpanningTree, terms: Array) -> Array:
     """Return for each link the sum over the coordinates that move it, (links, 6, n)."""
     total = np.empty((len(tree.branches), *terms.shape[1:]), terms.dtype)
     for branch in tree.branches:
-        if not branch.kind.freedoms:
+        if not branch.kind.dof:
             total[branch.child] = 0.0 if branch.parent < 0 else total[branch.parent]
             continue
         value = terms[branch.first]
-        for k in range(branch.first + 1, branch.first + branch.kind.freedoms):
+        for k in range(branch.first + 1, branch.first + branch.kind.dof):
             value = value + terms[k]
         total[branch.child] = value if branch.parent < 0 else total[branch.parent] + value
     return total

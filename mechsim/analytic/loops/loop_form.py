@@ -27,7 +27,7 @@ from mechsim.model.limits import INSTANTS, ROUNDED, Ranges, check_instants, extr
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
-from mechsim.model.motion_laws import MotionLaws, arc_around
+from mechsim.model.motion_laws import MotionLaws, interval_around
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
@@ -77,7 +77,7 @@ class LoopForm:
         Under programs the clock's angle at their end.
         """
         if self.motion_laws is not None:
-            return self.motion_laws.pace * self.motion_laws.duration
+            return self.motion_laws.rate * self.motion_laws.duration
         if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
             return TURN
         return TURN if self._back_after_a_turn() else 2.0 * TURN
@@ -129,7 +129,7 @@ class LoopForm:
         """Return the motion at values of the path parameter, (n,), and its rates.
 
         The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
-        `motion_laws.pace`.
+        `motion_laws.rate`.
 
         Raises:
             AssemblyError: where the loops do not close.
@@ -202,7 +202,7 @@ class LoopForm:
             lambda index: (
                 f"crank angle {parameter[index]:.6g} rad"
                 if motion_laws is None
-                else motion_laws.called(float(parameter[index]))
+                else motion_laws.instant_label(float(parameter[index]))
             ),
             "turn the crank less" if motion_laws is None else "move the drivers less",
         )
@@ -249,7 +249,7 @@ class LoopForm:
             return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
         start, full = self.mechanism.start, self._range.full
         within = [point for point in self._path.change_points if start <= point < start + TURN or not full]
-        around = None if full else arc_around(self._range, start)
+        around = None if full else interval_around(self._range, start)
         if around is not None:
             within = [point for point in within if around[0] <= point <= around[1]]
         return tuple(sorted({float((point + np.pi) % TURN - np.pi) for point in within}))
@@ -287,7 +287,7 @@ class LoopForm:
         closing, start = self._closing_range, self.mechanism.start
         if not self.ranges or self.motion_laws is not None or not closing.arcs:
             return closing
-        around = (start - TURN, start + TURN) if closing.full else arc_around(closing, start)
+        around = (start - TURN, start + TURN) if closing.full else interval_around(closing, start)
         if around is None:
             return closing
         low, high = around

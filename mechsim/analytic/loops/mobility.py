@@ -170,7 +170,7 @@ def require_determined(solver: LoopSolver) -> None:
         MobilityError: names one joint or point for each undetermined degree of freedom.
     """
     loops, names = solver.loops, undetermined_names(solver)
-    floating_joints = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floats}
+    floating_joints = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floating}
     if names:
         listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
         base = ", hold the base (--fix-base)" if floating_joints & {*names} else ""
@@ -220,7 +220,7 @@ def _undetermined(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[t
     for name in free:
         displaced = _displaced_by(solver, null_space, columns[name])
         if displaced and name in displaced:
-            label = joints[name].name if KINDS[joints[name].kind].floats else name
+            label = joints[name].name if KINDS[joints[name].kind].floating else name
             yield label, label
             null_space = with_coordinate_locked(null_space, columns[name])
     # rotations of balls, which have no coordinate
@@ -229,7 +229,7 @@ def _undetermined(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[t
             column = int(np.searchsorted(loops.unknown, rotation))
             displaced = _displaced_by(solver, null_space, column)
             if displaced:
-                yield ball.joint.name if ball.kind.floats else displaced[0], ball.joint.name
+                yield ball.joint.name if ball.kind.floating else displaced[0], ball.joint.name
                 null_space = with_coordinate_locked(null_space, column)
 
 

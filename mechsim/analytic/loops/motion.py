@@ -149,7 +149,7 @@ def _on_other_revolution(path: ContinuationPath, revolutions: int) -> Continuati
     tree = path.loops.tree
     crank = tree.index_of[tree.mechanism.crank.name]
     for i, row in enumerate(path.loops.couplings):
-        gain = (row.left[crank] - row.right[crank] * row.coupling.slope) * revolutions
+        gain = (row.left[crank] - row.right[crank] * row.coupling.ratio) * revolutions
         if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.turns):
             return None
         turn_offsets[i] += round(gain) * TURN
@@ -236,13 +236,13 @@ def path_under_laws(
     locked = locked_values(mechanism)
 
     def prescribed(parameter: Array) -> Array:
-        return with_locked(motion_laws.by_clock(parameter)[0], locked)
+        return with_locked(motion_laws.along_path(parameter)[0], locked)
 
     first = _moved_to_start(first, prescribed(np.zeros(1)), change_point)
     names = PathNames(
         "the drivers",
-        motion_laws.called,
-        lambda parameter: f"{motion_laws.called(parameter)} of the programs",
+        motion_laws.instant_label,
+        lambda parameter: f"{motion_laws.instant_label(parameter)} of the programs",
     )
     return ContinuationPath(first, prescribed, 0.0, change_point, names)
 
@@ -278,7 +278,7 @@ def solve_under_laws(
         path: from `path_under_laws`.
         motion_laws: of the drivers.
         parameter: angles of the clock, (n,) in [rad].
-        speed: of the clock, (n,) in [rad/s]; `motion_laws.pace` is real time.
+        speed: of the clock, (n,) in [rad/s]; `motion_laws.rate` is real time.
         acceleration: of the clock, (n,) in [rad/s2].
 
     Raises:
@@ -291,7 +291,7 @@ def instants_of_laws(
     motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
 ) -> Instants:
     """Return where programs have their drivers at angles of their clock, at its rates, (n,) each."""
-    value, first, second = motion_laws.by_clock(parameter)
+    value, first, second = motion_laws.along_path(parameter)
     rate, second_rate = first * speed, first * acceleration + second * speed**2
     return Instants(parameter, speed, acceleration, value, rate, second_rate)
 
@@ -310,7 +310,7 @@ def solve_prescribed(path: ContinuationPath, motion_laws: MotionLaws, instants: 
         all_instants.speed,
         all_instants.acceleration,
     )
-    return replace(motion, time=instants.parameter / motion_laws.pace, drivers=motion_laws.drivers)
+    return replace(motion, time=instants.parameter / motion_laws.rate, drivers=motion_laws.drivers)
 
 
 def with_locked_values(path: ContinuationPath, instants: Instants) -> Instants:

@@ -103,7 +103,7 @@ def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:
     poses, aligned = link_poses(loops.tree, q), np.ones(len(q), dtype=np.bool_)
     for cut in loops.cuts:
         _, frame_a, _, frame_b = cut.frames(poses)
-        for i in KINDS[cut.joint.kind].alike:
+        for i in KINDS[cut.joint.kind].aligned_columns:
             aligned &= (frame_a[:, i] * frame_b[:, i]).sum(0) > 0.0
     return aligned
 

@@ -134,7 +134,7 @@ def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]
 
 
 def _columns(branch: TreeJoint) -> range:
-    return range(branch.first, branch.first + branch.kind.freedoms)
+    return range(branch.first, branch.first + branch.kind.dof)
 
 
 def _jacobians(
@@ -163,7 +163,7 @@ def _loops(mechanism: Mechanism) -> TreeLoops:
 def _enters_equations(joint: Joint, component: int) -> bool:
     """Whether a shift (0 to 2) or a turn (3 to 5) of a joint's side changes its equations."""
     kind = KINDS[joint.kind]
-    return not kind.floats and (component < 3 or not kind.ball)
+    return not kind.floating and (component < 3 or not kind.ball)
 
 
 def _perturbed(mechanism: Mechanism, change: Array) -> Mechanism:

@@ -12,7 +12,7 @@ from mechsim.analytic.loops.maximal_coordinates import equations, row_units, sca
 from mechsim.analytic.loops.oracle import MAX_ROTATION, moved_poses
 from mechsim.analytic.loops.random_starts import random_poses, select
 from mechsim.errors import AssemblyError
-from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.joint_kinds import KINDS, antiparallel_message
 from mechsim.model.joints import joint_coordinate
 from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, IDENTITY, Pose
@@ -185,9 +185,9 @@ def _require_axes_aligned(loops: TreeLoops, poses: LinkPoses) -> None:
     """Refuse cuts put together with axes or marks opposed: the rows say parallel, not in which sense."""
     for cut in loops.cuts:
         _, frame_a, _, frame_b = cut.frames(poses)
-        for i in KINDS[cut.joint.kind].alike:
+        for i in KINDS[cut.joint.kind].aligned_columns:
             if float((frame_a[:, i] * frame_b[:, i]).sum()) < 0.0:
-                raise AssemblyError(f"{loops.tree.mechanism.name}: {opposed(cut.joint.name, i)}")
+                raise AssemblyError(f"{loops.tree.mechanism.name}: {antiparallel_message(cut.joint.name, i)}")
 
 
 # poses nearer to each other, in sizes and as matrices, are one

@@ -306,7 +306,7 @@ class SpanningTree:
     @cached_property
     def count(self) -> int:
         """How many coordinates there are."""
-        return sum(branch.kind.freedoms for branch in self.branches)
+        return sum(branch.kind.dof for branch in self.branches)
 
     @cached_property
     def balls(self) -> tuple[TreeJoint, ...]:
@@ -325,7 +325,7 @@ class SpanningTree:
         for branch in self.branches:
             if branch.parent >= 0:
                 moved[branch.child] = moved[branch.parent]
-            moved[branch.child, branch.first : branch.first + branch.kind.freedoms] = 1.0
+            moved[branch.child, branch.first : branch.first + branch.kind.dof] = 1.0
         return moved
 
     @cached_property
@@ -380,7 +380,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
 
     def cost(joint: Joint) -> tuple[bool, bool, int]:
         names = {*joint.coordinates}
-        return not first & names, not counted & names, KINDS[joint.kind].freedoms
+        return not first & names, not counted & names, KINDS[joint.kind].dof
 
     ordered = sorted(mechanism.joints, key=cost)
     chosen = _forest(ordered)
@@ -407,7 +407,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         forward = joint.a.link in placed
         parent_end, child_end = (joint.a, joint.b) if forward else (joint.b, joint.a)
         branches.append(TreeJoint(joint, forward, index[parent_end.link], index[child_end.link], count))
-        count += KINDS[joint.kind].freedoms
+        count += KINDS[joint.kind].dof
         placed.add(child_end.link)
     return SpanningTree(mechanism, mechanism, tuple(branches), cuts)
 

@@ -199,7 +199,7 @@ def _determined_forces(study: Prescribed) -> dict[str, Array]:
     """Return what is determined of each joint's force, (n, 3), gaps where it has no limit."""
     gaps = study.efforts.unbounded[:, None]
     return {
-        name: np.where(gaps, np.nan, reaction.settled(reaction.force, reaction.moment)[0])
+        name: np.where(gaps, np.nan, reaction.project(reaction.force, reaction.moment)[0])
         for name, reaction in study.efforts.reactions.items()
     }
 

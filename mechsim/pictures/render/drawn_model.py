@@ -102,10 +102,10 @@ class DrawnModel:
         spread = len(self.frames) - (1 if self.frames.closed else 0)
         for (name, copy), slot in self._slots.items():
             index = frame if overlay == 1 else round(copy * spread / overlay) % len(self.frames)
-            self._put(slot, self.frames.poses[name].at(index))
+            self._put(slot, self.frames.poses[name].select(index))
         for name, slot in self._ghost_slots.items():
             assert self.ghost is not None
-            pose, deeper = self.ghost.poses[name].at(frame), BEHIND * self.radius * self.camera.back
+            pose, deeper = self.ghost.poses[name].select(frame), BEHIND * self.radius * self.camera.back
             self._put(slot, Pose(pose.position - deeper, pose.rotation))
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
@@ -154,7 +154,8 @@ class DrawnModel:
         step = slice(None, None, max(1, len(self.frames) // 180))
         poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
         return extent(
-            (pose if pose.position.ndim == 1 else pose.at(step), self.shapes[link]) for link, pose in poses
+            (pose if pose.position.ndim == 1 else pose.select(step), self.shapes[link])
+            for link, pose in poses
         )
 
     def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:

@@ -109,7 +109,9 @@ def frame_poses(
     # the samples themselves need no search, which a crank that swings to and fro would not allow
     if np.array_equal(requested, motion.angle[: len(requested)]):
         first = slice(0, len(requested))
-        poses = {name: pose if pose.position.ndim == 1 else pose.at(first) for name, pose in poses.items()}
+        poses = {
+            name: pose if pose.position.ndim == 1 else pose.select(first) for name, pose in poses.items()
+        }
         passed = passed[first]
         vectors = {kind: {name: v[first] for name, v in by_name.items()} for kind, by_name in vectors.items()}
     else:

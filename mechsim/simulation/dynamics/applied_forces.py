@@ -154,7 +154,7 @@ def thread_efforts(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Ite
     threads, first = threads_of(loaded.mechanism), loaded.loops.coupled_rows.start
     for i, (name, law) in enumerate(loaded.mechanism.named_laws.items()):
         if threads.get(name) == joint:
-            yield multipliers[:, first + i], -law.slope * multipliers[:, first + i]
+            yield multipliers[:, first + i], -law.ratio * multipliers[:, first + i]
 
 
 def _at_pitch_point(loaded: LoadedModel, fields: Fields, mesh: Mesh, effort: Array) -> tuple[Array, Array]:

@@ -243,11 +243,11 @@ def expect_speed(
     stored = 2.0 * weight * loaded.mechanism.size
     forces, torque, limit, fall = loaded.forces, 0.0, np.inf, 0.0
     if forces.motor is not None:
-        torque, fall = abs(float(forces.motor.torque(0.0))), -forces.motor.slope
+        torque, fall = abs(float(forces.motor.torque(0.0))), -forces.motor.derivative
         limit = abs(forces.motor.no_load)
     if forces.crank_torque is not None:
         around = np.linspace(0.0, TURN, 73)
-        torque += float(np.abs(forces.crank_torque.at(around, np.zeros(73))).max())
+        torque += float(np.abs(forces.crank_torque.evaluate(around, np.zeros(73))).max())
     for spring in forces.springs:
         stored += 0.5 * spring.stiffness * loaded.mechanism.size**2
     least = float(inertia.min())

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.efforts import Efforts
-from mechsim.model.motion import join, put, weighed
+from mechsim.model.motion import join, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation.dynamics.applied_forces import (
@@ -301,9 +301,9 @@ def required(
     for meeting, rows, turned in near:
         for row, at in zip(rows, turned, strict=True):
             crank = (float(one[row]) for one in (time, angle, speed, acceleration))
-            found = put(found, np.array([row]), _beside(loaded, meeting, at, *crank))
+            found = replace_instants(found, np.array([row]), _beside(loaded, meeting, at, *crank))
         beside[rows] = True
-    found = replace(found, meeting=beside)
+    found = replace(found, at_branch_point=beside)
     return Posed(qpos, join([states for states, _ in parts]), near, found)
 
 
@@ -323,7 +323,7 @@ def _beside(
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
     at = situation(loaded, states)
     around = efforts(loaded, at, *needed(loaded, at, np.full(count, acceleration)))
-    found = weighed(around, fit_weights(meeting.nodes, meeting.angle, np.array([turned])))
+    found = weighted_sums(around, fit_weights(meeting.nodes, meeting.angle, np.array([turned])))
     # how friction acts is told, not reckoned with
     return replace(found, angle=np.array([angle]), sliding=np.round(found.sliding))
 

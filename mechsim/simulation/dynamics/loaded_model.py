@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import stand_in
+from mechsim.model.link_poses import virtual_body
 from mechsim.model.links import GROUND
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
@@ -95,11 +95,11 @@ class LoadedModel(ClosedModel):
         if forces.motor is not None:
             values[:, kinds.motor] = motor_control(forces.motor)
         if forces.crank_torque is not None:
-            values[:, kinds.crank_torque] = forces.crank_torque.at(angle, time)[:, None]
+            values[:, kinds.crank_torque] = forces.crank_torque.evaluate(angle, time)[:, None]
         if forces.loads:
-            values[:, kinds.loads] = np.hstack([load.force.at(angle, time) for load in forces.loads])
+            values[:, kinds.loads] = np.hstack([load.force.evaluate(angle, time) for load in forces.loads])
         if forces.couples:
-            values[:, kinds.couples] = np.hstack([one.moment.at(angle, time) for one in forces.couples])
+            values[:, kinds.couples] = np.hstack([one.moment.evaluate(angle, time) for one in forces.couples])
         return values
 
     def nothing(self, n: int) -> AppliedForces:
@@ -148,7 +148,7 @@ class LoadedModel(ClosedModel):
 
     def ends(self, joint: Joint) -> tuple[str, str]:
         """Return the links that a joint of the model joins: of a split one, what stands for a link of its."""
-        stands = stand_in(joint)
+        stands = virtual_body(joint)
         if stands not in self.track.links:
             return joint.a.link, joint.b.link
         return (stands, GROUND) if joint.b.link == GROUND else (joint.a.link, stands)

@@ -112,7 +112,7 @@ def driven(
         return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples), watch)
 
     short = _one_turn(profile)
-    count = max(short.least, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
+    count = max(short.min_instants, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
 
     def trial(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
@@ -124,10 +124,10 @@ def driven(
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
     """Return how many instants are recorded after the first and how many steps lie between two of them."""
-    total = max(profile.least, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
+    total = max(profile.min_instants, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
     if samples is not None:
         return samples, -(-total // samples)
-    stride = max(1, int(total / max(profile.least, SAMPLES * profile.turns)))
+    stride = max(1, int(total / max(profile.min_instants, SAMPLES * profile.turns)))
     return -(-total // stride), stride
 
 
@@ -148,7 +148,7 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Progress) -> Driven:
-    count = samples or max(profile.least, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
+    count = samples or max(profile.min_instants, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()

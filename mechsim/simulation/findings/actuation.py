@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import FilePlace, Finding
+from mechsim.model.finding import FilePosition, Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import moment_arms
@@ -126,5 +126,5 @@ def _stiffness(scene: Inspected, actuator: int) -> float:
     return -float(scene.model.actuator_biasprm[actuator, 1])
 
 
-def _lines(scene: Inspected) -> list[FilePlace]:
+def _lines(scene: Inspected) -> list[FilePosition]:
     return [scene.place(actuator) for actuator in scene.read.spec.actuators]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from mechsim.model.finding import NOWHERE, FilePlace, Finding
+from mechsim.model.finding import NO_POSITION, FilePosition, Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, null_space, swing
 from mechsim.simulation.mjcf.compiling import quiet
@@ -38,12 +38,12 @@ def outside_limits(scene: Inspected) -> Iterator[Finding]:
     tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
     for t in np.flatnonzero(model.tendon_limited):
         name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
-        location = scene.place(tendons[name]) if name in tendons else NOWHERE
+        location = scene.place(tendons[name]) if name in tendons else NO_POSITION
         low, high = model.tendon_range[t]
         yield from _outside(f"tendon {name}", name, value, (low, high), "m or rad", location)
 
 
-def _immobile(name: str, limit: float, unit: str, location: FilePlace) -> Finding:
+def _immobile(name: str, limit: float, unit: str, location: FilePosition) -> Finding:
     return Finding(
         kind="limit",
         what=name,
@@ -57,7 +57,7 @@ def _immobile(name: str, limit: float, unit: str, location: FilePlace) -> Findin
 
 
 def _outside(
-    label: str, name: str, value: float, bounds: tuple[float, float], unit: str, location: FilePlace
+    label: str, name: str, value: float, bounds: tuple[float, float], unit: str, location: FilePosition
 ) -> Iterator[Finding]:
     low, high = float(bounds[0]), float(bounds[1])
     excess = max(low - value, value - high)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import NOWHERE, FilePlace
+from mechsim.model.finding import NO_POSITION, FilePosition
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.drivers import PARAMETER_JOINT
@@ -58,7 +58,7 @@ class Loop:
     number: int
     kind: int
     bodies: tuple[int, ...]
-    place: FilePlace
+    place: FilePosition
 
     @property
     def closes(self) -> bool:
@@ -127,11 +127,11 @@ class Inspected:
         )
 
     @cached_property
-    def included(self) -> Mapping[tuple[str, ...], FilePlace]:
+    def included(self) -> Mapping[tuple[str, ...], FilePosition]:
         """Where the parts of included files stand, by kind and name."""
         return included_lines(self.read.path)
 
-    def place(self, element: Element) -> FilePlace:
+    def place(self, element: Element) -> FilePosition:
         """Return where a part stands in the file, or in one that it includes."""
         match = re.search(r"line (\d+)", str(element.info))
         number = int(match[1]) if match else None
@@ -142,7 +142,7 @@ class Inspected:
         line = self.included.get((kind, str(element.name)))
         if line is None and isinstance(element, mujoco.MjsEquality):
             line = self.included.get((kind, str(element.name1), str(element.name2)))
-        return NOWHERE if line is None else line
+        return NO_POSITION if line is None else line
 
     def loop_residuals(self, qpos: Array) -> tuple[Array, Array, Array]:
         """Return how far the loops stand open, (m,), the Jacobian (m, nv), and the loop of each row, (m,)."""

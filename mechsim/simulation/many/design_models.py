@@ -276,7 +276,7 @@ def design_models(
     sites = site_fields(model, tree, arrays)
     fields, qpos = assembled_fields(model, tree, arrays, started.guess)
     address = shared.closed.loops.crank_address
-    start = started.told[tree.mechanism.crank.name]
+    start = started.coordinates[tree.mechanism.crank.name]
     turns = TURN * np.round((start - qpos[:, address]) / TURN)
     fields |= {**sites, "qpos0": qpos.copy()}
     fields["qpos0"][:, address] += turns

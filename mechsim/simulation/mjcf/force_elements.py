@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.model.forces import Forces, Friction, JointSpring, Place, located
+from mechsim.model.forces import Forces, Friction, JointSpring, Location, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import plane_normals
@@ -107,7 +107,7 @@ class Builder:
         body.add_site(name=name, pos=end.point, quat=quaternion(end.frame))
         return name
 
-    def point(self, name: str, location: Place) -> str:
+    def point(self, name: str, location: Location) -> str:
         """Add a site at a place, with the axes of its link's frame; a tracked point has one already."""
         if isinstance(location, str):
             return location
@@ -197,7 +197,7 @@ def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
     made.gainprm[0] = gain
     if not isinstance(motor, ConstantTorque):
         made.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        made.biasprm[:3] = 0.0, 0.0, motor.slope
+        made.biasprm[:3] = 0.0, 0.0, motor.derivative
 
 
 def motor_control(motor: Motor) -> float:

@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import plane_normals, starts, with_stand_ins
+from mechsim.model.link_poses import plane_normals, starts, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
@@ -72,7 +72,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         mechanism = with_inertia(mechanism)
     tree = cut_loops(mechanism, scene.cut, keep=friction_joints, splits=True)
     mechanism = tree.mechanism
-    poses = with_stand_ins(tree.mechanism, poses or {})
+    poses = with_virtual_bodies(tree.mechanism, poses or {})
     spec = mujoco.MjSpec()
     spec.modelname = mechanism.name
     spec.compiler.degree = False
@@ -135,7 +135,7 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
     """Return coordinates of a joint read off a pose, with the turns that no pose tells."""
     stated = starts(mechanism)
     kind = KINDS[joint.kind]
-    if kind.floats:
+    if kind.floating:
         raise InputError(
             f"{mechanism.name}: joint {joint.name!r} floats and nothing else holds its link, for which no "
             "MuJoCo model is made; hold it by --fix-base, or leave the link out"

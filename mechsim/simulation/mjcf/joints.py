@@ -76,7 +76,7 @@ def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
     if mechanism.has_crank and joint.name == mechanism.crank.name:
         return [CRANK]
     kind = KINDS[joint.kind]
-    return [] if kind.floats else [joint.name] if kind.ball else list(joint.coordinates)
+    return [] if kind.floating else [joint.name] if kind.ball else list(joint.coordinates)
 
 
 def model_names(mechanism: Mechanism) -> dict[str, str]:
@@ -94,7 +94,7 @@ def coincident_points(kind: Kind) -> list[float] | None:
     A joint can be cut where they do: MuJoCo has an equality that closes it exactly, point on point. None
     if no points say what the joint says.
     """
-    if kind.floats:
+    if kind.floating:
         return []
     if kind.slides:
         return None
@@ -134,7 +134,7 @@ def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
     """Return the child's pose in the parent's frame, turned as rough poses have it."""
     to_parent = np.swapaxes(parent.rotation, -1, -2)
     rotation = to_parent @ child.rotation
-    if KINDS[branch.joint.kind].floats:
+    if KINDS[branch.joint.kind].floating:
         return Pose(turned(to_parent, child.position - parent.position), rotation)
     position = np.asarray(branch.parent.point) - turned(rotation, np.asarray(branch.child.point))
     return Pose(position, rotation)

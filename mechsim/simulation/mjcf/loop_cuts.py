@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import plane_normals, split, stand_in
+from mechsim.model.link_poses import plane_normals, split, virtual_body
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.joints import Branch, EndArrays, coincident_points
@@ -68,15 +68,15 @@ def cut_loops(
         joint
         for joint in cuts
         if joint.name in needed
-        or not (_cuttable(KINDS[joint.kind]) or (splits and not KINDS[joint.kind].freedoms))
+        or not (_cuttable(KINDS[joint.kind]) or (splits and not KINDS[joint.kind].dof))
     ]
     if refused and splits:
         names = {joint.name for joint in refused}
-        whole = tuple(stand_in(joint) if joint.name in names else joint.name for joint in cuts)
+        whole = tuple(virtual_body(joint) if joint.name in names else joint.name for joint in cuts)
         return cut_loops(split(mechanism, names), whole, keep=keep, splits=True)
     if refused:
         raise InputError(f"{mechanism.name}: {_why_refused(refused[0], needed)}")
-    if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floats} != asked:
+    if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != asked:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(asked)) or 'no joint'} does not leave a tree; "
             f"as many joints as there are loops ({len(cuts)}) must be named, one in each"
@@ -119,7 +119,7 @@ def _weighed(
         """
         near = -min(distance[joint.a.link], distance[joint.b.link])
         cuttable = _cuttable(KINDS[joint.kind])
-        free = cuttable and KINDS[joint.kind].freedoms
+        free = cuttable and KINDS[joint.kind].dof
         return joint.name not in asked, joint.name in needed, not cuttable, joint.name in keep, -free, near
 
     # among equals the first stays

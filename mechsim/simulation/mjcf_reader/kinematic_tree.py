@@ -1,6 +1,6 @@
 """The joints of bodies: each body hangs on the one above by its joints, one after the other.
 
-Between several joints of one body stand links of no extent, whose names begin with `UNSEEN`.
+Between several joints of one body stand links of no extent, whose names begin with `VIRTUAL_PREFIX`.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.model.joint_kinds import KINDS, KindName, displaced
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, UNSEEN, Link, Pose, Vector
+from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector
 from mechsim.numerics.arrays import Array
 
 
@@ -119,7 +119,7 @@ def kinematic_tree(model: mujoco.MjModel) -> KinematicTree:
         for j in range(first, first + count):
             last = j == first + count - 1
             name = model.joint(j).name
-            next_carrier = Carrier(link_name(model, body) if last else f"{UNSEEN}{name}", IDENTITY)
+            next_carrier = Carrier(link_name(model, body) if last else f"{VIRTUAL_PREFIX}{name}", IDENTITY)
             links.append(Link(next_carrier.link))
             joints.append(_joint(model, j, end, next_carrier))
             end = next_carrier
@@ -129,7 +129,7 @@ def kinematic_tree(model: mujoco.MjModel) -> KinematicTree:
 def _joint(model: mujoco.MjModel, j: int, parent: Carrier, child: Carrier) -> Joint:
     kind = OF_JOINT[int(model.jnt_type[j])]
     name, joint_kind = model.joint(j).name, KINDS[kind]
-    if joint_kind.floats:
+    if joint_kind.floating:
         return Joint(name, kind, End(GROUND), End(child.link))
     point = model.jnt_pos[j]
     if joint_kind.ball:
@@ -167,7 +167,7 @@ def poses(model: mujoco.MjModel, tree: KinematicTree, qpos: Array) -> dict[str, 
 def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
     """Return where side b of a joint stands in side a's frame at its own part of qpos."""
     kind = KINDS[joint.kind]
-    if kind.floats:
+    if kind.floating:
         return vector(qpos[:3]), rotation(qpos[3:7])
     if kind.ball:
         return ORIGIN, rotation(qpos[:4])

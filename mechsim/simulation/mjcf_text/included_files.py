@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from mechsim.errors import InputError
-from mechsim.model.finding import FilePlace
+from mechsim.model.finding import FilePosition
 from mechsim.simulation.mjcf_text.edited_text import EditedText, Element, elements_of
 
 # files within files, before they are taken to include each other for ever
@@ -126,14 +126,14 @@ KINDS = {
 }
 
 
-def included_lines(path: str | Path) -> dict[tuple[str, ...], FilePlace]:
+def included_lines(path: str | Path) -> dict[tuple[str, ...], FilePosition]:
     """Return (kind, name) -> file and line of the parts in all files that an MJCF file includes.
 
     An equality is also known by (kind, first end, second end). Of parts of one name the first counts.
     """
-    lines: dict[tuple[str, ...], FilePlace] = {}
+    lines: dict[tuple[str, ...], FilePosition] = {}
     for file, text, element in _included(Path(path), Path(path).parent):
-        line: FilePlace = {"file": file, "line": text.count("\n", 0, element.start) + 1}
+        line: FilePosition = {"file": file, "line": text.count("\n", 0, element.start) + 1}
         for key in _keys(element):
             lines.setdefault(key, line)
     return lines

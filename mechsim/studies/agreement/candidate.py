@@ -332,9 +332,9 @@ def tabled_comparand(
     time = table[clock].values if clock else np.linspace(0.0, 1.0, rows)
     through = _through(mechanism, names, table, time)
     own = LoopForm(mechanism, forces=form.forces, motion_laws=through)
-    one = np.full_like(time, through.pace)
+    one = np.full_like(time, through.rate)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
-    there = through.pace * (time - time[0])
+    there = through.rate * (time - time[0])
     return Comparand(own, there, one, 0.0 * one, time if clock else None), used + ([clock] if clock else [])
 
 
@@ -342,9 +342,9 @@ def _of_programs(form: Form, known: MotionLaws, time: Array) -> Comparand:
     """Return a form under its own programs at the times of a table."""
     last = float(time.max())
     if isinstance(form, LoopForm) and last > known.duration:
-        form = replace(form, motion_laws=known.lasting(last))
-    one = np.full_like(time, known.pace)
-    return Comparand(form, known.pace * time, one, 0.0 * one, time)
+        form = replace(form, motion_laws=known.with_duration(last))
+    one = np.full_like(time, known.rate)
+    return Comparand(form, known.rate * time, one, 0.0 * one, time)
 
 
 def _of_crank(

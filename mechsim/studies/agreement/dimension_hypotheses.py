@@ -186,7 +186,7 @@ def _kind(family: DesignFamily, dimension: Dimension, form: Form) -> str:
         return "dimension"
     if before.joints != after.joints or before.points != after.points:
         return "dimension"
-    slopes = [(law.slope, other.slope) for law, other in zip(before.laws, after.laws, strict=True)]
+    slopes = [(law.ratio, other.ratio) for law, other in zip(before.laws, after.laws, strict=True)]
     return "gear" if any(one != other for one, other in slopes) else "phase"
 
 
@@ -242,7 +242,7 @@ def _of_couplings(miss: Miss) -> list[Hypothesis]:
         for i, kind in ((1, "gear"), (0, "phase")):
             if i < len(law.coefficients):
                 change = _coupling_changed(form, k, i)
-                found.append(_coupled(miss, law.name, kind, change, law.slope))
+                found.append(_coupled(miss, law.name, kind, change, law.ratio))
     return found
 
 

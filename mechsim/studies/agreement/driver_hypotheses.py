@@ -34,7 +34,7 @@ def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]
         angle, speed, acceleration = steady
         return replace(comparand, angle=_near(comparand, angle), speed=speed, acceleration=acceleration)
     joints = dict(comparand.motion.joints)
-    time = comparand.angle / motion_laws.pace
+    time = comparand.angle / motion_laws.rate
     for name, state in motion_laws.by_name.items():
         if name in changes:
             value, rate, second = (np.broadcast_to(part, time.shape) for part in changes[name](state)(time))
@@ -181,7 +181,7 @@ def delays(miss: Miss) -> Iterator[Hypothesis]:
     step = float(np.median(np.diff(comparand.time)))
 
     def late(p: Array) -> Values:
-        pace = comparand.speed if motion_laws is None else motion_laws.pace
+        pace = comparand.speed if motion_laws is None else motion_laws.rate
         return miss.predicted(
             replace(comparand, angle=comparand.angle - pace * p[0], time=comparand.time - p[0])
         )

@@ -141,7 +141,7 @@ class Comparand:
             return {name: (one.value, one.rate, one.acceleration) for name, one in joints.items()}
         if motion_laws is None:
             return {self.form.mechanism.crank.name: (self.angle, self.speed, self.acceleration)}
-        value, first, second = motion_laws.by_clock(self.angle)
+        value, first, second = motion_laws.along_path(self.angle)
         rate, bend = first * self.speed, first * self.acceleration + second * self.speed**2
         return {name: (value[i], rate[i], bend[i]) for i, name in enumerate(motion_laws.drivers)}
 

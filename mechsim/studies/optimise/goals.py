@@ -190,7 +190,9 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
         index = int(np.argmin(near))
         if near[index] > SAME:
             motion_laws = form.motion_laws
-            there = f"{found.angle:.6g} rad" if motion_laws is None else motion_laws.called(found.angle)
+            there = (
+                f"{found.angle:.6g} rad" if motion_laws is None else motion_laws.instant_label(found.angle)
+            )
             raise InputError(
                 f"{text} is taken at {there}, where the motion is not solved; give `moved` "
                 f"{'an angle' if motion_laws is None else 'a time'} there"

@@ -56,9 +56,7 @@ class ExactClosure:
 
     def _of(self, coordinate: int) -> int:
         branches = self.loops.tree.branches
-        return next(
-            i for i, one in enumerate(branches) if one.first <= coordinate < one.first + one.kind.freedoms
-        )
+        return next(i for i, one in enumerate(branches) if one.first <= coordinate < one.first + one.kind.dof)
 
     def coordinates(self, qpos: Array) -> Coordinates:
         """Return states of the model (n, nq) as coordinates of the equations."""
@@ -185,7 +183,7 @@ class ExactClosure:
         rate[loops.unknown] = -least_norm(matrix, slope[..., 0] @ rate)
         rate, out, ball = rate * loops.units, np.zeros(nv), 0
         for branch, dof in zip(tree.branches, dofs, strict=True):
-            count = branch.kind.freedoms
+            count = branch.kind.dof
             out[dof : dof + count] = rate[branch.first : branch.first + count]
             if branch.kind.ball:
                 # of a ball MuJoCo counts the turning in the body's own frame
@@ -227,7 +225,7 @@ def _tree(mechanism: Mechanism, joints: int) -> SpanningTree:
     count = 0
     for joint in mechanism.joints[:joints]:
         branches.append(TreeJoint(joint, True, index[joint.a.link], index[joint.b.link], count))
-        count += KINDS[joint.kind].freedoms
+        count += KINDS[joint.kind].dof
     return SpanningTree(mechanism, mechanism, tuple(branches), mechanism.joints[joints:])
 
 

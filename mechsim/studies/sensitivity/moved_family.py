@@ -26,7 +26,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.masses import STEEL, with_inertia
 from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import closes_nowhere
+from mechsim.model.motion_laws import no_crank_range_error
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.studies.quantities import AXES, Quantity, quantity, record_columns, scalar_quantities, unknown
@@ -108,13 +108,13 @@ class MovedFamily:
     def over(self) -> tuple[str, Array]:
         """What tells the instants apart: crank angle in [rad], or t in [s] under programs."""
         motion_laws = self.form.motion_laws
-        return ("angle", self.angles) if motion_laws is None else ("t", self.angles / motion_laws.pace)
+        return ("angle", self.angles) if motion_laws is None else ("t", self.angles / motion_laws.rate)
 
     @property
     def rate(self) -> float:
         """Speed of the crank or of the clock, in [rad/s]."""
         motion_laws = self.form.motion_laws
-        return self.speed if motion_laws is None else motion_laws.pace
+        return self.speed if motion_laws is None else motion_laws.rate
 
     @property
     def offset(self) -> str:
@@ -143,7 +143,9 @@ class MovedFamily:
             study = prescribed_along(self.loading.machine(self.form), self.angles[:1], self.rate)
             known |= self._force_columns(dict(study.columns()))
             reactions = study.efforts.reactions.items()
-            undetermined = {f"{joint}.{part}" for joint, reaction in reactions for part in reaction.open}
+            undetermined = {
+                f"{joint}.{part}" for joint, reaction in reactions for part in reaction.undetermined
+            }
         result: list[str] = []
         for part in found:
             columns = {column.name for column in part.columns}
@@ -353,12 +355,12 @@ def instants_of(form: Form) -> Array:
     """
     motion_laws = form.motion_laws
     if motion_laws is not None:
-        low, high, turn = 0.0, motion_laws.pace * motion_laws.duration, np.inf
+        low, high, turn = 0.0, motion_laws.rate * motion_laws.duration, np.inf
     elif (arcs := form.crank_range()).full:
         low, high, turn = 0.0, TURN, TURN
     else:
         if not arcs.arcs:
-            raise closes_nowhere(form.name)
+            raise no_crank_range_error(form.name)
         low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
         clear = CLEAR * (high - low)
         low, high, turn = low + clear, high - clear, TURN

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import units
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion, taken
+from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.studies.quantities import (
@@ -188,7 +188,7 @@ def _parameter(text: str, index: str, motion_laws: MotionLaws | None) -> float:
             "give a time "
             "within them, or a longer duration"
         )
-    return motion_laws.pace * time
+    return motion_laws.rate * time
 
 
 def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
@@ -215,7 +215,7 @@ def _function_values(where: str, turns: Turns) -> Array:
     function = run_object(where)
     out = np.empty(turns.designs)
     for i in range(turns.designs):
-        motion: Motion = taken(turns.motion, slice(i * turns.poses, (i + 1) * turns.poses))
+        motion: Motion = select_instants(turns.motion, slice(i * turns.poses, (i + 1) * turns.poses))
         out[i] = _number(where, run_user_code(where, lambda motion=motion: function(motion)))
     return out
 
@@ -265,4 +265,4 @@ def _first(turns: Turns, count: int) -> Turns:
     rows = np.zeros((turns.designs, turns.poses), dtype=np.bool_)
     rows[:, :count] = True
     more = {name: values[:, :count] for name, values in turns.more.items()}
-    return Turns(turns.designs, count, taken(turns.motion, rows.ravel()), more, turns.facts)
+    return Turns(turns.designs, count, select_instants(turns.motion, rows.ravel()), more, turns.facts)

@@ -23,8 +23,8 @@ from mechsim.analytic.loops.design_motion import many_motion
 from mechsim.errors import InputError, MechsimError, MobilityError, cut
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
-from mechsim.model.motion import Motion, taken
-from mechsim.model.motion_laws import arc_around, closes_nowhere
+from mechsim.model.motion import Motion, select_instants
+from mechsim.model.motion_laws import interval_around, no_crank_range_error
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
@@ -172,7 +172,7 @@ def _blocks(
         if len(angles):
             values = _block(task, rows, block, task.turn, own)
         else:
-            motion = taken(solver.solve(np.zeros(1), links=False), slice(0, 0))
+            motion = select_instants(solver.solve(np.zeros(1), links=False), slice(0, 0))
             values = table_of(task.measures, Turns(len(block), 0, motion, facts=own), task.angle_index)
         finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
         if "crank_range" in own:
@@ -201,7 +201,7 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
         return every
     if closed:
         valid &= come_back(motion, len(index))
-        motion = taken(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
+        motion = select_instants(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
     with np.errstate(all="ignore"):
         values = table_of(task.measures, Turns(len(index), len(task.angles), motion), task.angle_index)
     valid &= np.all([np.isfinite(column) for column in values.values()], axis=0)
@@ -218,7 +218,7 @@ def _loop_swings(
     if not len(others) or task.subject.solver.motion_laws is not None:
         return others[:0]
     try:
-        tracer = SwingTracer(task.loops, started.some(others))
+        tracer = SwingTracer(task.loops, started.subset(others))
         swings = tracer.swings()
         if swings is None:
             return others[:0]
@@ -305,7 +305,7 @@ def measured_alone(
     angles = task.angles
     if not len(angles):
         if not solver.crank_range().arcs:
-            raise closes_nowhere(solver.name)
+            raise no_crank_range_error(solver.name)
         return {measure.name: facts[measure.kind] for measure in task.measures}, "passed", ""
     arc = swing_arc(solver)
     if task.settings is not None:
@@ -330,9 +330,9 @@ def swing_arc(solver: Form) -> tuple[float, float] | None:
     arcs = solver.crank_range()
     if arcs.full:
         return None
-    arc = arc_around(arcs, solver.mechanism.start) if arcs.arcs else None
+    arc = interval_around(arcs, solver.mechanism.start) if arcs.arcs else None
     if arc is None:
-        raise closes_nowhere(solver.name)
+        raise no_crank_range_error(solver.name)
     return arc
 
 
@@ -345,8 +345,8 @@ def _solved_alone(
     if solver.motion_laws is not None:
         # the rate of the path parameter depends on the design; the times are the same
         angles, path_speed = (
-            angles / path_speed * solver.motion_laws.pace,
-            np.full_like(path_speed, solver.motion_laws.pace),
+            angles / path_speed * solver.motion_laws.rate,
+            np.full_like(path_speed, solver.motion_laws.rate),
         )
     motion = solver.solve_along(angles, path_speed, crank.acceleration)
     shape = (1, len(angles))

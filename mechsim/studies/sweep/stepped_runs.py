@@ -11,8 +11,8 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.errors import AssemblyError
-from mechsim.model.motion import taken
-from mechsim.model.motion_laws import closes_nowhere, within_range
+from mechsim.model.motion import select_instants
+from mechsim.model.motion_laws import no_crank_range_error, within_range
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.many.design_models import design_models
@@ -129,7 +129,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
             (mechanism.crank.name if name == CRANK else name): value for name, value in motion.joints.items()
         }
         motion = replace(motion, joints=joints)
-    turns = Turns(1, len(task.records), taken(motion, task.records), forces)
+    turns = Turns(1, len(task.records), select_instants(motion, task.records), forces)
     values = {
         name: float(value[0]) for name, value in table_of(task.measures, turns, task.angle_index).items()
     }
@@ -155,7 +155,7 @@ def prescribed_motion(solver: Form, pace: float) -> dict[str, Any]:
     if arcs.full:
         return {"speed": pace}
     if not arcs.arcs:
-        raise closes_nowhere(solver.name)
+        raise no_crank_range_error(solver.name)
     return {"profile": within_range(solver.mechanism, arcs, pace)}
 
 

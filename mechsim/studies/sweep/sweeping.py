@@ -347,18 +347,18 @@ def _other_method(task: SweepTask) -> str:
 def _compared(task: SweepTask, solver: Form) -> tuple[float, str]:
     """Return the largest position error between both methods, in [m], and why they disagree, or ""."""
     solver = with_closed_start(solver)
-    motion = prescribed_motion(solver, task.path_speed)
+    prescribed = prescribed_motion(solver, task.path_speed)
     if task.settings is None:
-        run = simulate(solver, samples=task.samples, method="pose", **motion)
+        run = simulate(solver, samples=task.samples, method="pose", **prescribed)
     else:
-        run = simulate(solver, samples=task.intervals, method="step", settings=task.settings, **motion)
+        run = simulate(solver, samples=task.intervals, method="step", settings=task.settings, **prescribed)
     motion = run.motion
     if isinstance(solver, LoopForm):
         exact = solver.solve_as(motion)
     else:
         exact = solver.solve_along(motion.angle, motion.speed, motion.acceleration)
     verdict = crosscheck(run, exact)
-    distance = max(float(errors.max()) for errors in motion.place_errors(exact).values())
+    distance = max(float(errors.max()) for errors in motion.position_errors(exact).values())
     return distance, "" if verdict.passed else verdict.outcome
 
 

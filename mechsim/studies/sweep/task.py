@@ -85,7 +85,7 @@ class SweepTask:
     def path_speed(self) -> float:
         """Rate of the path parameter in [rad/s]: speed of the crank, or `pace` of the motion laws."""
         motion_laws = self.subject.solver.motion_laws
-        return self.speed if motion_laws is None else motion_laws.pace
+        return self.speed if motion_laws is None else motion_laws.rate
 
     @cached_property
     def angle_index(self) -> dict[float, int]:
@@ -102,7 +102,7 @@ class SweepTask:
         if motion_laws is None:
             turn = TURN * np.arange(self.samples) / self.samples
         else:
-            turn = np.linspace(0.0, motion_laws.pace * motion_laws.duration, self.samples)
+            turn = np.linspace(0.0, motion_laws.rate * motion_laws.duration, self.samples)
         return np.concatenate([turn, [*self.angle_index]])
 
     def within(self, low: ArrayLike, high: ArrayLike) -> CrankRows:
@@ -231,13 +231,13 @@ class SweepTask:
             InputError: for an angle at which something is measured and no instant is recorded.
         """
         motion_laws, solver = self.subject.solver.motion_laws, self.subject.solver
-        period = TURN if motion_laws is None else motion_laws.pace * motion_laws.duration
+        period = TURN if motion_laws is None else motion_laws.rate * motion_laws.duration
         start = solver.mechanism.start if motion_laws is None else 0.0
         result = np.arange(self.samples)
         for angle in self.angle_index:
             index = (angle - start) / period * self.intervals
             if abs(index - round(index)) > RECORD_TOLERANCE:
-                scale, unit = (1.0, "rad") if motion_laws is None else (motion_laws.pace, "s")
+                scale, unit = (1.0, "rad") if motion_laws is None else (motion_laws.rate, "s")
                 raise InputError(
                     f"at {angle / scale:.6g} {unit} nothing is recorded, but every "
                     f"{period / self.intervals / scale:.6g} {unit}; choose --samples so that "

@@ -256,7 +256,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     ranked: list[tuple[Freedom, dict[str, Pose]]] = [(freedom(mechanism, poses), poses) for poses in stands]
     best, poses = max(ranked, key=lambda item: item[0].rank)
     crank_moves = best.mobility > best.passive
-    constraints = Counter(6 - KINDS[joint.kind].freedoms for joint in mechanism.joints)
+    constraints = Counter(6 - KINDS[joint.kind].dof for joint in mechanism.joints)
     return Mobility(
         actual=best.mobility,
         links=len(mechanism.links),

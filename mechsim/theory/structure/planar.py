@@ -143,7 +143,7 @@ def rigid(mechanism: Mechanism) -> dict[str, str]:
     order = [GROUND, *(link.name for link in mechanism.links)]
     fixed: nx.Graph[str] = nx.Graph()
     fixed.add_nodes_from(order)
-    welded = [joint for joint in mechanism.joints if not KINDS[joint.kind].freedoms]
+    welded = [joint for joint in mechanism.joints if not KINDS[joint.kind].dof]
     fixed.add_edges_from((joint.a.link, joint.b.link) for joint in welded)
     first = {
         name: min(component, key=order.index)

@@ -41,7 +41,7 @@ def test_a_finding_names_the_included_file_and_the_line_in_it(tmp_path):
     found = {one.kind: one for one in findings(read_model(str(tmp_path / "main.xml")))}
     assert (found["gap"].file, found["gap"].line) == ("loops.xml", 4)
     assert (found["limit"].file, found["limit"].line) == ("rocker.xml", 3)
-    assert found["limit"].told.startswith("rocker.xml, line 3: joint C starts")
+    assert found["limit"].one_line.startswith("rocker.xml, line 3: joint C starts")
 
 
 def test_a_finding_in_the_file_itself_names_its_line_alone(tmp_path):
