@@ -204,7 +204,8 @@ def _findings(case: Case) -> tuple[Finding, ...] | None:
 
 def _write_report(folder: Path, cases: Mapping[str, Case], results: Mapping[str, Any]) -> None:
     with progress("draw", len(cases)) as tick:
-        notes = write_validation_report(folder, cases, results, done=tick)
+        descriptions = {name: gallery.description(path) for name, path in gallery.files().items()}
+        notes = write_validation_report(folder, cases, results, tick, descriptions)
     for note in notes:
         tell(note)
 

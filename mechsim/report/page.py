@@ -1,18 +1,20 @@
-"""The report: one page that needs nothing but itself, and the same numbers as JSON beside it."""
+"""The report: one HTML page with its pictures inside, and the same numbers as JSON in the same folder."""
 
 import base64
 import json
 import math
 import os
 import platform
-import re
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mechsim._version import __version__
 from mechsim.errors import OutputError, needs
@@ -21,23 +23,32 @@ from mechsim.pictures.number_text import number
 from mechsim.verdict.checks import Check
 
 TEMPLATES = Path(__file__).parent / "templates"
+NUMBERS = "validate.json"
 LIBRARIES = ("mujoco", "numpy", "scipy", "matplotlib", "mediapy")
-KINDS = {
-    ".mp4": "video/mp4",
-    ".webm": "video/webm",
-    ".gif": "image/gif",
-}
-# a check that uses less of its bound stands only in the long table
+# a check that uses less of its tolerance is listed in the long table only
 UNUSED = 1e-3
-# points across; wider plots have several columns
-WIDE = 450.0
-# what a reader should know of each outcome, in a word or two
+# an error that grew by this factor since the earlier report is listed, if it uses more than UNUSED
+GROWTH = 2.0
+# lines of a comparison with an earlier report
+MAX_CHANGES = 20
+# the sparkline of a section shows error / tolerance from this value to 1 on a logarithmic scale
+SPARK_FLOOR = 1e-6
+# outcomes of a case in words
 OUTCOMES = {
     "passed": "all checks passed",
     "failed": "a check failed",
     "diverged": "diverged",
     "changed assembly": "changed assembly",
     "cannot assemble": "cannot be assembled",
+}
+# method of a check -> what is compared with what
+METHODS = {
+    "": ("Model", "the given formula or table"),
+    "closed form": ("Analytic formula", "loop equations"),
+    "formula": ("Known solution", "loop equations"),
+    "pose": ("Analytic solution", "MuJoCo, solved poses"),
+    "step": ("Analytic solution", "MuJoCo, time-stepped"),
+    "as published": ("Analytic solution", "MuJoCo, the file's own settings"),
 }
 
 
@@ -48,28 +59,32 @@ class Section:
     Attributes:
         name: as in the results.
         title: heading.
+        about: one sentence on what it is.
+        cause: the most likely cause of a failure; empty where there is none.
         facts: what is known without a run: name of the fact -> value, or list of lines.
-        still: PNG of one position.
-        video: file to embed (mp4, webm or gif).
-        turned: name of the page beside in which it is turned by hand; empty for none.
-        plots: (caption, SVG or PNG bytes).
+        picture: one pose, WebP or PNG; None where it could not be drawn.
+        video: name of a video file in the same folder; empty for none.
+        view: name of the interactive 3-D page in the same folder; empty for none.
+        plots: (caption, WebP, PNG or SVG bytes).
         checks: of the verdict.
         settings: how the run was made and what it cost.
     """
 
     name: str
     title: str = ""
+    about: str = ""
+    cause: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
-    still: bytes | None = None
-    video: Path | None = None
-    turned: str = ""
+    picture: bytes | None = None
+    video: str = ""
+    view: str = ""
     plots: Sequence[tuple[str, bytes]] = ()
     checks: Sequence[Check] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyPart:
+class StudySection:
     """What the page shows of a study.
 
     Attributes:
@@ -96,16 +111,18 @@ def write_report(
     *,
     command: str | None = None,
     notes: Sequence[str] = (),
-    studies: Sequence[StudyPart] = (),
+    studies: Sequence[StudySection] = (),
 ) -> Path:
     """Write `index.html` and `validate.json` into a directory and return the page's path.
+
+    A `validate.json` that an earlier report left there is compared with the new results.
 
     Args:
         directory: exists, or its parent does.
         results: as `mechsim validate --json` prints them; extra keys are kept in the JSON.
         sections: what to show of each mechanism, in this order.
         command: that makes this report again; None takes that of this process.
-        notes: what could not be done, one sentence each; they stand at the top.
+        notes: what could not be done, one sentence each; they are shown at the top.
         studies: extremes and trades, after the mechanisms.
 
     Raises:
@@ -120,12 +137,13 @@ def write_report(
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": command or _this_command(),
         "versions": versions(),
-        "machine": machine(),
+        "machine": computer(),
     }
-    page = render(results, sections, about, notes, studies)
-    write_json(directory / "validate.json", {**results, "notes": list(notes), "about": about})
-    with written_beside(directory / "index.html") as beside:
-        beside.write_text(page, encoding="utf-8")
+    changes = changes_since(directory / NUMBERS, results)
+    page = render(results, sections, about, notes, studies, changes)
+    write_json(directory / NUMBERS, {**results, "notes": list(notes), "about": about})
+    with written_beside(directory / "index.html") as temporary:
+        temporary.write_text(page, encoding="utf-8")
     return directory / "index.html"
 
 
@@ -134,9 +152,10 @@ def render(
     sections: Sequence[Section],
     about: Mapping[str, Any],
     notes: Sequence[str] = (),
-    studies: Sequence[StudyPart] = (),
+    studies: Sequence[StudySection] = (),
+    changes: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return the page as HTML text."""
+    """Return the page as HTML text; mechanisms that failed come first."""
     with needs("pictures"):
         import jinja2
 
@@ -147,36 +166,107 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Any] = {"number": number, "degrees": degrees, "instant": instant, "value": value}
-    filters |= {"picture": picture, "film": film, "wide": wide}
-    environment.filters.update(filters)
-    shown = [_shown(section, results) for section in sections]
+    filters: dict[str, Any] = {"number": number, "instant": instant, "value": value, "percent": percent}
+    environment.filters.update(filters | {"data_uri": data_uri})
+    shown = sorted((_shown(section, results) for section in sections), key=lambda case: case["passed"])
     return environment.get_template("report.html").render(
         passed=bool(results["passed"]),
         outcomes=OUTCOMES,
         mechanisms=shown,
-        count_passed=sum(one["passed"] for one in shown),
-        failures=[one for one in shown if not one["passed"]],
+        check_count=sum(len(case["checks"]) for case in shown),
+        failed_count=sum(len(case["checks"]) - case["checks_passed"] for case in shown),
+        failures=[case for case in shown if not case["passed"]],
+        methods=method_rows(shown),
+        unstepped=[
+            case["name"] for case in shown if results["mechanisms"].get(case["name"], {}).get("steps") == 0
+        ],
+        changes=changes,
         notes=notes,
         studies=studies,
         about=about,
-        film_is_picture=lambda path: Path(path).suffix == ".gif",
     )
+
+
+def method_rows(cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row per method that was used: mechanisms, checks, and the largest error / tolerance."""
+    rows: list[dict[str, Any]] = []
+    used = dict.fromkeys(check.method for case in cases for check in case["checks"])
+    for method in sorted(used, key=[*METHODS, *used].index):
+        checks = [(case, check) for case in cases for check in case["checks"] if check.method == method]
+        worst_case, worst = max(checks, key=lambda pair: _severity(pair[1]))
+        compared, against = METHODS.get(method, (method, "the analytic solution"))
+        rows.append(
+            {
+                "compared": compared,
+                "against": against,
+                "mechanisms": len({case["name"] for case, _ in checks}),
+                "checks": len(checks),
+                "failed": sum(not check.passed for _, check in checks),
+                "worst": worst.fraction_of_tolerance,
+                "name": worst_case["name"],
+            }
+        )
+    return rows
+
+
+def changes_since(path: Path, results: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return what changed since an earlier report; None where there is none that can be read.
+
+    Args:
+        path: the earlier `validate.json`.
+        results: the new ones.
+    """
+    try:
+        earlier = json.loads(path.read_text(encoding="utf-8"))
+        before = dict(_checks_by_key(earlier))
+        made = str(earlier["about"]["made"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    changes: list[dict[str, Any]] = []
+    now = dict(_checks_by_key(results))
+    for key, check in now.items():
+        old = before.get(key)
+        if old is None:
+            continue
+        worst, old_worst = _finite(check["worst"]), _finite(old["worst"])
+        grew = worst > GROWTH * old_worst and worst > UNUSED * check["tolerance"]
+        if check["passed"] != old["passed"] or grew:
+            kind = "larger" if check["passed"] == old["passed"] else "fixed" if check["passed"] else "failed"
+            changes.append({"key": key, "kind": kind, "before": old_worst, "now": worst, **check})
+    changes.sort(key=lambda change: ("failed", "larger", "fixed").index(change["kind"]))
+    return {
+        "made": made,
+        "rows": changes[:MAX_CHANGES],
+        "count": len(changes),
+        "added": len(now.keys() - before.keys()),
+        "removed": len(before.keys() - now.keys()),
+    }
+
+
+def _checks_by_key(results: Mapping[str, Any]) -> list[tuple[tuple[str, str, str], Mapping[str, Any]]]:
+    return [
+        ((name, check["method"], check["quantity"]), check)
+        for name, case in results["mechanisms"].items()
+        for check in case.get("checks", ())
+    ]
+
+
+def _finite(error: float | None) -> float:
+    """Return an error, infinite where it is no number."""
+    return math.inf if error is None or math.isnan(error) else float(error)
 
 
 def versions() -> dict[str, str]:
     """Return the versions of mechsim, Python and the libraries that results depend on."""
-    found = {"mechsim": __version__, "python": platform.python_version()}
+    installed = {"mechsim": __version__, "python": platform.python_version()}
     for library in LIBRARIES:
-        try:
-            found[library] = metadata.version(library)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+        with suppress(metadata.PackageNotFoundError):
+            installed[library] = metadata.version(library)
+    return installed
 
 
-def machine() -> dict[str, str]:
-    """Return what the numbers were made on."""
+def computer() -> dict[str, str]:
+    """Return the computer that made the numbers."""
     return {
         "system": platform.platform(terse=True),
         "processor": _processor(),
@@ -211,36 +301,26 @@ def value(x: Any) -> list[str]:
     return [str(x)]
 
 
-def picture(data: bytes) -> str:
-    """Return a picture as a data URI."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n":
-        return _uri("image/png", data)
-    return _uri("image/svg+xml", data)
+def percent(fraction: float | None) -> str:
+    """Return error / tolerance as a percentage."""
+    if fraction is None:
+        return "none"
+    if fraction >= 10.0:
+        return f"{number(float(f'{fraction:.2g}'))} times"
+    return "<0.1 %" if 0.0 < fraction < 1e-3 else f"{100.0 * fraction:.1f} %"
 
 
-def wide(data: bytes) -> bool:
-    """Return whether a plot is too wide to be read on a telephone; its page then lets it be pushed along."""
-    found = re.search(rb'<svg[^>]* width="([0-9.]+)pt"', data[:2000])
-    return found is not None and float(found[1]) > WIDE
-
-
-def film(path: Path) -> str:
-    """Return a video file as a data URI.
-
-    Raises:
-        OutputError: where it cannot be read.
-    """
-    try:
-        return _uri(KINDS[Path(path).suffix], Path(path).read_bytes())
-    except (OSError, KeyError) as error:
-        raise OutputError(f"cannot put the video {path} into the report: {error}") from error
+def data_uri(data: bytes) -> str:
+    """Return a picture, PNG, WebP or SVG, as a data URI."""
+    kind = "png" if data[:4] == b"\x89PNG" else "webp" if data[8:12] == b"WEBP" else "svg+xml"
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
     result = results["mechanisms"].get(section.name, {})
     seconds = result.get("seconds")
     costs = {"steps": result.get("steps"), "whole case": None if seconds is None else f"{seconds:.3g} s"}
-    used = [check for check in section.checks if check.fraction_of_tolerance is not None]
+    cause = section.cause or next((finding["message"] for finding in result.get("findings") or ()), "")
     return {
         "section": section,
         "name": section.name,
@@ -248,38 +328,50 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
         "passed": bool(result.get("passed", False)),
         "outcome": result.get("outcome", "failed"),
         "reason": result.get("reason", ""),
+        "cause": cause,
         "checks": section.checks,
+        "methods": [METHODS.get(m, (m, m))[1] for m in dict.fromkeys(c.method for c in section.checks)],
+        "rows": list(enumerate(section.checks)),
         "tightest": _tightest(section.checks),
         "checks_passed": sum(check.passed for check in section.checks),
-        "nearest": max(used, key=_share) if used else None,
+        "worst": max(section.checks, key=_severity, default=None),
+        "spark": _sparkline(section.checks),
         "seconds": seconds,
         "settings": {**section.settings, **{k: v for k, v in costs.items() if v is not None}},
     }
 
 
-def _tightest(checks: Sequence[Check]) -> list[Check]:
-    """Of each kind of quantity the check that comes nearest to its bound, and all that failed.
+def _tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
+    """Return the check with the largest error / tolerance of each kind, and all that failed, with their rows.
 
-    What uses less than `UNUSED` of its bound is left out, unless nothing else is there.
+    Checks that use less than `UNUSED` of their tolerance are left out, unless nothing else is there.
     """
-    found: dict[tuple[str, ...], Check] = {}
-    for check in checks:
+    worst: dict[tuple[str, ...], tuple[int, Check]] = {}
+    for row, check in enumerate(checks):
         kind = (check.variant, check.method, check.kind)
-        best = found.get(kind)
         if not check.passed:
-            found[*kind, check.subject] = check
-        elif best is None or _share(check) > _share(best):
-            found[kind] = check
-    kept = list(found.values())
-    return [check for check in kept if not check.passed or _share(check) >= UNUSED] or kept
+            worst[*kind, check.subject] = row, check
+        elif kind not in worst or _severity(check) > _severity(worst[kind][1]):
+            worst[kind] = row, check
+    selected = list(worst.values())
+    return [pair for pair in selected if not pair[1].passed or _severity(pair[1]) >= UNUSED] or selected
 
 
-def _share(check: Check) -> float:
+def _severity(check: Check) -> float:
+    """Return error / tolerance; infinite where the error is no number."""
+    if not np.isfinite(check.worst):
+        return math.inf
     return check.fraction_of_tolerance or 0.0
 
 
-def _uri(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
+def _sparkline(checks: Sequence[Check]) -> str:
+    """Return the path of an SVG, 60 wide and 12 high: a bar per check, the logarithm of error / tolerance."""
+    bars: list[str] = []
+    for i, check in enumerate(checks):
+        share = min(max(_severity(check), SPARK_FLOOR), 1.0)
+        height = 12.0 * (1.0 - math.log10(share) / math.log10(SPARK_FLOOR))
+        bars.append(f"M{60.0 * (i + 0.5) / len(checks):.1f} 12v{-max(height, 0.5):.1f}")
+    return "".join(bars)
 
 
 def _this_command() -> str:
@@ -296,11 +388,11 @@ def _processor() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-def studies_in(folder: Path) -> list[StudyPart]:
+def studies_in(folder: Path) -> list[StudySection]:
     """Return the studies that `mechsim extremes --report` and `mechsim tradeoff --plot` left in a folder.
 
     Raises:
-        OutputError: where a file is there but cannot be read as what it should be.
+        OutputError: where a file exists but cannot be read.
     """
     try:
         return [*_extremes(folder), *_trades(folder)]
@@ -310,15 +402,15 @@ def studies_in(folder: Path) -> list[StudyPart]:
         ) from error
 
 
-def _extremes(folder: Path) -> list[StudyPart]:
+def _extremes(folder: Path) -> list[StudySection]:
     drawing, numbers = folder / "extremes.svg", folder / "extremes.json"
     if not (drawing.is_file() and numbers.is_file()):
         return []
-    found: Mapping[str, Any] = json.loads(numbers.read_text(encoding="utf-8"))
-    good = sum(bool(trial["passed"]) for trial in found["trials"])
+    study: Mapping[str, Any] = json.loads(numbers.read_text(encoding="utf-8"))
+    passed = sum(bool(trial["passed"]) for trial in study["trials"])
     about = (
-        f"{good} of {len(found['trials'])} runs, pushed until something breaks, ended as the closed form "
-        "says they must. Made before by mechsim extremes; its borders are below."
+        f"{passed} of {len(study['trials'])} runs, pushed until something breaks, ended as the closed form "
+        "predicts. From an earlier run of mechsim extremes; the limits that it located are below."
     )
     rows = [
         (
@@ -327,9 +419,9 @@ def _extremes(folder: Path) -> list[StudyPart]:
             f"{border['inside']:.2g}: {border['before']}",
             f"{border['outside']:.2g}: {border['after']}",
         )
-        for border in found["borders"]
+        for border in study["borders"]
     ]
-    part = StudyPart(
+    section = StudySection(
         name="extremes",
         title="Extremes",
         about=about,
@@ -337,17 +429,17 @@ def _extremes(folder: Path) -> list[StudyPart]:
         head=("Axis", "Mechanism", "Up to", "From"),
         rows=tuple(rows),
     )
-    return [part]
+    return [section]
 
 
-def _trades(folder: Path) -> list[StudyPart]:
+def _trades(folder: Path) -> list[StudySection]:
     drawings = sorted(folder.glob("tradeoff_*.svg"))
     if not drawings:
         return []
-    part = StudyPart(
+    section = StudySection(
         name="tradeoff",
         title="Speed against accuracy",
-        about="Error over cost of every way of stepping, measured before by mechsim tradeoff.",
+        about="Error over cost of each integrator and time step, from an earlier run of mechsim tradeoff.",
         plots=tuple((path.stem.removeprefix("tradeoff_"), path.read_bytes()) for path in drawings),
     )
-    return [part]
+    return [section]

@@ -1,15 +1,19 @@
-"""The page of a validation: each case with its facts, pictures, plots, verdict and cost."""
+"""The page of a validation, and that of a model compared with a formula or a table."""
 
+import io
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.errors import MissingToolError, OutputError
+from mechsim.analytic.forms import Form
+from mechsim.errors import MissingToolError, OutputError, needs
 from mechsim.files import stem_of, written_beside
+from mechsim.model.motion import Motion
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.pictures.view import page, three_js
@@ -21,26 +25,33 @@ from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import PARTS
 from mechsim.studies.validate import Case
 
-SIZE = (640, 480)
+RESOLUTION = (640, 480)
 FRAMES_PER_TURN = 36
 FRAMES_PER_SECOND = 18.0
-# of a case without a stepped run: a still and this plot
-QUICK = ("curve",)
+# the plot of a case that was not time-stepped
+UNSTEPPED_PLOTS = ("curve",)
+# colours of a plot, and quality of a picture, in WebP: over the mechanisms of the default run the plots take
+# half of their size in SVG, the pictures a quarter of their size in PNG
+PLOT_COLOURS, PICTURE_QUALITY = 32, 80
+# plots of a comparison: of the quantities with the largest error / tolerance
+MAX_PLOTS = 4
 
 
 def write_validation_report(
     folder: Path,
     cases: Mapping[str, Case],
     results: Mapping[str, Any],
-    done: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str], None] = lambda _: None,
+    descriptions: Mapping[str, str] | None = None,
 ) -> list[str]:
-    """Write plots, pictures, videos and the page that shows them into a folder.
+    """Write a page with its pictures and plots inside, and views and videos in files of their own.
 
     Args:
         folder: made if it is not there.
         cases: name -> case.
         results: as `mechsim validate --json` prints them.
-        done: called with the name of each mechanism drawn.
+        progress: called with the name of each mechanism that is drawn.
+        descriptions: name -> one sentence on what the mechanism is.
 
     Returns:
         What could not be done, one sentence each: without OpenGL there are no pictures, and the
@@ -50,128 +61,146 @@ def write_validation_report(
     notes: list[str] = []
     sections: list[Section] = []
     for name, case in cases.items():
-        still, video = _drawn(folder, name, case, notes)
-        turned = _turned(folder, name, case)
-        drawings = _plots(case)
-        for kind, drawing in drawings.items():
-            with written_beside(folder / f"{stem_of(name)}_{kind}.svg") as beside:
-                beside.write_bytes(drawing)
+        picture = _picture(case.drive, case.run.motion, notes)
+        about = (type(case.drive).__doc__ or "").splitlines()[0] if isinstance(case.drive, ClosedForm) else ""
         sections.append(
             Section(
                 name=name,
                 title=name,
+                about=(descriptions or {}).get(name, about),
                 facts=_facts(case) | ({} if case.formula is None else explanations(case.formula)),
-                still=still,
-                video=video,
-                turned=turned,
-                plots=[(PLOTS[kind].about, drawing) for kind, drawing in drawings.items()],
+                picture=picture,
+                video=_write_video(folder, name, case, notes) if picture is not None else "",
+                view=_write_view(folder, name, case),
+                plots=_plots(case),
                 checks=case.verdict.checks,
                 settings=_settings(case),
             )
         )
-        done(name)
+        progress(name)
     write_report(folder, results, sections, notes=notes, studies=studies_in(folder))
     return notes
 
 
-def _drawn(folder: Path, name: str, case: Case, notes: list[str]) -> tuple[bytes | None, Path | None]:
-    """Write a still and, of a stepped run, a video; return the still's bytes and the video's path.
-
-    What cannot be drawn is None, and the notes say why; the page does without it.
-    """
-    from mechsim.pictures.render import Look, turn_angles, write_picture, write_video
+def _picture(solver: Form, motion: Motion, notes: list[str]) -> bytes | None:
+    """Return a picture of the first pose as WebP; None where it cannot be drawn, and a note says why."""
+    from mechsim.pictures.render import Look, still
     from mechsim.pictures.render.file_bodies import drawn_as
 
-    mechanism, motion = case.drive.mechanism, case.run.motion
-    look = Look(size=SIZE, **drawn_as(case.drive))
-    picture, video = folder / f"{stem_of(name)}.png", folder / f"{stem_of(name)}.mp4"
-    still: bytes | None = None
+    look = Look(size=RESOLUTION, **drawn_as(solver))
     try:
-        write_picture(picture, mechanism, motion, look, angle=float(motion.angle[0]), paths="whole")
-        still = picture.read_bytes()
-        if case.quick:
-            return still, None
-        angles = turn_angles(mechanism, motion, FRAMES_PER_TURN)
-        write_video(video, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
+        pixels = still(solver.mechanism, motion, look, angle=float(motion.angle[0]), paths="whole")
     except (MissingToolError, OutputError) as error:
-        # where nothing at all can be written, the page says so
         if str(error) not in notes:
             notes.append(str(error))
-        return still, None
-    return still, video
+        return None
+    return _webp(pixels)
 
 
-def _turned(folder: Path, name: str, case: Case) -> str:
-    """Write a page to turn the mechanism by hand and return its name; empty where there is none.
+def _write_video(folder: Path, name: str, case: Case, notes: list[str]) -> str:
+    """Write a video of a time-stepped run and return its file's name; empty where there is none."""
+    from mechsim.pictures.render import Look, turn_angles, write_video
+    from mechsim.pictures.render.file_bodies import drawn_as
 
-    All pages share one file of three.js.
-    """
-    shown = case_view(case)
-    if shown is None:
+    if case.quick:
         return ""
-    library, place = folder / "three.min.js", folder / f"{stem_of(name)}.view.html"
-    for path, text in ((library, three_js()), (place, page(shown, library.name))):
-        with written_beside(path) as beside:
-            beside.write_text(text, encoding="utf-8")
-    return place.name
+    mechanism, motion = case.drive.mechanism, case.run.motion
+    look, path = Look(size=RESOLUTION, **drawn_as(case.drive)), folder / f"{stem_of(name)}.mp4"
+    try:
+        angles = turn_angles(mechanism, motion, FRAMES_PER_TURN)
+        write_video(path, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
+    except (MissingToolError, OutputError) as error:
+        if str(error) not in notes:
+            notes.append(str(error))
+        return ""
+    return path.name
 
 
-def _plots(case: Case) -> dict[str, bytes]:
-    """Return the plots of a case as SVG: kind -> bytes."""
+def _write_view(folder: Path, name: str, case: Case) -> str:
+    """Write the interactive 3-D view and return its file's name; empty where there is none.
+
+    All views share one file of three.js.
+    """
+    view = case_view(case)
+    if view is None:
+        return ""
+    library, path = folder / "three.min.js", folder / f"{stem_of(name)}.view.html"
+    for file, text in ((library, three_js()), (path, page(view, library.name))):
+        with written_beside(file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return path.name
+
+
+def _webp(picture: bytes | NDArray[np.uint8]) -> bytes:
+    """Return a picture of pixels in lossy WebP, a plot in PNG as lossless WebP of few colours."""
+    with needs("pictures"):
+        from PIL import Image
+
+    out = io.BytesIO()
+    if isinstance(picture, bytes):
+        few = Image.open(io.BytesIO(picture)).convert("RGB").quantize(PLOT_COLOURS)
+        few.convert("RGB").save(out, "WEBP", lossless=True)
+    else:
+        Image.fromarray(picture).save(out, "WEBP", quality=PICTURE_QUALITY, method=6)
+    return out.getvalue()
+
+
+def _plots(case: Case) -> list[tuple[str, bytes]]:
+    """Return captions and plots of a case."""
     source = PlotSource(
         solver=case.drive,
         speed=float(np.abs(case.exact.speed).max()),
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
-        bounds={road: _bound(case, by) for road, by in (("simulated", "step"), ("posed", "pose"))},
+        bounds={"simulated": _position_tolerance(case, "step"), "posed": _position_tolerance(case, "pose")},
     )
-    wanted = {
-        name: kind for name, kind in PLOTS.items() if kind.on_page and (name in QUICK or not case.quick)
-    }
-    closed = isinstance(case.drive, ClosedForm)
-    return {
-        name: plots.drawn(kind.draw(source)) for name, kind in wanted.items() if closed or not kind.closed
-    }
+    kinds = [
+        kind
+        for name, kind in PLOTS.items()
+        if kind.on_page
+        and (name in UNSTEPPED_PLOTS or not case.quick)
+        and (isinstance(case.drive, ClosedForm) or not kind.closed)
+    ]
+    return [(kind.about, _webp(plots.drawn(kind.draw(source), "png"))) for kind in kinds]
 
 
-def _bound(case: Case, road: str) -> float:
-    bounds = (
-        check.tolerance for check in case.verdict.checks if (check.method, check.kind) == (road, "position")
-    )
-    return next(bounds, math.nan)
+def _position_tolerance(case: Case, method: Literal["step", "pose"]) -> float:
+    checks = (c for c in case.verdict.checks if (c.method, c.kind) == (method, "position"))
+    return next((check.tolerance for check in checks), math.nan)
 
 
 def _facts(case: Case) -> dict[str, Any]:
-    known = facts(case.drive)
-    listed: dict[str, Any] = {
-        "what it is": known["about"],
-        "mobility": known["mobility_explained"],
-        "joints": [f"{j['name']}: {j['kind']}, {j['links'][0]} - {j['links'][1]}" for j in known["joints"]],
+    known_facts = facts(case.drive)
+    joints = known_facts["joints"]
+    rows: dict[str, Any] = {
+        "mobility": known_facts["mobility_explained"],
+        "joints": [f"{j['name']}: {j['kind']}, {j['links'][0]} - {j['links'][1]}" for j in joints],
     }
-    if "crank_range" not in known:
-        return listed
-    reach = known["crank_range"]
-    if reach != "full turn":
-        reach = [
-            f"{math.degrees(low):.4f}° to {math.degrees(high):.4f}°" for low, high in known["crank_ranges"]
-        ]
-    listed["crank range"] = reach
-    listed["assemblies"] = f"{len(known['assemblies'])} at crank angle {math.degrees(known['angle']):g}°"
-    if known["dead_centres"]:
-        listed["dead centres"] = ", ".join(f"{math.degrees(at):.4f}°" for at in known["dead_centres"])
-    if known["transmission_angle"] is not None:
-        least = known["transmission_angle"]
-        value, place = math.degrees(least["least"]), math.degrees(least["at_angle"]) % 360.0
-        listed["transmission angle"] = f"at least {value:.2f}°, at crank angle {place:.1f}°"
-    if known["assur_explained"]:
-        listed["Assur groups"] = known["assur_explained"]
-    return listed
+    if "crank_range" not in known_facts:
+        return rows
+    arcs = [
+        f"{math.degrees(low):.4f}° to {math.degrees(high):.4f}°" for low, high in known_facts["crank_ranges"]
+    ]
+    rows["crank range"] = "full turn" if known_facts["crank_range"] == "full turn" else arcs
+    # loop equations follow one assembly; only a closed form has all of them
+    if isinstance(case.drive, ClosedForm):
+        count, angle = len(known_facts["assemblies"]), math.degrees(known_facts["angle"])
+        rows["assemblies"] = f"{count} at crank angle {angle:g}°"
+    if known_facts["dead_centres"]:
+        rows["dead centres"] = ", ".join(f"{math.degrees(a):.4f}°" for a in known_facts["dead_centres"])
+    if known_facts["transmission_angle"] is not None:
+        least = known_facts["transmission_angle"]
+        smallest, angle = math.degrees(least["least"]), math.degrees(least["at_angle"]) % 360.0
+        rows["transmission angle"] = f"at least {smallest:.2f}°, at crank angle {angle:.1f}°"
+    if known_facts["assur_explained"]:
+        rows["Assur groups"] = known_facts["assur_explained"]
+    return rows
 
 
 def _settings(case: Case) -> dict[str, Any]:
     run = case.run
-    posed = {"poses": f"{case.poses.steps} solved in {case.poses.seconds:.4g} s"}
+    poses = {"solved poses": f"{case.poses.steps} in {case.poses.seconds:.4g} s"}
     if case.quick:
-        return posed
+        return poses
     assert run.settings is not None
     return {
         **run.settings.rows(),
@@ -179,20 +208,16 @@ def _settings(case: Case) -> dict[str, Any]:
         "crank speed": f"{float(np.abs(run.motion.speed).max()) * 30 / math.pi:.6g} rpm",
         "steps": run.steps,
         "stepping time": f"{run.seconds:.4g} s",
-        **posed,
+        **poses,
     }
 
 
-# quantities drawn on the page: those farthest beyond their bounds
-DRAWN = 4
-
-
-def write_agreement_report(folder: Path, found: Agreement, results: dict[str, Any]) -> list[str]:
+def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str, Any]) -> list[str]:
     """Write a page into a folder: the model, the curves, their difference, where it comes from.
 
     Args:
         folder: made if it is not there.
-        found: what came of the comparison.
+        agreement: result of the comparison.
         results: as `mechsim validate --json` prints them.
 
     Returns:
@@ -200,89 +225,70 @@ def write_agreement_report(folder: Path, found: Agreement, results: dict[str, An
     """
     folder.mkdir(exist_ok=True)
     notes: list[str] = []
-    drawings: list[tuple[str, bytes]] = []
-    for curves in worst_first(found)[:DRAWN]:
-        drawings.append((f"{curves.name}: exact and claimed", plots.drawn(agreement_plot(curves))))
-    for name, (_, drawing) in zip(_stems(found), drawings, strict=False):
-        with written_beside(folder / f"{name}.svg") as beside:
-            beside.write_bytes(drawing)
     section = Section(
-        name=found.form.name,
-        title=found.form.name,
-        facts=_agreement_facts(found),
-        still=_still(folder, found, notes),
-        plots=drawings,
-        checks=found.checks,
+        name=agreement.form.name,
+        title=agreement.form.name,
+        cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",
+        facts=_agreement_facts(agreement),
+        picture=_picture(agreement.form, agreement.comparand.motion, notes),
+        plots=[
+            (f"{curves.name}: exact and claimed", _webp(plots.drawn(agreement_plot(curves), "png")))
+            for curves in worst_first(agreement)[:MAX_PLOTS]
+        ],
+        checks=agreement.checks,
     )
-    told = {
-        name: {**one, "reason": one["why"]} for name, one in results["mechanisms"].items() if not found.passed
-    }
-    write_report(folder, {**results, "mechanisms": told or results["mechanisms"]}, [section], notes=notes)
+    mechanisms = results["mechanisms"]
+    if not agreement.passed:
+        mechanisms = {
+            name: {**case, "reason": f"disagrees with {agreement.source}"}
+            for name, case in mechanisms.items()
+        }
+    write_report(folder, {**results, "mechanisms": mechanisms}, [section], notes=notes)
     return notes
 
 
-def worst_first(found: Agreement) -> list[TwoCurves]:
-    """Return the curves of all quantities, those that use most of their bounds first."""
-    order = sorted(range(len(found.claims)), key=lambda i: -(found.checks[i].fraction_of_tolerance or 0.0))
-    return [_curves(found, i) for i in order]
+def worst_first(agreement: Agreement) -> list[TwoCurves]:
+    """Return the curves of all quantities, largest error / tolerance first."""
+    shares = [check.fraction_of_tolerance or 0.0 for check in agreement.checks[: len(agreement.claims)]]
+    return [_curves(agreement, i) for i in sorted(range(len(agreement.claims)), key=lambda i: -shares[i])]
 
 
-def _curves(found: Agreement, i: int) -> TwoCurves:
-    claim, comparand = found.claims[i], found.comparand
-    instants = comparand.instants
-    noise = found.noise[i] if found.noise else None
-    apart = found.attribution.get("quantities", {}).get(claim.named.name, {})
+def _curves(agreement: Agreement, i: int) -> TwoCurves:
+    claim, instants = agreement.claims[i], agreement.comparand.instants
+    noise = agreement.noise[i] if agreement.noise else None
+    shares = agreement.attribution.get("quantities", {}).get(claim.named.name, {})
     return TwoCurves(
         name=claim.named.name,
         unit=claim.named.unit,
         instants=instants.value,
         over=instants.unit,
-        exact=found.exact[i],
+        exact=agreement.exact[i],
         claimed=claim.values,
         components=claim.named.axes,
-        tolerance=found.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
-        source=found.source,
-        shares={part: apart[part] for part in PARTS if part in apart},
+        tolerance=agreement.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
+        source=agreement.source,
+        shares={name: shares[name] for name in PARTS if name in shares},
     )
 
 
-def _stems(found: Agreement) -> list[str]:
-    names = [curves.name for curves in worst_first(found)[:DRAWN]]
-    return [f"against_{stem_of(name)}" for name in names]
-
-
-def _still(folder: Path, found: Agreement, notes: list[str]) -> bytes | None:
-    from mechsim.pictures.render import write_picture
-    from mechsim.pictures.render.file_bodies import drawn_as
-
-    picture, motion = folder / "model.png", found.comparand.motion
-    start = float(found.comparand.angle[0])
-    try:
-        write_picture(picture, found.form.mechanism, motion, size=SIZE, angle=start, **drawn_as(found.form))
-        return picture.read_bytes()
-    except (MissingToolError, OutputError) as error:
-        notes.append(str(error))
-        return None
-
-
-def _agreement_facts(found: Agreement) -> dict[str, Any]:
-    mechanism = found.form.mechanism
-    facts: dict[str, Any] = {
-        "held against": found.source,
+def _agreement_facts(agreement: Agreement) -> dict[str, Any]:
+    mechanism = agreement.form.mechanism
+    rows: dict[str, Any] = {
+        "compared with": agreement.source,
         "driven": ", ".join(mechanism.drivers),
-        "instants": len(found.comparand),
+        "instants": len(agreement.comparand),
         "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
     }
-    return facts | explanations(found)
+    return rows | explanations(agreement)
 
 
-def explanations(found: Agreement) -> dict[str, Any]:
-    """Return what explains a difference, and where that of a run in time comes from, as facts of a page."""
-    facts: dict[str, Any] = {}
-    if found.measured:
-        facts["noise of what was measured"] = [found.noise_report]
-    if found.findings:
-        facts["what explains the difference"] = [[one.message] for one in found.findings]
-    if "says" in found.attribution:
-        facts["a run in time"] = [str(found.attribution["run"]), str(found.attribution["says"])]
-    return facts
+def explanations(agreement: Agreement) -> dict[str, Any]:
+    """Return what explains a difference, and where that of a time-stepped run comes from."""
+    rows: dict[str, Any] = {}
+    if agreement.measured:
+        rows["noise of the measurement"] = [agreement.noise_report]
+    if agreement.findings:
+        rows["what explains the difference"] = [[finding.message] for finding in agreement.findings]
+    if "says" in agreement.attribution:
+        rows["a run in time"] = [str(agreement.attribution["run"]), str(agreement.attribution["says"])]
+    return rows
