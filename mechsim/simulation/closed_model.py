@@ -104,21 +104,22 @@ class ClosedModel:
     @property
     def driven_points(self) -> tuple[str, ...]:
         """The tracked points that the drivers determine; all points if none is determined."""
-        settled = zip(self.track.points, self.undetermined_points, strict=True)
-        return tuple(name for name, loose in settled if not loose) or self.track.points
+        is_determined = zip(self.track.points, self.undetermined_points, strict=True)
+        return tuple(name for name, loose in is_determined if not loose) or self.track.points
 
     @cached_property
     def undetermined_points(self) -> NDArray[np.bool_]:
         """Which tracked points can move with the drivers locked, (k,): poses do not determine them."""
         loops = self.loops
-        held = loops.constrained_jacobian(loops.linearise(self.qpos[None])[1])[0]
-        _, values, freedoms = np.linalg.svd(held)
+        constrained = loops.constrained_jacobian(loops.linearise(self.qpos[None])[1])[0]
+        _, values, directions = np.linalg.svd(constrained)
         rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-        moves = np.zeros((len(freedoms) - rank, self.model.nv))
-        moves[:, loops.free] = NUDGE * freedoms[rank:]
+        moves = np.zeros((len(directions) - rank, self.model.nv))
+        moves[:, loops.free] = NUDGE * directions[rank:]
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
-        places = self.point_positions(np.concatenate([self.qpos[None], nudged]))
+        positions = self.point_positions(np.concatenate([self.qpos[None], nudged]))
         # a closed loop lets a point move by the second order of the displacement
         return (
-            np.abs(places[1:] - places[0]).max((0, 2), initial=0.0) > NUDGE**1.5 * loops.characteristic_length
+            np.abs(positions[1:] - positions[0]).max((0, 2), initial=0.0)
+            > NUDGE**1.5 * loops.characteristic_length
         )

@@ -158,7 +158,7 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
     low, high = float(angle.min()), float(angle.max())
     revolutions = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
     first = float(path.revolutions(angle[:1])[0]) * TURN
-    change_point_angles = [m.angle + first + lap for m in path.change_points for lap in revolutions]
+    change_point_angles = [m.angle + first + whole for m in path.change_points for whole in revolutions]
     return sorted(at for at in change_point_angles if low - AT_START <= at <= high + AT_START)
 
 
@@ -226,13 +226,13 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
 def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
     """Return closed states from an initial guess on, in steps of the crank, as far as it can move."""
     states: list[Array] = []
-    rough = start
+    guess = start
     for _ in range(STEPS):
         try:
-            closed = loops.close(rough[None])[0]
+            closed = loops.close(guess[None])[0]
         except AssemblyError:
             break
         states.append(closed)
-        rough = closed.copy()
-        rough[loops.crank_address] += step
+        guess = closed.copy()
+        guess[loops.crank_address] += step
     return states

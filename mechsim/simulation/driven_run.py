@@ -97,9 +97,9 @@ class DrivenRun:
         broken, estimate, elsewhere = self._failure(steps, motion), np.inf, False
         if not broken:
             states = steps.states.qpos
-            errors, places = pose_errors(self.closed, motion, states)
+            errors, positions = pose_errors(self.closed, motion, states)
             estimate = float(errors.max())
-            elsewhere = in_another_assembly(self.closed, motion, states, errors, places)
+            elsewhere = in_another_assembly(self.closed, motion, states, errors, positions)
         tolerance = default_tolerance(self.closed, motion) if tolerance is None else tolerance
         if broken:
             outcome, motion = "diverged", replace(motion, broken=broken)
@@ -129,8 +129,8 @@ class DrivenRun:
         errors, _ = pose_errors(self.closed, motion, steps.states.qpos)
         if not np.isfinite(errors).all():
             return np.full(turns, np.inf)
-        of = np.minimum(turns * steps.states.time // (self.profile.duration * (1.0 + 1e-9)), turns - 1)
-        return np.array([errors[of == turn].max() for turn in range(turns)])
+        index = np.minimum(turns * steps.states.time // (self.profile.duration * (1.0 + 1e-9)), turns - 1)
+        return np.array([errors[index == revolution].max() for revolution in range(turns)])
 
     def over_first_turns(self, turns: float) -> "DrivenRun":
         """Return the run over the first revolutions, if it has more and its speed is constant.
@@ -145,13 +145,13 @@ class DrivenRun:
     def _note(self) -> str:
         """Return the notes on a stepped run; empty without any."""
         changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
-        said = (
+        notes = (
             self.closed.note,
             changed if self.closed.custom else "",
             self._change_points_note(),
             self.ending,
         )
-        return "; ".join(one for one in said if one)
+        return "; ".join(one for one in notes if one)
 
     def _change_points_note(self) -> str:
         """Return the note on change points of the motion; empty without any."""
@@ -164,47 +164,47 @@ class DrivenRun:
             InputError: where it is to stay on the branch at a change point, for speeds would jump.
             AssemblyError: where it starts at a change point.
         """
-        loops, met = self.closed.loops, passed_change_points(self.closed, self.profile)
-        require_regular_start(loops, met, float(self.profile.state(np.zeros(1))[0][0]))
-        if met and loops.change_point == "branch":
+        loops, change_points = self.closed.loops, passed_change_points(self.closed, self.profile)
+        require_regular_start(loops, change_points, float(self.profile.state(np.zeros(1))[0][0]))
+        if change_points and loops.change_point == "branch":
             raise InputError(
-                f"{loops.name} is to fold at {change_points_text(loops, met)}, where its links would jump "
+                f"{loops.name} is to fold at {change_points_text(loops, change_points)}, where its links would jump "
                 "in speed, which no stepped motion does; run it by pose, or let it go on smoothly"
             )
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
         loops = self.closed.loops.with_model_copy()
-        total, stride = self._counts(settings)
-        steps = step(loops, settings, self.profile, self.start, total, stride, progress=self._report_progress)
+        total, every = self._counts(settings)
+        steps = step(loops, settings, self.profile, self.start, total, every, progress=self._report_progress)
         return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
 
-    def _report_progress(self, done: str, part: float) -> None:
+    def _report_progress(self, progress: str, fraction: float) -> None:
         """Report the progress of a run; end it where the budget is spent."""
-        self.progress(done, part)
-        if self.budget is not None and part < 1.0:
-            self.budget.require_left(done)
+        self.progress(progress, fraction)
+        if self.budget is not None and fraction < 1.0:
+            self.budget.require_left(progress)
 
     def _counts(self, settings: Settings) -> tuple[int, int]:
         """Return the number of steps of the run and the number between two records."""
-        wanted = self.profile.turns * settings.steps_per_turn
+        steps = self.profile.turns * settings.steps_per_turn
         what = f"a motion of {self.profile.turns:g} turns with {settings.steps_per_turn:,} steps a turn"
         if self.total is not None:
             what = f"a motion of {self.profile.turns:g} turns with the given time step"
-        require_steps(what, self.total or wanted, "take fewer turns or a shorter duration, or longer steps")
-        total = self.total or max(self.profile.min_instants, int(np.ceil(wanted - 1e-9)))
+        require_steps(what, self.total or steps, "take fewer turns or a shorter duration, or longer steps")
+        total = self.total or max(self.profile.min_instants, int(np.ceil(steps - 1e-9)))
         if self.samples is None:
             return total, max(1, int(total / max(self.profile.min_instants, SAMPLES * self.profile.turns)))
-        stride = -(-total // self.samples)
-        return stride * self.samples, stride
+        every = -(-total // self.samples)
+        return every * self.samples, every
 
     def _cause(self, steps: Steps) -> str:
         """Return the cause of a divergence: a singular pose, a limit, a contact, else stiffness."""
         loops, states = self.closed.loops, steps.states
         distance = loops.conditioning(loops.linearise(states.qpos)[1])
-        seen = near_singular(states.time, distance)
-        seen = seen or limit_or_contact(self.closed.model, states.time, states.qpos, states.qvel)
-        if seen:
-            return seen
+        cause = near_singular(states.time, distance)
+        cause = cause or limit_or_contact(self.closed.model, states.time, states.qpos, states.qvel)
+        if cause:
+            return cause
         run = loops.with_model_copy()
         replace(steps.settings, compliance=1.0).apply(run, steps.timestep)  # weights are then inertia
         return stiffness_cause(run.model) or STIFFNESS_MESSAGE
@@ -213,23 +213,23 @@ class DrivenRun:
         """Return the reason why a run failed, as a sentence; empty if it did not."""
         if steps.diverged:
             return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s, by {self._cause(steps)}"
-        meant = self.profile.state(steps.states.time)[0]
-        what: list[tuple[str, Array, Array, float, str]] = [("the crank", motion.angle, meant, LOST, "rad")]
+        target = self.profile.state(steps.states.time)[0]
+        what: list[tuple[str, Array, Array, float, str]] = [("the crank", motion.angle, target, LOST, "rad")]
         loops = self.closed.loops
         if loops.drivers is not None:
             bounds = np.where(loops.drivers.slides, LOST * loops.characteristic_length, LOST)
             driven = steps.states.qpos[:, loops.drivers.addresses].T
             units = np.where(loops.drivers.slides, "m", "rad")
             what = [
-                *zip(loops.drivers.names, driven, loops.drivers.law(meant)[0], bounds, units, strict=True)
+                *zip(loops.drivers.names, driven, loops.drivers.law(target)[0], bounds, units, strict=True)
             ]
-        for name, value, wanted, bound, unit in what:
-            lost = np.abs(value - wanted) > bound
+        for name, value, targets, tolerance, unit in what:
+            lost = np.abs(value - targets) > tolerance
             if lost.any():
-                at = int(np.argmax(lost))
+                index = int(np.argmax(lost))
                 return (
-                    f"after {steps.states.time[at]:.6g} s {name} stands at {value[at]:.6g} {unit} "
-                    f"instead of {wanted[at]:.6g}: the linkage turns its flywheel"
+                    f"after {steps.states.time[index]:.6g} s {name} stands at {value[index]:.6g} {unit} "
+                    f"instead of {targets[index]:.6g}: the linkage turns its flywheel"
                 )
         return ""
 
@@ -274,15 +274,15 @@ def solved_run(
     seconds = clock.perf_counter() - begin
     require_path_within_limits(closed, angle)
     require_within_limits(closed, qpos)
-    near = list(path.near_change_points(angle))
-    away = moved_away(qpos, near)
+    near_rows = list(path.near_change_points(angle))
+    away = moved_away(qpos, near_rows)
     jacobian = closed.loops.linearise(away)[1]
     _require_held(closed.loops, jacobian, angle)
     states = States(time, away, closed.loops.tangent(jacobian) * speed[:, None])
     motion = evaluate(
         closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, progress=progress
     )
-    motion = interpolated(motion, closed.loops, closed.track, qpos, near, (speed, acceleration))
+    motion = interpolated(motion, closed.loops, closed.track, qpos, near_rows, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
     tolerance = default_tolerance(closed, motion) if tolerance is None else tolerance

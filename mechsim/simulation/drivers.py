@@ -86,7 +86,7 @@ def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
     }
     for name in names:
         if name not in single:
-            known_names = ", ".join(one for one in single if one and one != PARAMETER_JOINT)
+            known_names = ", ".join(joint for joint in single if joint and joint != PARAMETER_JOINT)
             raise InputError(
                 f"the model has no hinge or slide called {name!r} to drive (it has {known_names or 'none'})"
             )

@@ -232,20 +232,20 @@ def _cross_matrix(vector: Array) -> Array:
 
 def chained(couplings: Sequence[CouplingConstraint], driven: Sequence[int]) -> list[CouplingConstraint]:
     """Return the couplings whose dependent coordinate follows from driven DOFs, in order of evaluation."""
-    known, chain, waiting = {*driven}, list[CouplingConstraint](), list(couplings)
+    known_dofs, chain, waiting = {*driven}, list[CouplingConstraint](), list(couplings)
     while True:
-        found = next((one for one in waiting if _follows(one, known)), None)
+        found = next((coupling for coupling in waiting if _follows(coupling, known_dofs)), None)
         if found is None:
             return chain
-        waiting = [one for one in waiting if one is not found]  # arrays have no plain equality
+        waiting = [coupling for coupling in waiting if coupling is not found]  # arrays have no plain equality
         chain.append(found)
-        known.add(int(found.left.dofs[0]))
+        known_dofs.add(int(found.left.dofs[0]))
 
 
-def _follows(coupling: CouplingConstraint, known: set[int]) -> bool:
-    if coupling.right is None or len(coupling.left.dofs) != 1 or int(coupling.left.dofs[0]) in known:
+def _follows(coupling: CouplingConstraint, known_dofs: set[int]) -> bool:
+    if coupling.right is None or len(coupling.left.dofs) != 1 or int(coupling.left.dofs[0]) in known_dofs:
         return False
-    return {int(dof) for dof in coupling.right.dofs} <= known
+    return {int(dof) for dof in coupling.right.dofs} <= known_dofs
 
 
 def rates(
@@ -259,16 +259,16 @@ def rates(
         speeds: of driven coordinates: DOF -> (n,) in [m/s] or [rad/s].
     """
     values, speeds = dict(values), dict(speeds)
-    for one in chain:
-        assert one.right is not None
-        weight, place, dof = float(one.left.weights[0]), int(one.left.addresses[0]), int(one.left.dofs[0])
-        wanted, slope = one.evaluate(_sum(one.right, values))
-        values[place] = one.left.zeros[0] + wanted / weight
-        right = sum(w * speeds[int(of)] for of, w in zip(one.right.dofs, one.right.weights, strict=True))
-        speeds[dof] = np.asarray(slope * right / weight)
+    for row in chain:
+        assert row.right is not None
+        weight, address, dof = float(row.left.weights[0]), int(row.left.addresses[0]), int(row.left.dofs[0])
+        target, derivative = row.evaluate(_sum(row.right, values))
+        values[address] = row.left.zeros[0] + target / weight
+        right = sum(w * speeds[int(of)] for of, w in zip(row.right.dofs, row.right.weights, strict=True))
+        speeds[dof] = np.asarray(derivative * right / weight)
     return speeds
 
 
 def _sum(side: Sum, values: dict[int, Array]) -> Array:
-    parts = zip(side.addresses, side.zeros, side.weights, strict=True)
-    return np.sum([weight * (values[int(place)] - zero) for place, zero, weight in parts], axis=0)
+    terms = zip(side.addresses, side.zeros, side.weights, strict=True)
+    return np.sum([weight * (values[int(address)] - zero) for address, zero, weight in terms], axis=0)

@@ -160,8 +160,8 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
     limited = _limited(closed)
     if not limited or np.ptp(angles) == 0.0:
         return
-    drive = closed.loops.drivers
-    if drive is not None and not drive.law(angles)[1].any():
+    drivers = closed.loops.drivers
+    if drivers is not None and not drivers.law(angles)[1].any():
         # the law is constant: each set of driver coordinates is a separate pose
         return
     instants = check_instants(float(angles.min()), float(angles.max()))

@@ -73,8 +73,8 @@ class ModelLoops:
         self.crank_address = int(model.jnt_qposadr[joint])
         self.drivers = drivers
         self.change_point: ChangePointPolicy = "smooth"
-        found = constraints(model)
-        self.pairs, self.frames, self.couplings = found.pairs, found.frames, found.couplings
+        rows = constraints(model)
+        self.pairs, self.frames, self.couplings = rows.pairs, rows.frames, rows.couplings
         self.name = model.names.partition(b"\0")[0].decode() or "model"
         self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
         self.passive = np.array([i for i in self.free if i not in self._driven], dtype=np.int64)
@@ -85,13 +85,13 @@ class ModelLoops:
         self.characteristic_lengths = np.array([max([*reach, *steps], default=0.0) or _extent(model)])
         self.scale = self._scale()
         self.quaternions = [
-            int(place) + (3 if kind == FREE else 0)
-            for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True)
+            int(address) + (3 if kind == FREE else 0)
+            for kind, address in zip(model.jnt_type, model.jnt_qposadr, strict=True)
             if kind in (BALL, FREE)
         ]
         self.in_quaternion = np.zeros(model.nq, dtype=np.bool_)
-        for place in self.quaternions:
-            self.in_quaternion[place : place + 4] = True
+        for address in self.quaternions:
+            self.in_quaternion[address : address + 4] = True
         self.hinges = np.zeros(model.nq, dtype=np.bool_)
         self.hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
         self._basis: tuple[Array, Array, Array] | None = None
@@ -159,18 +159,18 @@ class ModelLoops:
     @cached_property
     def actuated_dofs(self) -> NDArray[np.int64]:
         """The DOFs that forces move in a stepped run: the crank or all drivers, then nonlinear followers."""
-        bent = [int(one.left.dofs[0]) for one in self.followers]
-        return np.array([*self._driven, *bent], dtype=np.int64)
+        nonlinear = [int(one.left.dofs[0]) for one in self.followers]
+        return np.array([*self._driven, *nonlinear], dtype=np.int64)
 
     def actuated_rates(self, angle: Array, speed: Array) -> Array:
         """Return the rates of `actuated_dofs`, (n, k), at angles and speeds of the crank, (n,)."""
         values, speeds = {self.crank_address: angle}, {self.crank: speed}
         if self.drivers is not None:
-            value, slope, _ = self.drivers.law(angle)
+            value, jacobian, _ = self.drivers.law(angle)
             values |= dict(zip(self.drivers.addresses.tolist(), value, strict=True))
-            speeds |= dict(zip(self.drivers.dofs.tolist(), slope * speed, strict=True))
-        found = equality_rows.rates(self._chain, values, speeds)
-        return np.stack([found[int(dof)] for dof in self.actuated_dofs], 1)
+            speeds |= dict(zip(self.drivers.dofs.tolist(), jacobian * speed, strict=True))
+        rates = equality_rows.rates(self._chain, values, speeds)
+        return np.stack([rates[int(dof)] for dof in self.actuated_dofs], 1)
 
     @property
     def _driven(self) -> list[int]:
@@ -238,31 +238,36 @@ class ModelLoops:
             [(body, position[:, body] + rotated(rotation[:, body], local)) for body, local in pair.ends]
             for pair in self.pairs
         ]
-        turned = [pair.rotation_error(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
+        errors = [pair.rotation_error(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
         coupled = [coupling.residual(qpos)[:, None] for coupling in self.couplings]
-        drive, law = self.drivers, None
-        if drive is not None:
-            law = drive.law(qpos[:, self.crank_address])
-            coupled.append(qpos[:, drive.addresses] - law[0].T)
-        parts = [np.zeros((n, 0)), *(a[1] - b[1] for a, b in ends), *(apart for apart, _ in turned), *coupled]
+        drivers, law = self.drivers, None
+        if drivers is not None:
+            law = drivers.law(qpos[:, self.crank_address])
+            coupled.append(qpos[:, drivers.addresses] - law[0].T)
+        chunks = [
+            np.zeros((n, 0)),
+            *(a[1] - b[1] for a, b in ends),
+            *(apart for apart, _ in errors),
+            *coupled,
+        ]
 
         def jacobian() -> Array:
-            parts = [np.zeros((n, 0, nv))]
+            chunks = [np.zeros((n, 0, nv))]
             none = np.zeros((n, 3, nv))
             for (a, at_a), (b, at_b) in ends:
-                parts.append((slope(a, at_a)[0] if a else 0.0) - (slope(b, at_b)[0] if b else none))
-            for pair, (_, rate) in zip(self.frames, turned, strict=True):
+                chunks.append((slope(a, at_a)[0] if a else 0.0) - (slope(b, at_b)[0] if b else none))
+            for pair, (_, rate) in zip(self.frames, errors, strict=True):
                 a, b = (slope(body, position[:, body])[1] if body else none for body in pair.bodies)
-                parts.append(rate @ (a - b))
-            parts += [coupling.jacobian(qpos, nv)[:, None] for coupling in self.couplings]
-            if drive is not None and law is not None:
-                rows = np.zeros((n, len(drive.dofs), nv))
-                rows[:, np.arange(len(drive.dofs)), drive.dofs] = 1.0
+                chunks.append(rate @ (a - b))
+            chunks += [coupling.jacobian(qpos, nv)[:, None] for coupling in self.couplings]
+            if drivers is not None and law is not None:
+                rows = np.zeros((n, len(drivers.dofs), nv))
+                rows[:, np.arange(len(drivers.dofs)), drivers.dofs] = 1.0
                 rows[:, :, self.crank] = -law[1].T
-                parts.append(rows)
-            return np.concatenate(parts, 1)
+                chunks.append(rows)
+            return np.concatenate(chunks, 1)
 
-        return np.concatenate(parts, 1), jacobian
+        return np.concatenate(chunks, 1), jacobian
 
     def body_poses(self, qpos: Array) -> tuple[Array, Array]:
         """Return positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
@@ -295,25 +300,25 @@ class ModelLoops:
 
     def constrained_jacobian(self, jacobian: Array) -> Array:
         """Return the Jacobian without the crank's column, (n, m, nv - 1); zero where all is rounding."""
-        held = jacobian[:, :, self.free]
-        if np.abs(held).max(initial=0.0) <= self.rounding:
-            held[:] = 0.0
-        return held
+        matrix = jacobian[:, :, self.free]
+        if np.abs(matrix).max(initial=0.0) <= self.rounding:
+            matrix[:] = 0.0
+        return matrix
 
     def solve(self, jacobian: Array, right: Array) -> Array:
         """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank."""
-        held = self.constrained_jacobian(jacobian)
-        rows = self._independent(held)
+        matrix = self.constrained_jacobian(jacobian)
+        rows = self._independent(matrix)
         if rows is None:
-            return np.linalg.pinv(held, rcond=RANK_TOLERANCE) @ right
+            return np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right
         if rows.shape[1] < rows.shape[0]:
-            held, right = rows.T @ held, rows.T @ right
-        if held.shape[1] == held.shape[2]:
-            return np.asarray(np.linalg.solve(held, right), dtype=np.float64)
-        turned = np.swapaxes(held, -1, -2)
-        return turned @ np.linalg.solve(held @ turned, right)
+            matrix, right = rows.T @ matrix, rows.T @ right
+        if matrix.shape[1] == matrix.shape[2]:
+            return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        transposed = np.swapaxes(matrix, -1, -2)
+        return transposed @ np.linalg.solve(matrix @ transposed, right)
 
-    def _independent(self, held: Array) -> Array | None:
+    def _independent(self, matrix: Array) -> Array | None:
         """Return a basis, (m, rank), of the independent constraints; None if it changes with the pose.
 
         The third equation of a planar loop is redundant in every pose. In an overconstrained loop such as
@@ -321,12 +326,12 @@ class ModelLoops:
         """
         if self._basis is None:
             # a model may have thousands of unconstrained DOFs, of which no basis is needed
-            left, values, right = np.linalg.svd(held[0], full_matrices=held.shape[1] > held.shape[2])
+            left, values, right = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
             self._basis = left[:, :rank], left[:, rank:], right[:rank]
         rows, idle, _ = self._basis
-        told = np.abs(idle.T @ held).max(initial=0.0)
-        if told > RANK_TOLERANCE * np.abs(held).max(initial=0.0):
+        ignored = np.abs(idle.T @ matrix).max(initial=0.0)
+        if ignored > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0):
             return None
         return rows
 
@@ -341,10 +346,12 @@ class ModelLoops:
         Two assemblies that coincide at a dead centre have opposite signs; between dead centres the sign is
         constant.
         """
-        held = self.constrained_jacobian(jacobian)
-        rows = self._independent(held)
+        matrix = self.constrained_jacobian(jacobian)
+        rows = self._independent(matrix)
         return (
-            np.zeros(len(held)) if rows is None else np.linalg.slogdet(self._square_jacobian(held, rows))[0]
+            np.zeros(len(matrix))
+            if rows is None
+            else np.linalg.slogdet(self._square_jacobian(matrix, rows))[0]
         )
 
     def sign_changed(self, before: Array, beyond: Array) -> NDArray[np.bool_]:
@@ -366,33 +373,35 @@ class ModelLoops:
         Where the independent constraints change with the pose, it is that of the first state's constraints
         and positive there; signs are then comparable within one call only.
         """
-        held = self.constrained_jacobian(jacobian)
-        rows = self._independent(held)
-        turned = 1.0
+        matrix = self.constrained_jacobian(jacobian)
+        rows = self._independent(matrix)
+        sign = 1.0
         if rows is None:
             assert self._basis is not None
-            rows = np.linalg.svd(held[0], full_matrices=False)[0][:, : len(self._basis[2])]
-            turned = np.linalg.slogdet(self._square_jacobian(held[:1], rows))[0]
-        side, size = np.linalg.slogdet(self._square_jacobian(held, rows))
+            rows = np.linalg.svd(matrix[0], full_matrices=False)[0][:, : len(self._basis[2])]
+            sign = np.linalg.slogdet(self._square_jacobian(matrix[:1], rows))[0]
+        signs, log_values = np.linalg.slogdet(self._square_jacobian(matrix, rows))
         if self._log_scale is None:
-            self._log_scale = float(size[0]) if np.isfinite(size[0]) else 0.0
-        return turned * side * np.exp(np.minimum(size - self._log_scale, 300.0))
+            self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0
+        return sign * signs * np.exp(np.minimum(log_values - self._log_scale, 300.0))
 
     def least_constrained_direction(self, jacobian: Array) -> Array:
         """Return the direction that the loops of one state, (1, m, nv), constrain least, (nv,).
 
         The crank is locked; unconstrained DOFs do not contribute.
         """
-        held = self.constrained_jacobian(jacobian)
-        self._independent(held)
+        matrix = self.constrained_jacobian(jacobian)
+        self._independent(matrix)
         assert self._basis is not None
-        told = self._basis[2]
-        return self._with_crank_rate(np.linalg.svd(held @ told.T)[2][:, len(told) - 1] @ told, 0.0)[0]
+        row_space = self._basis[2]
+        return self._with_crank_rate(
+            np.linalg.svd(matrix @ row_space.T)[2][:, len(row_space) - 1] @ row_space, 0.0
+        )[0]
 
-    def _square_jacobian(self, held: Array, rows: Array) -> Array:
+    def _square_jacobian(self, matrix: Array, rows: Array) -> Array:
         # unconstrained DOFs (a passive spin) are left out: they would not change the determinant
         assert self._basis is not None
-        return (rows.T @ held) @ self._basis[2].T
+        return (rows.T @ matrix) @ self._basis[2].T
 
     def conditioning(self, jacobian: Array) -> Array:
         """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
@@ -401,13 +410,13 @@ class ModelLoops:
         because of redundant constraints or unconstrained DOFs.
         """
         lengths = self.characteristic_lengths[:, None, None]
-        held = jacobian[:, :, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
-        held *= self.scale[..., None]
-        values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)
+        matrix = jacobian[:, :, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
+        matrix *= self.scale[..., None]
+        values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
-            return np.ones(len(held))
+            return np.ones(len(matrix))
         rank = int(significant(values).sum(1).max())
-        return values[:, rank - 1] if rank else np.ones(len(held))
+        return values[:, rank - 1] if rank else np.ones(len(matrix))
 
     def max_rate(self, rates: Array) -> float:
         """Return the largest of rates (n, nv), in [rad] or in characteristic lengths."""
@@ -430,10 +439,10 @@ class ModelLoops:
         step *= (0.5 / np.maximum(0.5, longest))[:, None]
         return self._with_crank_rate(step, 0.0), self._with_crank_rate(both[..., 1], 1.0)
 
-    def _with_crank_rate(self, held: Array, crank: float) -> Array:
+    def _with_crank_rate(self, matrix: Array, crank: float) -> Array:
         """Return rates of all DOFs from those of all but the crank."""
-        rates = np.empty((len(held), self.model.nv))
-        rates[:, self.crank], rates[:, self.free] = crank, held
+        rates = np.empty((len(matrix), self.model.nv))
+        rates[:, self.crank], rates[:, self.free] = crank, matrix
         return rates
 
     def close(self, qpos: Array, *, most_steps: int = 50) -> Array:
@@ -484,22 +493,22 @@ class ModelLoops:
         if len(out) == 1:
             mujoco.mj_integratePos(model, out[0], step[0], 1.0)
             return out
-        for kind, place, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
+        for kind, address, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
             if kind in (HINGE, SLIDE):
-                out[:, place] += step[:, dof]
+                out[:, address] += step[:, dof]
                 continue
             if kind == FREE:
-                out[:, place : place + 3] += step[:, dof : dof + 3]
-                place, dof = place + 3, dof + 3
-            turned = _rotated_quaternions(out[:, place : place + 4], step[:, dof : dof + 3])
-            out[:, place : place + 4] = turned
+                out[:, address : address + 3] += step[:, dof : dof + 3]
+                address, dof = address + 3, dof + 3
+            turned = _rotated_quaternions(out[:, address : address + 4], step[:, dof : dof + 3])
+            out[:, address : address + 4] = turned
         return out
 
 
 def _extent(model: mujoco.MjModel) -> float:
     """Return the largest distance of sites, joints and centres of mass from their bodies' origins, or 1 m."""
-    places = np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos])
-    return float(np.linalg.norm(places, axis=1).max(initial=0.0)) or 1.0
+    positions = np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos])
+    return float(np.linalg.norm(positions, axis=1).max(initial=0.0)) or 1.0
 
 
 def _rotated_quaternions(quaternion: Array, vector: Array) -> Array:

@@ -18,11 +18,11 @@ def load() -> str:
         MissingToolError: where MuJoCo is not installed, or damaged; names the command that repairs it.
     """
     platform = os.environ.get("PYOPENGL_PLATFORM")
-    asked = os.environ.get("MUJOCO_GL")
+    back_end = os.environ.get("MUJOCO_GL")
     try:
         _import()
     except Exception as error:  # a library that is missing or broken says anything
-        if not asked:
+        if not back_end:
             raise _unusable(error) from error
         _forget_back_end(platform)
         os.environ["MUJOCO_GL"] = "off"
@@ -31,8 +31,8 @@ def load() -> str:
         except Exception as error_without_back_end:
             raise _unusable(error_without_back_end) from error_without_back_end
         finally:
-            os.environ["MUJOCO_GL"] = asked
-        return f"MUJOCO_GL={asked} does not work here; pictures take another back end, if there is one"
+            os.environ["MUJOCO_GL"] = back_end
+        return f"MUJOCO_GL={back_end} does not work here; pictures take another back end, if there is one"
     return ""
 
 

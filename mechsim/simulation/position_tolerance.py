@@ -54,7 +54,7 @@ def run_within(driven: DrivenRun, settings: Settings, tolerance: float) -> Run:
         if run.outcome != "failed"
         else _with_affordable_compliance(driven, settings, run, report)
     )
-    return replace(run, note="; ".join(one for one in (run.note, _lag_note(driven, run)) if one))
+    return replace(run, note="; ".join(note for note in (run.note, _lag_note(driven, run)) if note))
 
 
 def _lag_note(driven: DrivenRun, run: Run) -> str:
@@ -193,7 +193,7 @@ def _after_diverging(
     if driven.closed.custom:
         cycle = driven.cycle * TURN / driven.profile.max_speed
         trials.add(round(min(cycle / float(driven.closed.model.opt.timestep), MAX_STEPS)))
-    for trial in sorted(one for one in trials if one > _trial_steps(driven)):
+    for trial in sorted(entry for entry in trials if entry > _trial_steps(driven)):
         error = float(short.errors_by_turn(_with_steps(driven, settings, trial)).max())
         spent += round(trial * short.profile.turns / driven.cycle)
         if np.isfinite(error):

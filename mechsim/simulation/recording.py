@@ -84,8 +84,8 @@ class States:
 
     def chunk(self, first: int) -> "States":
         """Return one chunk of them."""
-        part = slice(first, first + CHUNK)
-        return States(self.time[part], self.qpos[part], self.qvel[part])
+        chunk = slice(first, first + CHUNK)
+        return States(self.time[chunk], self.qpos[chunk], self.qvel[chunk])
 
 
 def evaluate(
@@ -115,12 +115,12 @@ def evaluate(
     """
     n = len(states.time)
 
-    def part(of: Array | None, i: int) -> Array | None:
-        return None if of is None else of[i : i + CHUNK]
+    def part(values: Array | None, i: int) -> Array | None:
+        return None if values is None else values[i : i + CHUNK]
 
-    parts: list[Motion] = []
+    chunks: list[Motion] = []
     for i in range(0, n, CHUNK):
-        parts.append(
+        chunks.append(
             _evaluated(
                 loops,
                 track,
@@ -132,7 +132,7 @@ def evaluate(
             )
         )
         progress(f"{min(i + CHUNK, n):,} of {n:,} poses", min(i + CHUNK, n) / n)
-    return join(parts)
+    return join(chunks)
 
 
 def _evaluated(
@@ -176,8 +176,8 @@ def _evaluated(
         crank_acceleration = qacc[:, loops.crank].copy()
         driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:
-        wanted = (crank_acceleration, driver_acceleration)
-        change = _correction(loops, jacobian, states, qacc, links, *wanted)
+        targets = (crank_acceleration, driver_acceleration)
+        change = _correction(loops, jacobian, states, qacc, links, *targets)
         qacc += change
         links = {name: _moved_link(sims, model, name, link, change) for name, link in links.items()}
         points = {name: _moved_point(sims, model, name, point, change) for name, point in points.items()}
@@ -241,7 +241,7 @@ def _correction(
     states: States,
     qacc: Array,
     links: dict[str, LinkMotion],
-    wanted: Array,
+    targets: Array,
     drivers: Array | None,
 ) -> Array:
     """Return the change of MuJoCo's accelerations after which the loops stay closed exactly, (n, nv)."""
@@ -249,7 +249,7 @@ def _correction(
     if drivers is not None and loops.drivers is not None:
         opened[:, loops.driven_rows] = qacc[:, loops.drivers.dofs] - drivers
     change = np.zeros_like(qacc)
-    change[:, loops.crank] = wanted - qacc[:, loops.crank]
+    change[:, loops.crank] = targets - qacc[:, loops.crank]
     if opened.shape[1]:
         right = opened + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
         change[:, loops.free] = loops.solve(jacobian, -right[..., None])[..., 0]
@@ -282,12 +282,12 @@ def closure_acceleration(
         apart = apart - np.cross(b.angular_velocity, a.angular_velocity)
         rates.append((pair.rotation_error(a.rotation, b.rotation)[1] @ apart[..., None])[..., 0])
     for coupling in loops.couplings:
-        slope = coupling.jacobian(states.qpos, model.nv)
-        rates.append(((slope * qacc).sum(1) - coupling.velocity_product(states.qpos, states.qvel))[:, None])
+        rows = coupling.jacobian(states.qpos, model.nv)
+        rates.append(((rows * qacc).sum(1) - coupling.velocity_product(states.qpos, states.qvel))[:, None])
     if loops.drivers is not None:
         _, first, second = loops.drivers.law(states.qpos[:, loops.crank_address])
-        wanted = first * qacc[:, loops.crank] + second * states.qvel[:, loops.crank] ** 2
-        rates.append(qacc[:, loops.drivers.dofs] - wanted.T)
+        targets = first * qacc[:, loops.crank] + second * states.qvel[:, loops.crank] ** 2
+        rates.append(qacc[:, loops.drivers.dofs] - targets.T)
     return np.concatenate(rates, 1)
 
 
@@ -318,13 +318,13 @@ def _joints(loops: ModelLoops, track: Track, states: States, qacc: Array) -> dic
     for i in range(model.njnt):
         name = model.joint(i).name
         if model.jnt_type[i] in (HINGE, SLIDE) and name and name != PARAMETER_JOINT:
-            place, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
-            called, part = track.name(name)
+            address, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
+            called, chunk = track.name(name)
             joints[called] = JointMotion(
-                states.qpos[:, place],
+                states.qpos[:, address],
                 states.qvel[:, dof],
                 qacc[:, dof],
                 "rad" if model.jnt_type[i] == HINGE else "m",
-                part,
+                chunk,
             )
     return joints

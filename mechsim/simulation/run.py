@@ -60,10 +60,10 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
         )
     if run.samples is not None and total % run.samples:
         fitting = _divisors(total)
-        near = sorted(
+        counts = sorted(
             {fitting[fitting <= run.samples].max(), fitting[fitting >= min(run.samples, total)].min()}
         )
-        intervals, rows = (" or ".join(str(count + more) for count in near) for more in (0, 1))
+        intervals, rows = (" or ".join(str(count + more) for count in counts) for more in (0, 1))
         raise InputError(
             f"{run.samples} equal intervals between records do not fit {total} steps of {timestep:g} s; take "
             f"{intervals} intervals (--samples {rows}), or leave the time step out"
@@ -147,14 +147,14 @@ def simulate(
     speed, tolerance = si(speed, "rad/s", "the crank speed"), si(tolerance, "m", "the tolerance")
     timestep = si(timestep, "s", "the time step")
     _check(tolerance, method, samples, timestep)
-    for name, given, kind in (
+    for name, value, kind in (
         ("scene", scene, Scene),
         ("settings", settings, Settings),
         ("profile", profile, CrankProfile),
         ("motion_laws", motion_laws, MotionLaws),
     ):
-        if given is not None:
-            require(name, given, kind)
+        if value is not None:
+            require(name, value, kind)
     if motion_laws is None and speed is None and profile is None:
         # what moves by its loop equations may have programs of its own
         own = getattr(source, "motion_laws", None)
@@ -219,17 +219,17 @@ def _movable(
     Raises:
         MobilityError: where the drivers cannot move, or do not determine the requested poses.
     """
-    found = residual_mobility(closed)
-    method = method or ("step" if found.undetermined else "pose")
-    require_movable(closed, found)
+    mobility = residual_mobility(closed)
+    method = method or ("step" if mobility.undetermined else "pose")
+    require_movable(closed, mobility)
     if method == "pose":
-        require_determined(closed, found)
+        require_determined(closed, mobility)
     if method == "step":
-        closed = closed.without_contacts(found.determined_bodies)
+        closed = closed.without_contacts(mobility.determined_bodies)
     return (
         closed if motion_laws is None else at_initial_state(closed, motion_laws),
         method,
-        not found.undetermined,
+        not mobility.undetermined,
     )
 
 

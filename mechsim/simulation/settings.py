@@ -22,9 +22,9 @@ def choice(default: str | None, options: tuple[str, ...], about: str, **told: An
     return setting(default, about, options=options, **told)
 
 
-def switch(default: bool, about: str, **told: Any) -> Any:
+def switch(default: bool, about: str, **options: Any) -> Any:
     """Declare a setting that is on or off."""
-    return setting(default, about, **told)
+    return setting(default, about, **options)
 
 
 def number(
@@ -33,20 +33,20 @@ def number(
     *,
     least: float = np.nextafter(0.0, 1.0),
     remedy: str = "{name} is {value}; give a finite number above 0",
-    **told: Any,
+    **options: Any,
 ) -> Any:
     """Declare a setting that is a finite number, and the message for other values."""
-    return setting(default, about, least=least, remedy=remedy, **told)
+    return setting(default, about, least=least, remedy=remedy, **options)
 
 
 def numbers(
-    default: tuple[float, ...] | None, count: int, about: str, *, fewest: int | None = None, **told: Any
+    default: tuple[float, ...] | None, count: int, about: str, *, fewest: int | None = None, **options: Any
 ) -> Any:
     """Declare a setting that is a fixed count of finite numbers; those after the fewest are optional."""
-    return setting(default, about, count=count, fewest=fewest or count, **told)
+    return setting(default, about, count=count, fewest=fewest or count, **options)
 
 
-def setting(default: Any, about: str, **told: Any) -> Any:
+def setting(default: Any, about: str, **options: Any) -> Any:
     """Declare a setting.
 
     Args:
@@ -56,7 +56,7 @@ def setting(default: Any, about: str, **told: Any) -> Any:
             name in a report and the function of its text; its valid values.
     """
     shown = {"unit": None, "read": None, "text": None, "name": None, "metavar": None, "many": False}
-    return field(default=default, metadata={"about": about, **shown, **told})
+    return field(default=default, metadata={"about": about, **shown, **options})
 
 
 def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
@@ -208,10 +208,10 @@ class Settings:
     )
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
-            if value is not None or one.default is not None:
-                check(one.name, value, one.metadata)
+        for setting_ in fields(self):
+            value = getattr(self, setting_.name)
+            if value is not None or setting_.default is not None:
+                check(setting_.name, value, setting_.metadata)
 
     def timestep(self, speed: float) -> float:
         """Return the step in [s] at a crank speed in [rad/s]."""
@@ -269,8 +269,8 @@ class Settings:
         model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
         if not velocity_products:
             # a constraint omits the velocity-product term of a polynomial; a short time constant corrects it
-            bent = [one.equality for one in loops.couplings if one.nonlinear]
-            model.eq_solref[bent] = self.solref or self._solref(timestep, LEAST_CONSTANT)
+            nonlinear = [setting_.equality for setting_ in loops.couplings if setting_.nonlinear]
+            model.eq_solref[nonlinear] = self.solref or self._solref(timestep, LEAST_CONSTANT)
         set_armature(
             model,
             np.array([loops.crank]),
@@ -298,8 +298,8 @@ class Settings:
 
     def rows(self) -> dict[str, str]:
         """Return the settings of a report, by name."""
-        told = ((one.metadata.get("row"), getattr(self, one.name)) for one in fields(self))
-        return {row[0]: row[1](value) for row, value in told if row}
+        options = ((setting_.metadata.get("row"), getattr(self, setting_.name)) for setting_ in fields(self))
+        return {row[0]: row[1](value) for row, value in options if row}
 
 
 def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float | Array) -> None:
@@ -311,7 +311,7 @@ def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float
     model.dof_armature[dofs] = armature
 
 
-def drive_inertia(mass: Array, inertia: Array, size: Any, compliance: float) -> Any:
+def drive_inertia(mass: Array, inertia: Array, length: Any, compliance: float) -> Any:
     """Return the virtual drive inertia that keeps a crank's speed, in [kg m2], or (d,) of d designs.
 
     It is a multiple of the inertia of all links at the distance of the characteristic length. It grows with
@@ -321,19 +321,19 @@ def drive_inertia(mass: Array, inertia: Array, size: Any, compliance: float) -> 
     Args:
         mass: of the bodies, (..., nbody) in [kg].
         inertia: their principal moments, (..., nbody, 3) in [kg m2].
-        size: characteristic length, in [m], or (d,).
+        length: characteristic length, in [m], or (d,).
         compliance: of the loops, as in `Settings`.
     """
     return (
         DRIVE_INERTIA_RATIO
         * max(1.0, COMPLIANCE / compliance)
-        * (mass.sum(-1) * size**2 + inertia.max(-1).sum(-1))
+        * (mass.sum(-1) * length**2 + inertia.max(-1).sum(-1))
     )
 
 
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
     """Return the tendons of a model's couplings."""
-    numbers = [one.equality for one in loops.couplings]
+    numbers = [setting_.equality for setting_ in loops.couplings]
     of = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
     return sorted({int(end) for i in of for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
 

@@ -127,9 +127,9 @@ def _from_source(
 
 def read_model(source: Source) -> ReadModel | None:
     """Return the MJCF file of a source that is one or has one; else None."""
-    for one in (source, getattr(source, "source", None)):
-        if isinstance(getattr(one, "spec", None), mujoco.MjSpec):
-            return cast(ReadModel, one)
+    for candidate in (source, getattr(source, "source", None)):
+        if isinstance(getattr(candidate, "spec", None), mujoco.MjSpec):
+            return cast(ReadModel, candidate)
     return None
 
 
@@ -138,18 +138,18 @@ def _from_read_model(source: Source, read: ReadModel, drivers: Sequence[str] | s
 
     The joints of the corrected mechanism were moved until the loops close.
     """
-    told, asked = read.mechanism, drivers if drivers is not None else read.mechanism.driver
+    mechanism, drivers_ = read.mechanism, drivers if drivers is not None else read.mechanism.driver
     try:
-        return _custom_model(read.spec.copy(), tuple(told.points), asked, told.locked, read.qpos)
+        return _custom_model(read.spec.copy(), tuple(mechanism.points), drivers_, mechanism.locked, read.qpos)
     except AssemblyError:
-        meant = getattr(source, "mechanism", told)
-        if meant is told or not isinstance(meant, Mechanism):
+        corrected = getattr(source, "mechanism", mechanism)
+        if corrected is mechanism or not isinstance(corrected, Mechanism):
             raise
     note = (
         "to the digits of the file its loops close in no pose: what was run is the mechanism read from it, "
         "its joints moved until they do, without the file's masses, contacts and actuators"
     )
-    return replace(from_source(meant, drivers=drivers), note=note)
+    return replace(from_source(corrected, drivers=drivers), note=note)
 
 
 def _custom_model(
@@ -168,10 +168,10 @@ def _custom_model(
         loops, begin = _closed_at_drivers(loops, _start_qpos(loops, start))
         assert loops.drivers is not None
         stands = zip(loops.drivers.names, begin[loops.drivers.addresses].tolist(), strict=True)
-        there = {name: value if (asked := holds.get(name)) is None else asked for name, value in stands}
-        start = move_drivers(loops, begin, np.array([*there.values()]), "where joints are held")
+        targets = {name: value if (value_ := holds.get(name)) is None else value_ for name, value in stands}
+        start = move_drivers(loops, begin, np.array([*targets.values()]), "where joints are held")
         start = np.delete(start, loops.crank_address)
-        lock_joints(spec, {name: there[name] for name in holds})
+        lock_joints(spec, {name: targets[name] for name in holds})
     return replace(from_spec(spec, points, drivers, start=start), custom=True)
 
 
@@ -247,16 +247,16 @@ def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoop
     return ModelLoops(model, drivers=find_drivers(model, tuple(drivers)))
 
 
-def _closed(loops: ModelLoops, rough: Array) -> Array:
+def _closed(loops: ModelLoops, guess: Array) -> Array:
     """Return the closed state nearest to an initial guess, (nq,).
 
     Raises:
         MobilityError: where redundant drivers prevent closure.
     """
     try:
-        return loops.close(rough[None])[0]
+        return loops.close(guess[None])[0]
     except AssemblyError:
-        locked = () if loops.drivers is None else immobile_drivers(loops, loops.linearise(rough[None])[1][0])
+        locked = () if loops.drivers is None else immobile_drivers(loops, loops.linearise(guess[None])[1][0])
         if locked:
             raise overdetermined_error(loops, locked, 0.0) from None
         raise
@@ -269,21 +269,21 @@ def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
     return start.copy() if loops.drivers is None else np.insert(start, loops.crank_address, 0.0)
 
 
-def _closed_at_drivers(loops: ModelLoops, rough: Array) -> tuple[ModelLoops, Array]:
+def _closed_at_drivers(loops: ModelLoops, guess: Array) -> tuple[ModelLoops, Array]:
     """Return loops with the drivers locked as in an initial guess, and the nearest closed state, (nq,)."""
     if loops.drivers is not None:
-        loops = loops.with_drivers_locked(rough[loops.drivers.addresses])
-    return loops, _closed(loops, rough)
+        loops = loops.with_drivers_locked(guess[loops.drivers.addresses])
+    return loops, _closed(loops, guess)
 
 
 def _coordinate_names(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
     """Return joint of the model -> coordinate and its index in the joint; a single crank is named "crank"."""
-    of = model_names(mechanism)
+    name_of = model_names(mechanism)
     called: dict[str, tuple[str, int | None]] = {
-        of[name]: (name, i if len(joint.coordinates) > 1 else None)
+        name_of[name]: (name, i if len(joint.coordinates) > 1 else None)
         for joint in mechanism.joints
         for i, name in enumerate(joint.coordinates)
-        if name in of
+        if name in name_of
     }
     return called if programmed else called | {CRANK: (CRANK, None)}
 
@@ -322,8 +322,8 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
     Raises:
         AssemblyError: if the loops do not close.
     """
-    loops, rough = initial_guess(mechanism, scene)
-    many = link_poses(mechanism, loops.model, _closed(loops, rough)[None])
+    loops, guess = initial_guess(mechanism, scene)
+    many = link_poses(mechanism, loops.model, _closed(loops, guess)[None])
     poses = {name: pose.select(0) for name, pose in many.items()}
     require_aligned(mechanism, poses)
     return generate(mechanism, scene, poses)
@@ -332,15 +332,15 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
 def link_poses(mechanism: Mechanism, model: mujoco.MjModel, states: Array) -> dict[str, Pose]:
     """Return n poses of each link at states (n, nq) of a model whose bodies have the links' names."""
     data = mujoco.MjData(model)
-    places = {link.name: np.empty((len(states), 3)) for link in mechanism.links}
+    positions = {link.name: np.empty((len(states), 3)) for link in mechanism.links}
     turns = {link.name: np.empty((len(states), 3, 3)) for link in mechanism.links}
     for i, state in enumerate(states):
         data.qpos[:] = state
         mujoco.mj_kinematics(model, data)
-        for name in places:
+        for name in positions:
             body = data.body(name)
-            places[name][i], turns[name][i] = body.xpos, body.xmat.reshape(3, 3)
-    return {name: Pose(places[name], turns[name]) for name in places}
+            positions[name][i], turns[name][i] = body.xpos, body.xmat.reshape(3, 3)
+    return {name: Pose(positions[name], turns[name]) for name in positions}
 
 
 def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:
@@ -351,15 +351,15 @@ def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array
     spec = generate(mechanism, scene, rough_poses(mechanism))
     if mechanism.has_crank:
         loops = closed_loops(spec, CRANK)
-        rough = loops.model.qpos0.copy()
-        rough[loops.crank_address] = mechanism.start
-        return loops, rough
+        guess = loops.model.qpos0.copy()
+        guess[loops.crank_address] = mechanism.start
+        return loops, guess
     loops = closed_loops(spec, mechanism.drivers)
     assert loops.drivers is not None
-    rough = loops.model.qpos0.copy()
-    for name, place in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
-        rough[place] = mechanism.counted.get(name, rough[place])
-    return loops.with_drivers_locked(rough[loops.drivers.addresses]), rough
+    guess = loops.model.qpos0.copy()
+    for name, address in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
+        guess[address] = mechanism.counted.get(name, guess[address])
+    return loops.with_drivers_locked(guess[loops.drivers.addresses]), guess
 
 
 Closed = TypeVar("Closed", bound=ClosedModel)
@@ -381,9 +381,9 @@ def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
     Raises:
         AssemblyError: where the loops do not close on that path.
     """
-    loops, drive = closed.loops, closed.loops.drivers
-    assert drive is not None
-    target = np.array([motion_laws.first[name] for name in drive.names])
+    loops, drivers = closed.loops, closed.loops.drivers
+    assert drivers is not None
+    target = np.array([motion_laws.first[name] for name in drivers.names])
     start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")
     under = loops.with_law(motion_laws.along_path, lambda angle: f"{angle / motion_laws.rate:.6g} s")
     return replace(closed, loops=under, qpos=under.close(start[None])[0])

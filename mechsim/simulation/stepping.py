@@ -66,7 +66,7 @@ def step(
     profile: CrankProfile,
     start: tuple[Array, Array],
     total: int,
-    stride: int,
+    interval: int,
     controls: Array | None = None,
     progress: Progress = no_progress,
 ) -> Steps:
@@ -84,15 +84,15 @@ def step(
         profile: the crank's motion.
         start: closed state and rates at time zero, (nq,) and (nv,).
         total: steps over the whole profile.
-        stride: steps from one record to the next; the last step is recorded too.
+        interval: steps from one record to the next; the last step is recorded too.
         controls: of the model's actuators at the start of each step, (total, nu); None without controls.
         progress: callback after every block.
     """
     timestep = profile.duration / total
     driven = not profile.steady or len(loops.actuated_dofs) > 1 or loops.drivers is not None
     if driven:
-        held = BYTES_PER_STEP * len(loops.actuated_dofs)
-        require_room(f"the drive's torque at {total:,} steps", total, held, "take {most} steps at the most")
+        needed = BYTES_PER_STEP * len(loops.actuated_dofs)
+        require_room(f"the drive's torque at {total:,} steps", total, needed, "take {most} steps at the most")
     used = settings.apply(loops, timestep)
     model = loops.model
     if driven:
@@ -101,40 +101,42 @@ def step(
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
     torque = _torque(loops, profile, timestep, total) if driven else None
-    done, spent, processor, diverged = 0, 0.0, 0.0, False
-    while done < total and not diverged:
-        count = min(BLOCK, total - done)
-        control = _controls(loops, slice(done, done + count), controls, torque)
+    count_done, spent, processor, diverged = 0, 0.0, 0.0, False
+    while count_done < total and not diverged:
+        count = min(BLOCK, total - count_done)
+        control = _controls(loops, slice(count_done, count_done + count), controls, torque)
         begin, busy = clock.perf_counter(), clock.thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
         spent += clock.perf_counter() - begin
         processor += clock.thread_time() - busy
-        number = np.arange(done + 1, done + count + 1)
-        kept = np.flatnonzero((number % stride == 0) | (number == total))
+        number = np.arange(count_done + 1, count_done + count + 1)
+        kept = np.flatnonzero((number % interval == 0) | (number == total))
         number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())
         # MuJoCo resets a bad state to time zero
-        good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
-        records.append((number[good], qpos[good], qvel[good]))
-        diverged = bool(not good.all() or sims.warning[..., 1].any())
-        done += count
-        progress(f"{done:,} of {total:,} steps", done / total)
-    at, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
-    force = None if torque is None else torque[np.minimum(at, total - 1)]
+        valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
+        records.append((number[valid], qpos[valid], qvel[valid]))
+        diverged = bool(not valid.all() or sims.warning[..., 1].any())
+        count_done += count
+        progress(f"{count_done:,} of {total:,} steps", count_done / total)
+    indices, qpos, qvel = (np.concatenate(columns) for columns in zip(*records, strict=True))
+    force = None if torque is None else torque[np.minimum(indices, total - 1)]
     if force is not None and driven and force.shape[1] == 1 and loops.drivers is None:
         force = force[:, 0]
-    return Steps(States(timestep * at, qpos, qvel), force, done, spent, timestep, diverged, used, processor)
+    return Steps(
+        States(timestep * indices, qpos, qvel), force, count_done, spent, timestep, diverged, used, processor
+    )
 
 
 def _add_drive_inertia(loops: ModelLoops) -> None:
     """Set the crank's virtual inertia on all driven DOFs; disable the constraints of nonlinear followers."""
     model, moved = loops.model, loops.actuated_dofs
-    flywheel = model.dof_armature[loops.crank]
+    inertia = model.dof_armature[loops.crank]
     # on a slide: the mass that has this inertia at the distance of the characteristic length
     slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
-    set_armature(model, moved, np.where(slides, flywheel / loops.characteristic_length**2, flywheel))
+    set_armature(model, moved, np.where(slides, inertia / loops.characteristic_length**2, inertia))
     # MuJoCo scales the compliance of couplings by these
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
-    model.eq_active0[[one.equality for one in loops.followers]] = 0
+    model.eq_active0[[coupling.equality for coupling in loops.followers]] = 0
     rescale_coupled_tendons(loops, model)
 
 
@@ -148,22 +150,22 @@ def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:
     # a free crank has no virtual inertia
     driven = [dof for dof in loops.driven_dofs if model.dof_armature[dof]]
     weights[driven] = np.minimum(weights[driven], 1.0 / model.dof_armature[driven])
-    for one in loops.couplings:
-        if model.eq_type[one.equality] != int(mujoco.mjtEq.mjEQ_TENDON):
+    for coupling in loops.couplings:
+        if model.eq_type[coupling.equality] != int(mujoco.mjtEq.mjEQ_TENDON):
             continue
-        ends = int(model.eq_obj1id[one.equality]), int(model.eq_obj2id[one.equality])
-        for tendon, side in zip(ends, (one.left, one.right), strict=True):
+        ends = int(model.eq_obj1id[coupling.equality]), int(model.eq_obj2id[coupling.equality])
+        for tendon, side in zip(ends, (coupling.left, coupling.right), strict=True):
             if side is not None:
                 model.tendon_invweight0[tendon] = float(side.weights**2 @ weights[side.dofs])
 
 
 def _controls(loops: ModelLoops, steps: slice, controls: Array | None, torque: Array | None) -> Array | None:
     """Return the controls of actuators and drives over some steps, (1, steps, nu + nv); None without any."""
-    given = [one[steps] for one in (controls, torque) if one is not None]
-    if not given:
+    inputs = [coupling[steps] for coupling in (controls, torque) if coupling is not None]
+    if not inputs:
         return None
     model = loops.model
-    control = np.zeros((1, len(given[0]), model.nu + model.nv))
+    control = np.zeros((1, len(inputs[0]), model.nu + model.nv))
     if controls is not None:
         control[0, :, : model.nu] = controls[steps]
     if torque is not None:
@@ -188,15 +190,15 @@ def check_step(timestep: float, profile: CrankProfile, cycle: str = "a turn of t
     """
     if not 0.0 < timestep < np.inf:
         raise InputError(f"time step is {timestep} s; give a finite time above 0")
-    turn = 2.0 * np.pi / profile.max_speed
-    if timestep > turn / 4.0:
+    period = 2.0 * np.pi / profile.max_speed
+    if timestep > period / 4.0:
         raise InputError(
-            f"time step is {timestep:g} s, but {cycle} takes {turn:.6g} s; "
-            f"take {turn / 4.0:.3g} s at the most"
+            f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; "
+            f"take {period / 4.0:.3g} s at the most"
         )
-    if timestep < turn / MAX_STEPS:
+    if timestep < period / MAX_STEPS:
         raise InputError(
-            f"time step is {timestep:g} s, but {cycle} takes {turn:.6g} s; "
-            f"take {turn / MAX_STEPS:.3g} s at the least"
+            f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; "
+            f"take {period / MAX_STEPS:.3g} s at the least"
         )
-    return int(np.ceil(turn / timestep - 1e-9))
+    return int(np.ceil(period / timestep - 1e-9))

@@ -31,12 +31,12 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
     """Yield servos that move what other servos move already, as the loops have it in every pose."""
     model, lines = scene.model, _lines(scene)
     servos = [a for a in range(model.nu) if _stiffness(scene, a) > 0.0]
-    held = [slope for slope, _ in scene.sample_jacobians]
+    jacobians = [jacobian for jacobian, _ in scene.sample_jacobians]
     arms = [_directions(scene, qpos) for qpos in scene.sample_states]
     for a in servos:
-        wider = [np.vstack([rows, arm[a]]) for rows, arm in zip(held, arms, strict=True)]
-        if any(rank(more) > rank(rows) for more, rows in zip(wider, held, strict=True)):
-            held = wider
+        wider = [np.vstack([rows, arm[a]]) for rows, arm in zip(jacobians, arms, strict=True)]
+        if any(rank(more) > rank(rows) for more, rows in zip(wider, jacobians, strict=True)):
+            jacobians = wider
             continue
         name = str(model.actuator(a).name) or f"actuator{a + 1}"
         yield Finding(

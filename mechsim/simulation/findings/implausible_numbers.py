@@ -31,10 +31,10 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
     for b in moving:
         name = str(model.body(b).name)
         mass, moments = float(model.body_mass[b]), np.sort(model.body_inertia[b])
-        part = bodies[name]
-        problem = _triangle_violation(_moments(part)) if part.explicitinertial else None
-        if not problem and part.explicitinertial and part.mass < 0.0:
-            problem = float(part.mass), f"has a mass of {part.mass:g} kg", "no body has it: weigh it"
+        element = bodies[name]
+        problem = _triangle_violation(_moments(element)) if element.explicitinertial else None
+        if not problem and element.explicitinertial and element.mass < 0.0:
+            problem = float(element.mass), f"has a mass of {element.mass:g} kg", "no body has it: weigh it"
         if not problem and mass > MASSLESS * heaviest:
             problem = _implausible_size(scene, mass, moments, float(np.linalg.norm(model.body_ipos[b])))
         by = float(carried[b])
@@ -53,7 +53,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
                 explains=0.0,
                 message=f"body {name} {what}",
                 remedy=remedy,
-                **scene.place(part),
+                **scene.place(element),
             )
 
 
@@ -64,8 +64,8 @@ def carried_masses(scene: Inspected) -> Array:
     elements = [bodies.get(str(model.body(b).name)) for b in range(model.nbody)]
     total = np.array(
         [
-            part.mass if part is not None and part.explicitinertial else mass
-            for part, mass in zip(elements, model.body_mass.tolist(), strict=True)
+            element.mass if element is not None and element.explicitinertial else mass
+            for element, mass in zip(elements, model.body_mass.tolist(), strict=True)
         ]
     )
     # a body stands behind the one it hangs on
@@ -103,8 +103,8 @@ def _implausible_size(
 ) -> tuple[float, str, str] | None:
     """Say what of a body's mass and moments fits no body of the scene's size; None where all does."""
     radius = float(np.sqrt(moments[2] / mass))
-    size = max(scene.size, offset)
-    if radius > MAX_SPREAD * size:
+    length = max(scene.size, offset)
+    if radius > MAX_SPREAD * length:
         return (
             radius,
             f"has its mass spread to a radius of {radius:.3g} m, in a scene of {scene.size:.3g} m",

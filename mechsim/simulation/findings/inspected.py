@@ -320,11 +320,11 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str) -> Swing:
 
 
 def _without_clock(
-    model: mujoco.MjModel, with_clock: mujoco.MjModel, states: Array, rates: Array
+    model: mujoco.MjModel, with_parameter: mujoco.MjModel, states: Array, rates: Array
 ) -> tuple[Array, Array]:
     """Return states and rates of a model with a clock as those of the model without."""
-    clock = with_clock.joint(PARAMETER_JOINT)
-    qpos = np.delete(states, int(clock.qposadr[0]), axis=1)
-    qvel = np.delete(rates, int(clock.dofadr[0]), axis=1)
+    parameter = with_parameter.joint(PARAMETER_JOINT)
+    qpos = np.delete(states, int(parameter.qposadr[0]), axis=1)
+    qvel = np.delete(rates, int(parameter.dofadr[0]), axis=1)
     assert qpos.shape[1] == model.nq
     return qpos, qvel

@@ -108,14 +108,14 @@ def placeholder_fields(model: mujoco.MjModel, arrays: DesignArrays) -> Fields:
     """Return the placeholder inertias of designs and virtual drive inertias, equal to the generator's."""
     names = ("body_mass", "body_ipos", "body_inertia", "dof_armature")
     fields: Fields = {name: np.repeat(getattr(model, name)[None], arrays.count, 0) for name in names}
-    size = arrays.size
+    length = arrays.size
     for link in arrays.mechanism.links:
         body = model.body(link.name).id
-        mass, centre, moment = placeholder(arrays.on(link.name), size)
+        mass, centre, moment = placeholder(arrays.on(link.name), length)
         fields["body_mass"][:, body], fields["body_ipos"][:, body] = mass, centre.T
         fields["body_inertia"][:, body] = moment[:, None]
     crank = model.jnt_dofadr[model.joint(CRANK).id]
-    fields["dof_armature"][:, crank] = DRIVE_INERTIA_RATIO * PLACEHOLDER * size
+    fields["dof_armature"][:, crank] = DRIVE_INERTIA_RATIO * PLACEHOLDER * length
     return fields
 
 
@@ -286,7 +286,7 @@ def design_models(
     # the reference configuration has the links' poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
     rest[:, address] += TURN * np.round((start - rest[:, address]) / TURN)
-    real = [with_inertia(one) for one in designs]
+    real = [with_inertia(design) for design in designs]
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}
     qpos, closed = closed_states(shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest}), rest)

@@ -78,7 +78,7 @@ def _repeated(fields: Fields, names: Sequence[str], rows: Rows, repeat: int) -> 
 
 @quiet()
 def stepped_designs(
-    models: DesignModels, settings: Settings, speed: float, total: int, stride: int
+    models: DesignModels, settings: Settings, speed: float, total: int, interval: int
 ) -> SteppedDesigns:
     """Step designs through a revolution of their cranks at constant speed.
 
@@ -89,7 +89,7 @@ def stepped_designs(
         settings: of the stepping.
         speed: of the cranks in [rad/s].
         total: steps per revolution.
-        stride: steps from one record to the next; it divides the total.
+        interval: steps from one record to the next; it divides the total.
     """
     timestep = TURN / abs(speed) / total
     shared = models.shared.closed
@@ -102,12 +102,12 @@ def stepped_designs(
     sims = own.posed.simulations(loops.model, len(rates), 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = models.qpos, rates
     chunks = [(np.zeros((len(rates), 1, 1)), models.qpos[:, None], rates[:, None])]
-    for first in range(0, total, stride * max(1, BLOCK // stride)):
-        count = min(stride * max(1, BLOCK // stride), total - first)
+    for first in range(0, total, interval * max(1, BLOCK // interval)):
+        count = min(interval * max(1, BLOCK // interval), total - first)
         out = sims.rollout(count, record=(TIME, "qpos", "qvel"))
-        chunks.append(tuple(out[name][:, stride - 1 :: stride] for name in (TIME, "qpos", "qvel")))
-    recorded_time, qpos, qvel = (np.concatenate(one, 1) for one in zip(*chunks, strict=True))
-    time = timestep * stride * np.arange(recorded_time.shape[1])
+        chunks.append(tuple(out[name][:, interval - 1 :: interval] for name in (TIME, "qpos", "qvel")))
+    recorded_time, qpos, qvel = (np.concatenate(values, 1) for values in zip(*chunks, strict=True))
+    time = timestep * interval * np.arange(recorded_time.shape[1])
     target = models.qpos[:, [loops.crank_address]] + speed * time
     # MuJoCo resets a bad state to time zero
     valid = (np.abs(recorded_time[..., 0] - time) < 0.5 * timestep).all(1) & ~sims.warning[..., 1].any(-1)
@@ -218,7 +218,7 @@ def design_motion(stepped: SteppedDesigns, rows: Rows, records: Rows, content: C
     """
     step = max(1, CHUNK // len(records))
     chunks = [rows[first : first + step] for first in range(0, len(rows), step)]
-    return join([_chunk(stepped, part, records, content) for part in chunks])
+    return join([_chunk(stepped, chunk, records, content) for chunk in chunks])
 
 
 def _chunk(stepped: SteppedDesigns, rows: Rows, records: Rows, content: Content) -> Motion:
@@ -270,13 +270,13 @@ def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance
     """
     step = max(1, CHUNK // len(records))
     chunks = [rows[first : first + step] for first in range(0, len(rows), step)]
-    return np.concatenate([_torque(stepped, part, records, compliance) for part in chunks])
+    return np.concatenate([_torque(stepped, chunk, records, compliance) for chunk in chunks])
 
 
 def _torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: float) -> Array:
     model = copy.copy(stepped.loops.model)
     factor = soften(model, compliance)
-    fields = {name: one[rows] for name, one in stepped.fields.items()}
+    fields = {name: values[rows] for name, values in stepped.fields.items()}
     for name in ("body_invweight0", "dof_invweight0"):
         fields[name] = factor * fields[name]
     names = "qacc", "qfrc_constraint"
@@ -288,7 +288,7 @@ def _torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: floa
     # without constraints and virtual inertia
     unconstrained = copy.copy(stepped.models.shared.closed.model)
     unconstrained.opt.disableflags |= int(OFF)
-    unconstrained_fields = {name: one[rows] for name, one in stepped.models.fields.items()}
+    unconstrained_fields = {name: values[rows] for name, values in stepped.models.fields.items()}
     clear_same_frame(unconstrained, unconstrained_fields)
     smooth = _evaluated(stepped, unconstrained, unconstrained_fields, rows, records, ("M", "qfrc_smooth"))
     crank = stepped.loops.crank
@@ -307,7 +307,7 @@ def _evaluated(
     force: Array | None = None,
 ) -> Fields:
     """Return MuJoCo's fields at states of designs, one row per state, under generalised forces (n, nv)."""
-    repeated = {name: np.repeat(one, len(records), 0) for name, one in fields.items()}
+    repeated = {name: np.repeat(values, len(records), 0) for name, values in fields.items()}
     loops: ModelLoops = stepped.loops.with_fields(repeated)
     index = np.ix_(rows, records)
     n = len(rows) * len(records)
@@ -320,7 +320,7 @@ def _evaluated(
         sims.bind("qfrc_applied")[:] = force
     results = {name: sims.bind(name) for name in names}
     sims.forward()
-    return {name: np.array(one) for name, one in results.items()}
+    return {name: np.array(values) for name, values in results.items()}
 
 
 def _row(model: mujoco.MjModel, sparse: Array, dof: int) -> Array:

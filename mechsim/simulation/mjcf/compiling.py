@@ -36,14 +36,14 @@ def wordless() -> Generator[None]:
     except OSError:  # there is no console to keep it off
         yield
         return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    null_device = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(nowhere, 2)
+        os.dup2(null_device, 2)
         yield
     finally:
         os.dup2(kept, 2)
         os.close(kept)
-        os.close(nowhere)
+        os.close(null_device)
 
 
 NONE, BODY, INERTIA = (

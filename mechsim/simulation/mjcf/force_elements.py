@@ -254,8 +254,8 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
 
 
 def _rotated_mark(end: End, angle: float) -> tuple[float, float, float]:
-    mark = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
-    return float(mark[0]), float(mark[1]), float(mark[2])
+    reference = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
+    return float(reference[0]), float(reference[1]), float(reference[2])
 
 
 def _add_friction(builder: Builder, friction: Friction) -> None:

@@ -169,17 +169,17 @@ def model_joints(
         return [ModelJoint(names[0], FREE if kind.slides else BALL, position, EZ, None)]
     types = [SLIDE] * len(kind.slides) + [HINGE] * len(kind.turns)
     axes: list[Axis] = [*kind.slides, *kind.turns]
-    parts = list(zip(names, types, axes, values, strict=True))
+    coordinates = list(zip(names, types, axes, values, strict=True))
     if branch.sense < 0 and len(set(axes)) > 1:
         # an axis fixed in the parent comes first, one fixed in the child last
-        parts.reverse()
+        coordinates.reverse()
     if len(kind.slides) > 1 and branch.sense < 0:
         # a turn that comes before slides across it is about the parent's point
         back = np.swapaxes(local.rotation, -1, -2)
         position = turned(back, np.asarray(branch.parent.point) - local.position)
     return [
         ModelJoint(name, made, position, _axis_of(branch, local, axis), value)
-        for name, made, axis, value in parts
+        for name, made, axis, value in coordinates
     ]
 
 
@@ -190,13 +190,13 @@ def add_joint(
 
     Args are as of `model_joints`.
     """
-    for one in model_joints(mechanism, branch, local, values):
-        if one.type == FREE:
-            body.add_freejoint(name=one.name)
-        elif one.value is None:
-            body.add_joint(name=one.name, type=one.type, pos=one.place)
+    for made in model_joints(mechanism, branch, local, values):
+        if made.type == FREE:
+            body.add_freejoint(name=made.name)
+        elif made.value is None:
+            body.add_joint(name=made.name, type=made.type, pos=made.place)
         else:
-            body.add_joint(name=one.name, type=one.type, pos=one.place, axis=one.axis, ref=one.value)
+            body.add_joint(name=made.name, type=made.type, pos=made.place, axis=made.axis, ref=made.value)
 
 
 def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:

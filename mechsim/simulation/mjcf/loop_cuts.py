@@ -54,9 +54,9 @@ def cut_loops(
     """
     import networkx as nx
 
-    asked, needed = set(cut or ()), _needed(mechanism)
-    _require_cuttable(mechanism, asked, needed)
-    graph = _weighed(mechanism, asked, needed, keep)
+    requested, needed = set(cut or ()), _needed(mechanism)
+    _require_cuttable(mechanism, requested, needed)
+    graph = _weighed(mechanism, requested, needed, keep)
     if not nx.is_connected(graph):
         lost = sorted(set(graph) - nx.node_connected_component(graph, GROUND))
         raise InputError(
@@ -64,21 +64,21 @@ def cut_loops(
         )
     kept = {key for _, _, key in nx.maximum_spanning_edges(graph, keys=True, data=False)}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in kept)
-    refused = [
+    rejected = [
         joint
         for joint in cuts
         if joint.name in needed
         or not (_cuttable(KINDS[joint.kind]) or (splits and not KINDS[joint.kind].dof))
     ]
-    if refused and splits:
-        names = {joint.name for joint in refused}
+    if rejected and splits:
+        names = {joint.name for joint in rejected}
         whole = tuple(virtual_body(joint) if joint.name in names else joint.name for joint in cuts)
         return cut_loops(split(mechanism, names), whole, keep=keep, splits=True)
-    if refused:
-        raise InputError(f"{mechanism.name}: {_why_refused(refused[0], needed)}")
-    if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != asked:
+    if rejected:
+        raise InputError(f"{mechanism.name}: {_why_refused(rejected[0], needed)}")
+    if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != requested:
         raise InputError(
-            f"{mechanism.name}: cutting {', '.join(sorted(asked)) or 'no joint'} does not leave a tree; "
+            f"{mechanism.name}: cutting {', '.join(sorted(requested)) or 'no joint'} does not leave a tree; "
             f"as many joints as there are loops ({len(cuts)}) must be named, one in each"
         )
     return Tree(mechanism, _ordered(mechanism, kept), cuts)
@@ -91,19 +91,19 @@ def _needed(mechanism: Mechanism) -> set[str]:
     return driven | geared | joints_of(mechanism, mechanism.locked)
 
 
-def _require_cuttable(mechanism: Mechanism, asked: set[str], needed: set[str]) -> None:
+def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str]) -> None:
     """Refuse to cut what is no joint, or one that the model must have."""
-    for unknown in asked - {joint.name for joint in mechanism.joints}:
-        known = ", ".join(joint.name for joint in mechanism.joints)
-        raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {known}")
+    for unknown in requested - {joint.name for joint in mechanism.joints}:
+        names = ", ".join(joint.name for joint in mechanism.joints)
+        raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {names}")
     driven = {joint.name for joint in mechanism.driven_joints}
-    for name in sorted(asked & needed):
+    for name in sorted(requested & needed):
         what = "driven" if name in driven else "held" if name in mechanism.locked else "geared"
         raise InputError(f"{mechanism.name}: joint {name!r} is {what} and cannot be cut; cut another")
 
 
 def _weighed(
-    mechanism: Mechanism, asked: set[str], needed: set[str], keep: Collection[str]
+    mechanism: Mechanism, requested: set[str], needed: set[str], keep: Collection[str]
 ) -> "nx.MultiGraph[str]":
     """Return links and joints as a graph; the heavier a joint, the rather it stays in the tree."""
     import networkx as nx
@@ -120,7 +120,14 @@ def _weighed(
         near = -min(distance[joint.a.link], distance[joint.b.link])
         cuttable = _cuttable(KINDS[joint.kind])
         free = cuttable and KINDS[joint.kind].dof
-        return joint.name not in asked, joint.name in needed, not cuttable, joint.name in keep, -free, near
+        return (
+            joint.name not in requested,
+            joint.name in needed,
+            not cuttable,
+            joint.name in keep,
+            -free,
+            near,
+        )
 
     # among equals the first stays
     for order, joint in enumerate(sorted(mechanism.joints, key=held, reverse=True)):
@@ -171,9 +178,9 @@ def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
         joint = next(j for j in waiting if j.a.link in placed or j.b.link in placed)
         waiting.remove(joint)
         forward = joint.a.link in placed
-        near, far = (joint.a, joint.b) if forward else (joint.b, joint.a)
-        branches.append(Branch(joint, near, far, 1 if forward else -1))
-        placed.add(far.link)
+        parent, child = (joint.a, joint.b) if forward else (joint.b, joint.a)
+        branches.append(Branch(joint, parent, child, 1 if forward else -1))
+        placed.add(child.link)
     return tuple(branches)
 
 
@@ -192,6 +199,6 @@ def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, floa
             {branch.joint.name: branch.sense * along(branch.child)} if KINDS[branch.joint.kind].turns else {}
         )
         sums[branch.child.link] = {**sums[branch.parent.link], **own}
-    a, b, sense = sums[cut.a.link], sums[cut.b.link], along(cut.b)
-    shares = {name: sense * (b.get(name, 0.0) - a.get(name, 0.0)) for name in sorted({*a, *b})}
+    a, b, sign = sums[cut.a.link], sums[cut.b.link], along(cut.b)
+    shares = {name: sign * (b.get(name, 0.0) - a.get(name, 0.0)) for name in sorted({*a, *b})}
     return {name: share for name, share in shares.items() if share}

@@ -138,11 +138,11 @@ def _joint(model: mujoco.MjModel, j: int, parent: Carrier, child: Carrier) -> Jo
             name, kind, End(parent.link, parent.point(point), *axes), End(child.link, vector(point), EZ, EX)
         )
     plain = End(child.link, vector(point), vector(model.jnt_axis[j]))
-    axis, mark = np.array(plain.axis), np.array(plain.mark)
+    axis, reference = np.array(plain.axis), np.array(plain.mark)
     zero = float(model.qpos0[model.jnt_qposadr[j]])
     start = -zero * axis if joint_kind.slides else np.zeros(3)
-    a = End(parent.link, parent.point(point + start), parent.direction(axis), parent.direction(mark))
-    rotated_mark = np.cos(zero) * mark + np.sin(zero) * np.cross(axis, mark)
+    a = End(parent.link, parent.point(point + start), parent.direction(axis), parent.direction(reference))
+    rotated_mark = np.cos(zero) * reference + np.sin(zero) * np.cross(axis, reference)
     return Joint(
         name,
         kind,

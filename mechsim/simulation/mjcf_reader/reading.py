@@ -76,7 +76,7 @@ def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ..
     for body, carrier in enumerate(chain.carriers):
         if carrier.link in outlines:
             joint_points = [model.body_ipos[body], *_corners(model, body)]
-            outlines[carrier.link] += [carrier.point(place) for place in joint_points]
+            outlines[carrier.link] += [carrier.point(point) for point in joint_points]
     return tuple(Link(link.name, tuple(outlines[link.name])) for link in chain.links)
 
 

@@ -75,11 +75,11 @@ def _interpolated(
     return replace(
         motion,
         angle=interpolation.put(motion.angle, qpos[rows, loops.crank_address]),
-        points={name: interpolation.point(one, unit.points[name]) for name, one in motion.points.items()},
-        links={name: interpolation.link(one, unit.links[name]) for name, one in motion.links.items()},
+        points={name: interpolation.point(entry, unit.points[name]) for name, entry in motion.points.items()},
+        links={name: interpolation.link(entry, unit.links[name]) for name, entry in motion.links.items()},
         joints={
-            name: interpolation.joint(one, unit.joints[name], qpos[rows, addresses[name]])
-            for name, one in motion.joints.items()
+            name: interpolation.joint(entry, unit.joints[name], qpos[rows, addresses[name]])
+            for name, entry in motion.joints.items()
         },
         closure=interpolation.put(motion.closure, closure),
         conditioning=interpolation.put(motion.conditioning, loops.conditioning(jacobian)[:-1]),

@@ -66,8 +66,8 @@ def _follow_path(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array,
         return _follow_branch(loops, start, angles)
     explicit = _explicit_path(loops, start, angles)
     if explicit is not None:
-        states, certain = _states_along(explicit, angles)
-        if certain.all():
+        states, on_path = _states_along(explicit, angles)
+        if on_path.all():
             return states, explicit
     traced = _traced_path(loops, start, angles)
     return _states_on(traced, angles), traced
@@ -79,8 +79,8 @@ def _follow_branch(loops: ModelLoops, start: Array, angles: Array) -> tuple[Arra
     path = _branch_revolution(loops, start) if high - low > 1.5 * TURN and loops.drivers is None else None
     path = path or branch_path(loops, start, low, high)
     states = np.empty((len(angles), len(start)))
-    for piece, rows, turned in path.split(angles):
-        states[rows] = _states_on(piece, turned)
+    for piece, rows, reduced in path.split(angles):
+        states[rows] = _states_on(piece, reduced)
     if path.gain is not None:
         states += path.revolutions(angles)[:, None] * path.gain
     states[:, loops.crank_address] = angles
@@ -98,8 +98,8 @@ def _branch_revolution(loops: ModelLoops, start: Array) -> BranchPath | None:
 
 def _states_on(path: AssemblyPath, angles: Array) -> Array:
     """Return closed states at crank angles, (n, nq), on a path; uncertain ones are traced."""
-    states, certain = _states_along(path, angles)
-    for i in np.flatnonzero(~certain):
+    states, on_path = _states_along(path, angles)
+    for i in np.flatnonzero(~on_path):
         states[i] = _traced_to(path, angles[i : i + 1])
     return states
 
@@ -110,8 +110,10 @@ def _states_along(path: AssemblyPath, angles: Array) -> tuple[Array, NDArray[np.
         if len(angles) > poses_per_knot * len(path.knots):
             path = path.refined(factor)
             break
-    parts = [path.states_at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
-    return np.concatenate([states for states, _ in parts]), np.concatenate([sure for _, sure in parts])
+    chunks = [path.states_at(angles[i : i + CHUNK]) for i in range(0, len(angles), CHUNK)]
+    return np.concatenate([states for states, _ in chunks]), np.concatenate(
+        [on_path for _, on_path in chunks]
+    )
 
 
 def _explicit_path(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPath | None:
@@ -246,13 +248,15 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
     Raises:
         AssemblyError: where the loops do not close on the path.
     """
-    drive = loops.drivers
-    assert drive is not None
+    drivers = loops.drivers
+    assert drivers is not None
     start = state.copy()
     start[loops.crank_address] = 0.0
-    current = start[drive.addresses]
+    current = start[drivers.addresses]
     distance = float(
-        np.abs((target - current) / np.where(drive.slides, loops.characteristic_length, 1.0)).max(initial=0.0)
+        np.abs((target - current) / np.where(drivers.slides, loops.characteristic_length, 1.0)).max(
+            initial=0.0
+        )
     )
     if distance > 0.0:
 
@@ -264,9 +268,9 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
 
         def along(angle: float) -> str:
             values = straight(np.array([angle]))[0][:, 0]
-            text = ", ".join(f"{name} = {at:.6g}" for name, at in zip(drive.names, values, strict=True))
+            text = ", ".join(f"{name} = {at:.6g}" for name, at in zip(drivers.names, values, strict=True))
             return f"{text} on the way to {target_text}"
 
         start = follow(loops.with_law(straight, along), start, [distance])[0]
-    start[loops.crank_address], start[drive.addresses] = 0.0, target
+    start[loops.crank_address], start[drivers.addresses] = 0.0, target
     return start

@@ -228,12 +228,12 @@ class BranchPath:
     def near_change_points(self, angles: Array) -> Iterator[tuple[ChangePoint, NDArray[np.intp], Array]]:
         """Yield change points, the indices of crank angles near them, and these angles."""
         for piece, rows, reduced in self.split(angles):
-            for change_point, close, near in piece.near_change_points(reduced):
-                yield change_point, rows[close], near
+            for change_point, close, reduced_near in piece.near_change_points(reduced):
+                yield change_point, rows[close], reduced_near
 
     @cached_property
     def _cuts(self) -> Array:
-        return np.array([meeting.angle for meeting in self.change_points])
+        return np.array([change_point.angle for change_point in self.change_points])
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,7 @@ def _legs(loops: ModelLoops, start: Array, end: float) -> tuple[list[_Leg], list
         leg_trace = trace(loops, state, end, past_change_points=False)
         last = legs[-1]
         legs[-1] = _Leg(last.states + leg_trace.states, last.change_points + leg_trace.change_points)
-        reached = [one for one in leg_trace.change_points if direction * (end - one.angle) >= 0.0]
+        reached = [point for point in leg_trace.change_points if direction * (end - point.angle) >= 0.0]
         if not reached:
             break
         passed += reached
