@@ -44,39 +44,30 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "both are signs",
     (
         POSED,
-        "return (data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope)",
-        "return (data.xpos[None], data.xmat.reshape(1, -2, 3, 3), slope)",
+        "return (data.xpos[None], data.xmat.reshape(1, -1, 3, 3), point_jacobian)",
+        "return (data.xpos[None], data.xmat.reshape(1, -2, 3, 3), point_jacobian)",
     ): SHAPE,
     (POSED, "if len(self._batches) > 8:", "..."): SPEED,
     (
         LOOPS,
-        "self._log_scale = float(size[0]) if np.isfinite(size[0]) else 0.0",
-        "self._log_scale = float(size[0]) if np.isfinite(size[0]) else 1.0",
+        "independent.log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0",
+        "independent.log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 1.0",
     ): "the determinant has a unit of its own",
     (
         LOOPS,
-        "values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=False)",
-        "values = np.linalg.svd(held, compute_uv=False).astype(np.float64, copy=True)",
+        "values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)",
+        "values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=True)",
     ): SPEED,
+    (LOOPS, "MAX_NEWTON_STEPS = 50", "..."): "Newton's method has converged after ten steps, or never does",
     (
         LOOPS,
-        "def close_with_jacobian(self, qpos: Array, most_steps: int=50) -> tuple[Array, Array | None]:",
-        "...",
-    ): "Newton's method has converged after ten steps, or never does",
-    (
-        LOOPS,
-        "def close(self, qpos: Array, *, most_steps: int=50) -> Array:",
-        "...",
-    ): "Newton's method has converged after ten steps, or never does",
-    (
-        LOOPS,
-        "if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):",
-        "if worst <= CLOSED or (worst < 1e-11 and worst >= 0.05 * before):",
+        "if worst <= CLOSED or (worst < ROUNDING and worst >= 0.5 * before):",
+        "if worst <= CLOSED or (worst < ROUNDING and worst >= 0.05 * before):",
     ): "a Newton step more or fewer once rounding is reached",
     **{
         (
             LOOPS,
-            "if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):",
+            "if worst <= CLOSED or (worst < ROUNDING and worst >= 0.5 * before):",
             f"if worst <= CLOSED or (worst < {bound} and worst >= 0.5 * before):",
         ): "a Newton step more or fewer once rounding is reached"
         for bound in ("1e-10", "1e-12", "1.0000000000000001e-11", "9.999999999999999e-11")

@@ -1,5 +1,6 @@
 """A compiled model with closed loops: what every run in MuJoCo starts from."""
 
+import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -93,7 +94,7 @@ class ClosedModel:
 
     def without_contacts(self, determined: NDArray[np.bool_]) -> "ClosedModel":
         """Return the model without contacts between the bodies of a mask, (nbody,)."""
-        loops = self.loops.with_model_copy()
+        loops = replace(self.loops, model=copy.copy(self.model))
         exclude_contacts(loops.model, determined)
         return replace(self, loops=loops)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -119,7 +120,7 @@ def _solved_poses(closed: ClosedModel, states: Array) -> Array:
     if loops.drivers is not None:
         driven = states[: len(states_solved), loops.drivers.addresses]
         states_solved[:, loops.drivers.addresses] = driven
-        states_solved = loops.with_drivers_locked(driven.T).close(states_solved)
+        states_solved = replace(loops, drivers=loops.drivers.locked_at(driven.T)).close(states_solved)
     return states_solved
 
 

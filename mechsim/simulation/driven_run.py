@@ -1,5 +1,6 @@
 """A model driven through one crank motion, by solved poses or by time stepping, and its verdict."""
 
+import copy
 import time as clock
 from dataclasses import dataclass, replace
 
@@ -168,12 +169,13 @@ class DrivenRun:
         require_regular_start(loops, change_points, float(self.profile.state(np.zeros(1))[0][0]))
         if change_points and loops.change_point == "branch":
             raise InputError(
-                f"{loops.name} is to fold at {change_points_text(loops, change_points)}, where its links would jump "
-                "in speed, which no stepped motion does; run it by pose, or let it go on smoothly"
+                f"{loops.name} is to stay on the branch at {change_points_text(loops, change_points)}, where "
+                "its links would jump in speed; no stepped motion does that: run it by pose, or let it go on "
+                "smoothly"
             )
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
-        loops = self.closed.loops.with_model_copy()
+        loops = replace(self.closed.loops, model=copy.copy(self.closed.model))
         total, every = self._counts(settings)
         steps = step(loops, settings, self.profile, self.start, total, every, progress=self._report_progress)
         return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
@@ -205,7 +207,7 @@ class DrivenRun:
         cause = cause or limit_or_contact(self.closed.model, states.time, states.qpos, states.qvel)
         if cause:
             return cause
-        run = loops.with_model_copy()
+        run = replace(loops, model=copy.copy(loops.model))
         replace(steps.settings, compliance=1.0).apply(run, steps.timestep)  # weights are then inertia
         return stiffness_cause(run.model) or STIFFNESS_MESSAGE
 

@@ -132,16 +132,9 @@ class CouplingConstraint:
         return self._polynomials[2](self.right.value(qpos)) * rate**2
 
 
-@dataclass(frozen=True, slots=True)
-class Constraints:
-    """The equality constraints that close the loops of a model, each kind in the model's order."""
-
-    pairs: Sequence[PointPair]
-    frames: Sequence[FramePair]
-    couplings: Sequence[CouplingConstraint]
-
-
-def constraints(model: mujoco.MjModel) -> Constraints:
+def constraints(
+    model: mujoco.MjModel,
+) -> tuple[list[PointPair], list[FramePair], list[CouplingConstraint]]:
     """Return the coincident points, the parallel frames and the coupled coordinates of a model.
 
     Raises:
@@ -171,7 +164,7 @@ def constraints(model: mujoco.MjModel) -> Constraints:
                 f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "
                 "close loops by connect or weld constraints, couple by joint or tendon constraints"
             )
-    return Constraints(pairs, frames, couplings)
+    return pairs, frames, couplings
 
 
 def _bodies(model: mujoco.MjModel, i: int, first: int, second: int) -> tuple[int, int]:

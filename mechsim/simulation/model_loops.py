@@ -4,9 +4,8 @@ MuJoCo computes the kinematics and the Jacobians; the equations are the model's 
 No closed form is used.
 """
 
-import copy
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -18,8 +17,8 @@ from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, significant
 from mechsim.simulation import equality_rows
-from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers, Law
-from mechsim.simulation.equality_rows import CouplingConstraint, constraints
+from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
+from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, constraints
 from mechsim.simulation.state import PosedBodies, rotated
 
 FREE, BALL, SLIDE, HINGE = (
@@ -35,82 +34,106 @@ FREE, BALL, SLIDE, HINGE = (
 # closure error, in characteristic lengths or [rad], that counts as rounding: a few times what Newton's method
 # leaves in a well-conditioned loop
 CLOSED = 1e-14
+# closure error below which a state has converged, if Newton's method no longer halves it
+ROUNDING = 1e-11
+MAX_NEWTON_STEPS = 50
 
 
+@dataclass(frozen=True, eq=False)
 class ModelLoops:
     """The equality constraints of a model with a crank, evaluated and solved in batches.
 
     With several drivers, or one that is no hinge, the crank is the joint of the path parameter, and the
-    motion laws are among the equations.
+    motion laws are among the equations. A copy with another field is made by `dataclasses.replace`.
 
     Attributes:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
-        crank_address: its index in qpos.
         drivers: the drivers that follow motion laws; None where only a crank is driven.
-        free: indices of all degrees of freedom but the crank.
-        passive: indices of those that are neither crank nor driver.
-        change_point: policy of a path of poses at change points.
-        characteristic_lengths: of the model, in [m], (n,); (1,) where states share its fields.
-        hinges: whether each entry of qpos is the angle of a hinge.
-        quaternions: addresses of the quaternions in qpos.
-        in_quaternion: whether each entry of qpos belongs to a quaternion.
+        pairs, frames, couplings: of the constraints.
         posed: the kinematics of the model, and the fields that differ between states.
+        independent: the independent constraints, shared by all copies.
+        change_point: policy of a path of poses at change points.
     """
 
-    def __init__(self, model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None):
-        self.model = model
-        self.posed = PosedBodies(model)
-        crank = crank if drivers is None else PARAMETER_JOINT
-        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
-        if joint < 0 or model.jnt_type[joint] != HINGE:
-            names = [model.joint(i).name for i in range(model.njnt)]
-            raise InputError(
-                f"the model has no hinge joint called {crank!r} (it has {', '.join(names) or 'none'}); "
-                f"name the driven hinge {crank!r}"
-            )
-        self.crank = int(model.jnt_dofadr[joint])
-        self.crank_address = int(model.jnt_qposadr[joint])
-        self.drivers = drivers
-        self.change_point: ChangePointPolicy = "smooth"
-        rows = constraints(model)
-        self.pairs, self.frames, self.couplings = rows.pairs, rows.frames, rows.couplings
-        self.name = model.names.partition(b"\0")[0].decode() or "model"
-        self.free = np.array([i for i in range(model.nv) if i != self.crank], dtype=np.int64)
-        self.passive = np.array([i for i in self.free if i not in self._driven], dtype=np.int64)
-        self._angles = _angle_dofs(model)
-        self.angular = self._angles[self.free]
-        reach = [np.linalg.norm(local) for pair in self.pairs for local in pair.local]
-        steps = np.linalg.norm(model.body_pos[1:], axis=1)
-        self.characteristic_lengths = np.array([max([*reach, *steps], default=0.0) or _extent(model)])
-        self.scale = self._scale()
-        self.quaternions = [
-            int(address) + (3 if kind == FREE else 0)
-            for kind, address in zip(model.jnt_type, model.jnt_qposadr, strict=True)
-            if kind in (BALL, FREE)
-        ]
-        self.in_quaternion = np.zeros(model.nq, dtype=np.bool_)
-        for address in self.quaternions:
-            self.in_quaternion[address : address + 4] = True
-        self.hinges = np.zeros(model.nq, dtype=np.bool_)
-        self.hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
-        self._basis: tuple[Array, Array, Array] | None = None
-        self._log_scale: float | None = None
+    model: mujoco.MjModel
+    crank: int
+    drivers: Drivers | None
+    pairs: Sequence[PointPair]
+    frames: Sequence[FramePair]
+    couplings: Sequence[CouplingConstraint]
+    posed: PosedBodies
+    independent: "_IndependentRows"
+    change_point: ChangePointPolicy = "smooth"
 
-    def _scale(self) -> Array:
-        """Return the factors that make residuals dimensionless, (m,); (n, m) where states have fields."""
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.model.names.partition(b"\0")[0].decode() or "model"
+
+    @cached_property
+    def crank_address(self) -> int:
+        """Index of the crank in qpos."""
+        return int(self.model.jnt_qposadr[self.model.dof_jntid[self.crank]])
+
+    @cached_property
+    def free(self) -> NDArray[np.int64]:
+        """Indices of all degrees of freedom but the crank."""
+        return np.delete(np.arange(self.model.nv), self.crank)
+
+    @cached_property
+    def passive(self) -> NDArray[np.int64]:
+        """Indices of the degrees of freedom that are neither crank nor driver."""
+        return np.setdiff1d(self.free, self.driven_dofs)
+
+    @cached_property
+    def angular_dofs(self) -> NDArray[np.bool_]:
+        """Whether each DOF is an angle; of the six of a free joint the first three are lengths."""
+        kinds = self.model.jnt_type[self.model.dof_jntid]
+        order = np.arange(self.model.nv) - self.model.jnt_dofadr[self.model.dof_jntid]
+        return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))
+
+    @cached_property
+    def hinges(self) -> NDArray[np.bool_]:
+        """Whether each entry of qpos is the angle of a hinge."""
+        hinges = np.zeros(self.model.nq, dtype=np.bool_)
+        hinges[self.model.jnt_qposadr[self.model.jnt_type == HINGE]] = True
+        return hinges
+
+    @cached_property
+    def quaternions(self) -> list[int]:
+        """Addresses of the quaternions in qpos."""
+        kinds = self.model.jnt_type
+        first = self.model.jnt_qposadr + np.where(kinds == FREE, 3, 0)
+        return first[(kinds == FREE) | (kinds == BALL)].tolist()
+
+    @property
+    def in_quaternion(self) -> NDArray[np.bool_]:
+        """Whether each entry of qpos belongs to a quaternion."""
+        return np.isin(np.arange(self.model.nq), np.add.outer(self.quaternions, np.arange(4)))
+
+    @cached_property
+    def characteristic_lengths(self) -> Array:
+        """Characteristic length of the model, in [m], (n,); (1,) where states share its fields."""
+        bodies = np.atleast_3d(self.posed.fields.get("body_pos", self.model.body_pos[None]))
+        offsets = [np.linalg.norm(bodies[:, 1:], axis=2).max(1, initial=0.0)]
+        offsets += [
+            np.linalg.norm(local, axis=1 if local.ndim > 1 else None)
+            for pair in self.pairs
+            for local in pair.local
+        ]
+        length = np.max(np.broadcast_arrays(*offsets), axis=0)
+        return length if self.posed.fields else np.where(length > 0.0, length, _extent(self.model))
+
+    @cached_property
+    def scale(self) -> Array:
+        """Factors that make residuals dimensionless, (m,); (n, m) where states have fields."""
         if self.posed.fields:
             return np.repeat(1.0 / self.characteristic_lengths[:, None], 3 * len(self.pairs), 1)
-        coupled = [
-            1.0 if self._angles[one.left.dofs].all() else 1.0 / self.characteristic_length
-            for one in self.couplings
-        ]
-        driven = (
-            []
-            if self.drivers is None
-            else np.where(self.drivers.slides, 1.0 / self.characteristic_length, 1.0)
-        )
-        lengths = np.full(3 * len(self.pairs), 1.0 / self.characteristic_length)
+        factor = 1.0 / self.characteristic_length
+        coupled = [1.0 if self.angular_dofs[row.left.dofs].all() else factor for row in self.couplings]
+        driven = [] if self.drivers is None else np.where(self.drivers.slides, factor, 1.0)
+        lengths = np.full(3 * len(self.pairs), factor)
         return np.concatenate([lengths, np.ones(3 * len(self.frames)), coupled, driven])
 
     @property
@@ -122,7 +145,7 @@ class ModelLoops:
     @property
     def units(self) -> Array:
         """Scales of the DOFs, (nv,): 1 for angles in [rad], the characteristic length for displacements."""
-        return np.where(self._angles, 1.0, self.characteristic_length)
+        return np.where(self.angular_dofs, 1.0, self.characteristic_length)
 
     @property
     def rounding(self) -> float:
@@ -149,7 +172,7 @@ class ModelLoops:
     @cached_property
     def followers(self) -> list[CouplingConstraint]:
         """The nonlinear couplings of coordinates that depend on the drivers only."""
-        return [one for one in self._chain if one.nonlinear]
+        return [row for row in self._chain if row.nonlinear]
 
     @property
     def driven_dofs(self) -> NDArray[np.int64]:
@@ -159,16 +182,16 @@ class ModelLoops:
     @cached_property
     def actuated_dofs(self) -> NDArray[np.int64]:
         """The DOFs that forces move in a stepped run: the crank or all drivers, then nonlinear followers."""
-        nonlinear = [int(one.left.dofs[0]) for one in self.followers]
+        nonlinear = [int(row.left.dofs[0]) for row in self.followers]
         return np.array([*self._driven, *nonlinear], dtype=np.int64)
 
     def actuated_rates(self, angle: Array, speed: Array) -> Array:
         """Return the rates of `actuated_dofs`, (n, k), at angles and speeds of the crank, (n,)."""
         values, speeds = {self.crank_address: angle}, {self.crank: speed}
         if self.drivers is not None:
-            value, jacobian, _ = self.drivers.law(angle)
+            value, rate, _ = self.drivers.law(angle)
             values |= dict(zip(self.drivers.addresses.tolist(), value, strict=True))
-            speeds |= dict(zip(self.drivers.dofs.tolist(), jacobian * speed, strict=True))
+            speeds |= dict(zip(self.drivers.dofs.tolist(), rate * speed, strict=True))
         rates = equality_rows.rates(self._chain, values, speeds)
         return np.stack([rates[int(dof)] for dof in self.actuated_dofs], 1)
 
@@ -180,20 +203,6 @@ class ModelLoops:
     def _chain(self) -> list[CouplingConstraint]:
         return equality_rows.chained(self.couplings, self._driven)
 
-    def with_law(self, law: Law, text: Callable[[float], str]) -> "ModelLoops":
-        """Return the same loops with another motion law."""
-        assert self.drivers is not None
-        other = copy.copy(self)
-        other.drivers = self.drivers.with_law(law, text)
-        return other
-
-    def with_drivers_locked(self, values: Array) -> "ModelLoops":
-        """Return the same loops with the drivers locked at values, (k,) or (k, n) for n states."""
-        assert self.drivers is not None
-        other = copy.copy(self)
-        other.drivers = self.drivers.locked_at(values)
-        return other
-
     def driver_text(self, angle: float) -> str:
         """Return the crank angle or the driver values as text."""
         return f"crank angle {angle:.6g} rad" if self.drivers is None else self.drivers.text(angle)
@@ -204,22 +213,11 @@ class ModelLoops:
         Its methods then take n states. All loops must be closed by site points; the independent constraint
         rows are those of the model itself.
         """
-        other = copy.copy(self)
-        other.posed, other._log_scale = PosedBodies(self.model, fields), None
         sites = fields["site_pos"]
         closing = zip(self.pairs, self.model.eq_obj1id, self.model.eq_obj2id, strict=True)
-        other.pairs = [replace(pair, local=(sites[:, a], sites[:, b])) for pair, a, b in closing]
-        reach = [np.linalg.norm(local, axis=1) for pair in other.pairs for local in pair.local]
-        steps = np.linalg.norm(fields["body_pos"][:, 1:], axis=2).T
-        other.characteristic_lengths = np.max([*reach, *steps], axis=0)
-        other.scale = other._scale()
-        return other
-
-    def with_model_copy(self) -> "ModelLoops":
-        """Return the same loops with a copy of the model that may be set up for stepping."""
-        other = copy.copy(self)
-        other.model = copy.copy(self.model)
-        return other
+        pairs = [replace(pair, local=(sites[:, a], sites[:, b])) for pair, a, b in closing]
+        independent = _IndependentRows(self.independent.basis)
+        return replace(self, pairs=pairs, posed=PosedBodies(self.model, fields), independent=independent)
 
     def residual(self, qpos: Array) -> Array:
         """Return the constraint residuals, (n, m) in [m] or [rad]."""
@@ -232,7 +230,7 @@ class ModelLoops:
 
     def _evaluate(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
         """Return the residuals and a function for their Jacobian, valid until the next evaluation."""
-        position, rotation, slope = self.posed.poses(qpos)
+        position, rotation, point_jacobian = self.posed.poses(qpos)
         n, nv = len(qpos), self.model.nv
         ends = [
             [(body, position[:, body] + rotated(rotation[:, body], local)) for body, local in pair.ends]
@@ -253,11 +251,12 @@ class ModelLoops:
 
         def jacobian() -> Array:
             chunks = [np.zeros((n, 0, nv))]
-            none = np.zeros((n, 3, nv))
-            for (a, at_a), (b, at_b) in ends:
-                chunks.append((slope(a, at_a)[0] if a else 0.0) - (slope(b, at_b)[0] if b else none))
+            fixed = np.zeros((n, 3, nv))
+            for points in ends:
+                a, b = (point_jacobian(body, point)[0] if body else fixed for body, point in points)
+                chunks.append(a - b)
             for pair, (_, rate) in zip(self.frames, errors, strict=True):
-                a, b = (slope(body, position[:, body])[1] if body else none for body in pair.bodies)
+                a, b = (point_jacobian(body, position[:, body])[1] if body else fixed for body in pair.bodies)
                 chunks.append(rate @ (a - b))
             chunks += [coupling.jacobian(qpos, nv)[:, None] for coupling in self.couplings]
             if drivers is not None and law is not None:
@@ -308,7 +307,7 @@ class ModelLoops:
     def solve(self, jacobian: Array, right: Array) -> Array:
         """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank."""
         matrix = self.constrained_jacobian(jacobian)
-        rows = self._independent(matrix)
+        rows = self.independent.of(matrix)
         if rows is None:
             return np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right
         if rows.shape[1] < rows.shape[0]:
@@ -318,27 +317,10 @@ class ModelLoops:
         transposed = np.swapaxes(matrix, -1, -2)
         return transposed @ np.linalg.solve(matrix @ transposed, right)
 
-    def _independent(self, matrix: Array) -> Array | None:
-        """Return a basis, (m, rank), of the independent constraints; None if it changes with the pose.
-
-        The third equation of a planar loop is redundant in every pose. In an overconstrained loop such as
-        Bennett's, which equations are redundant changes from pose to pose.
-        """
-        if self._basis is None:
-            # a model may have thousands of unconstrained DOFs, of which no basis is needed
-            left, values, right = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
-            rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-            self._basis = left[:, :rank], left[:, rank:], right[:rank]
-        rows, idle, _ = self._basis
-        ignored = np.abs(idle.T @ matrix).max(initial=0.0)
-        if ignored > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0):
-            return None
-        return rows
-
     @property
     def has_undetermined_dofs(self) -> bool:
         """Whether the loops leave DOFs other than the crank undetermined, as of the last solution."""
-        return self._basis is not None and len(self._basis[2]) < len(self.free)
+        return self.independent.basis is not None and len(self.independent.row_space) < len(self.free)
 
     def determinant_sign(self, jacobian: Array) -> Array:
         """Return the sign of the Jacobian's determinant with the crank locked, (n,): +1 or -1; 0 if unknown.
@@ -347,11 +329,11 @@ class ModelLoops:
         constant.
         """
         matrix = self.constrained_jacobian(jacobian)
-        rows = self._independent(matrix)
+        rows = self.independent.of(matrix)
         return (
             np.zeros(len(matrix))
             if rows is None
-            else np.linalg.slogdet(self._square_jacobian(matrix, rows))[0]
+            else np.linalg.slogdet(self.independent.square(matrix, rows))[0]
         )
 
     def sign_changed(self, before: Array, beyond: Array) -> NDArray[np.bool_]:
@@ -373,17 +355,15 @@ class ModelLoops:
         Where the independent constraints change with the pose, it is that of the first state's constraints
         and positive there; signs are then comparable within one call only.
         """
-        matrix = self.constrained_jacobian(jacobian)
-        rows = self._independent(matrix)
-        sign = 1.0
+        matrix, independent, sign = self.constrained_jacobian(jacobian), self.independent, 1.0
+        rows = independent.of(matrix)
         if rows is None:
-            assert self._basis is not None
-            rows = np.linalg.svd(matrix[0], full_matrices=False)[0][:, : len(self._basis[2])]
-            sign = np.linalg.slogdet(self._square_jacobian(matrix[:1], rows))[0]
-        signs, log_values = np.linalg.slogdet(self._square_jacobian(matrix, rows))
-        if self._log_scale is None:
-            self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0
-        return sign * signs * np.exp(np.minimum(log_values - self._log_scale, 300.0))
+            rows = np.linalg.svd(matrix[0], full_matrices=False)[0][:, : len(independent.row_space)]
+            sign = np.linalg.slogdet(independent.square(matrix[:1], rows))[0]
+        signs, log_values = np.linalg.slogdet(independent.square(matrix, rows))
+        if independent.log_scale is None:
+            independent.log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0
+        return sign * signs * np.exp(np.minimum(log_values - independent.log_scale, 300.0))
 
     def least_constrained_direction(self, jacobian: Array) -> Array:
         """Return the direction that the loops of one state, (1, m, nv), constrain least, (nv,).
@@ -391,17 +371,10 @@ class ModelLoops:
         The crank is locked; unconstrained DOFs do not contribute.
         """
         matrix = self.constrained_jacobian(jacobian)
-        self._independent(matrix)
-        assert self._basis is not None
-        row_space = self._basis[2]
-        return self._with_crank_rate(
-            np.linalg.svd(matrix @ row_space.T)[2][:, len(row_space) - 1] @ row_space, 0.0
-        )[0]
-
-    def _square_jacobian(self, matrix: Array, rows: Array) -> Array:
-        # unconstrained DOFs (a passive spin) are left out: they would not change the determinant
-        assert self._basis is not None
-        return (rows.T @ matrix) @ self._basis[2].T
+        self.independent.of(matrix)
+        row_space = self.independent.row_space
+        direction = np.linalg.svd(matrix @ row_space.T)[2][:, len(row_space) - 1] @ row_space
+        return self._with_crank_rate(direction, 0.0)[0]
 
     def conditioning(self, jacobian: Array) -> Array:
         """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
@@ -410,7 +383,7 @@ class ModelLoops:
         because of redundant constraints or unconstrained DOFs.
         """
         lengths = self.characteristic_lengths[:, None, None]
-        matrix = jacobian[:, :, self.passive] * np.where(self._angles[self.passive], 1.0, lengths)
+        matrix = jacobian[:, :, self.passive] * np.where(self.angular_dofs[self.passive], 1.0, lengths)
         matrix *= self.scale[..., None]
         values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)
         if not values.size:
@@ -435,7 +408,7 @@ class ModelLoops:
         both = self.solve(jacobian, np.stack([-residual, -jacobian[:, :, self.crank]], -1))
         step = both[..., 0]
         # a rotation of more than half a radian is beyond the linear model
-        longest = np.abs(step).max(1, initial=0.0, where=self.angular)
+        longest = np.abs(step).max(1, initial=0.0, where=self.angular_dofs[self.free])
         step *= (0.5 / np.maximum(0.5, longest))[:, None]
         return self._with_crank_rate(step, 0.0), self._with_crank_rate(both[..., 1], 1.0)
 
@@ -445,47 +418,61 @@ class ModelLoops:
         rates[:, self.crank], rates[:, self.free] = crank, matrix
         return rates
 
-    def close(self, qpos: Array, *, most_steps: int = 50) -> Array:
+    def close(self, qpos: Array) -> Array:
         """Return n states with closed loops and unchanged crank angles, by Newton's method.
 
         Args:
             qpos: initial guesses, (n, nq).
-            most_steps: Newton steps before giving up.
 
         Raises:
             AssemblyError: where a loop does not close.
         """
-        return self.close_with_jacobian(qpos, most_steps)[0]
+        return self.close_with_jacobian(qpos)[0]
 
-    def close_with_jacobian(self, qpos: Array, most_steps: int = 50) -> tuple[Array, Array | None]:
+    def close_with_jacobian(self, qpos: Array) -> tuple[Array, Array | None]:
         """Return n states closed as by `close`, and the Jacobian of the last Newton step, (n, m, nv).
 
         The Jacobian is None where the given states were closed.
         """
-        qpos, before, slope = qpos.copy(), np.inf, None
-        gap = np.full(len(qpos), np.inf)
-        for _ in range(most_steps):
-            residual, jacobian = self._evaluate(qpos)
-            gap = self.closure_error(residual)
-            worst = gap.max(initial=0.0)
+        states, error, jacobian = self.close_each(qpos)
+        worst = int(np.argmax(error))
+        if not error.max(initial=0.0) < ROUNDING:
+            angle = float(states[worst, self.crank_address])
+            raise AssemblyError(
+                f"{self.name}: the loops do not close at {self.driver_text(angle)}: a gap of "
+                f"{error[worst]:.3g} of the longest link is left; change the dimensions, "
+                f"{'the crank angle' if self.drivers is None else 'where the drivers are'} or the start"
+            )
+        return states, jacobian
+
+    def close_each(self, qpos: Array) -> tuple[Array, Array, Array | None]:
+        """Return n states after Newton's method with the crank locked; those that diverge are left out.
+
+        A state has converged if its closure error is below `ROUNDING`.
+
+        Returns:
+            The states; their closure errors, (n,), in characteristic lengths or [rad]; and the Jacobian of
+            the last Newton step, (n, m, nv), None without one.
+        """
+        qpos, jacobian = qpos.copy(), None
+        error, before = np.full(len(qpos), np.inf), np.inf
+        finite = np.ones(len(qpos), dtype=np.bool_)
+        for _ in range(MAX_NEWTON_STEPS):
+            residual, derivative = self._evaluate(qpos)
+            error = np.where(finite, self.closure_error(residual), np.inf)
+            worst = error[finite].max(initial=0.0)
             # stop at rounding: below the tolerance, or no better than the step before
-            if worst <= CLOSED or (worst < 1e-11 and worst >= 0.5 * before):
-                return qpos, slope
-            before, slope = worst, jacobian()
+            if worst <= CLOSED or (worst < ROUNDING and worst >= 0.5 * before):
+                break
+            before, jacobian = worst, derivative()
             try:
-                step, _ = self.newton_step(residual, slope)
+                step, _ = self.newton_step(residual, jacobian)
             except np.linalg.LinAlgError:
                 break
-            qpos = self.displaced(qpos, step)
-            if not np.isfinite(qpos).all():
-                break
-        worst = int(np.argmax(gap))
-        raise AssemblyError(
-            f"{self.name}: the loops do not close at "
-            f"{self.driver_text(float(qpos[worst, self.crank_address]))}: a gap of "
-            f"{gap[worst]:.3g} of the longest link is left; change the dimensions, "
-            f"{'the crank angle' if self.drivers is None else 'where the drivers are'} or the start"
-        )
+            moved = self.displaced(qpos, step)
+            finite &= np.isfinite(moved).all(1)
+            qpos = np.where(finite[:, None], moved, qpos)
+        return qpos, error, jacobian
 
     def displaced(self, qpos: Array, step: Array) -> Array:
         """Return states displaced by a step in the DOFs, (n, nq): mj_integratePos in batches."""
@@ -503,6 +490,63 @@ class ModelLoops:
             turned = _rotated_quaternions(out[:, address : address + 4], step[:, dof : dof + 3])
             out[:, address : address + 4] = turned
         return out
+
+
+class _IndependentRows:
+    """The independent constraints of a model, as of the first Jacobian that is asked for.
+
+    The third equation of a planar loop is redundant in every pose. In an overconstrained loop such as
+    Bennett's, which equations are redundant changes from pose to pose.
+
+    Attributes:
+        basis: of the independent constraints (m, rank), of the redundant ones, and of the row space, which
+            leaves out unconstrained DOFs, (rank, nv - 1); None before the first Jacobian.
+        log_scale: natural logarithm of the scale of determinants; None before the first one.
+    """
+
+    def __init__(self, basis: tuple[Array, Array, Array] | None = None):
+        self.basis = basis
+        self.log_scale: float | None = None
+
+    @property
+    def row_space(self) -> Array:
+        """A basis of the row space, (rank, nv - 1)."""
+        assert self.basis is not None
+        return self.basis[2]
+
+    def of(self, matrix: Array) -> Array | None:
+        """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
+        if self.basis is None:
+            # a model may have thousands of unconstrained DOFs, of which no basis is needed
+            left, values, right = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
+            rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+            self.basis = left[:, :rank], left[:, rank:], right[:rank]
+        rows, redundant, _ = self.basis
+        ignored = np.abs(redundant.T @ matrix).max(initial=0.0)
+        return None if ignored > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) else rows
+
+    def square(self, matrix: Array, rows: Array) -> Array:
+        """Return the square Jacobian of independent constraints, (n, rank, rank)."""
+        return (rows.T @ matrix) @ self.row_space.T
+
+
+def read_loops(model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None) -> ModelLoops:
+    """Return the loops of a compiled model with a crank, or with drivers under motion laws.
+
+    Raises:
+        InputError: where the model has no hinge of the crank's name.
+    """
+    crank = crank if drivers is None else PARAMETER_JOINT
+    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
+    if joint < 0 or model.jnt_type[joint] != HINGE:
+        names = [model.joint(i).name for i in range(model.njnt)]
+        raise InputError(
+            f"the model has no hinge joint called {crank!r} (it has {', '.join(names) or 'none'}); "
+            f"name the driven hinge {crank!r}"
+        )
+    pairs, frames, couplings = constraints(model)
+    dof = int(model.jnt_dofadr[joint])
+    return ModelLoops(model, dof, drivers, pairs, frames, couplings, PosedBodies(model), _IndependentRows())
 
 
 def _extent(model: mujoco.MjModel) -> float:
@@ -528,10 +572,3 @@ def _rotated_quaternions(quaternion: Array, vector: Array) -> Array:
         1,
     )
     return turned / np.sqrt((turned * turned).sum(1))[:, None]
-
-
-def _angle_dofs(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return whether each DOF is an angle; of the six of a free joint the first three are lengths."""
-    kinds = model.jnt_type[model.dof_jntid]
-    order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
-    return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))

@@ -23,7 +23,7 @@ from mechsim.simulation.mjcf.generator import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses.follow import move_drivers
 from mechsim.simulation.recording import add_sensors
 
@@ -100,8 +100,8 @@ def from_source(
         AssemblyError: if its loops do not close at the drivers' initial values.
     """
     closed = _from_source(source, scene, drivers, lock, key)
-    closed.loops.change_point = getattr(source, "change_point", "smooth")
-    return closed
+    change_point = getattr(source, "change_point", "smooth")
+    return replace(closed, loops=replace(closed.loops, change_point=change_point))
 
 
 def _from_source(
@@ -232,9 +232,8 @@ def from_spec(
     track = replace(add_sensors(spec, points), coordinates=coordinates or {})
     loops = closed_loops(spec, drivers)
     if loops.drivers is not None:
-        loops.drivers = replace(
-            loops.drivers, names=tuple(track.name(name)[0] for name in loops.drivers.names)
-        )
+        names = tuple(track.name(name)[0] for name in loops.drivers.names)
+        loops = replace(loops, drivers=replace(loops.drivers, names=names))
     loops, closed = _closed_at_drivers(loops, _start_qpos(loops, start))
     return ClosedModel(loops, track, closed)
 
@@ -242,9 +241,9 @@ def from_spec(
 def closed_loops(spec: mujoco.MjSpec, drivers: Sequence[str] | str) -> ModelLoops:
     """Return the loops of a specification with a crank, or with drivers locked at their reference values."""
     if isinstance(drivers, str):
-        return ModelLoops(compiled(spec), drivers)
+        return read_loops(compiled(spec), drivers)
     model = compiled(with_parameter_joint(spec))
-    return ModelLoops(model, drivers=find_drivers(model, tuple(drivers)))
+    return read_loops(model, drivers=find_drivers(model, tuple(drivers)))
 
 
 def _closed(loops: ModelLoops, guess: Array) -> Array:
@@ -272,7 +271,8 @@ def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
 def _closed_at_drivers(loops: ModelLoops, guess: Array) -> tuple[ModelLoops, Array]:
     """Return loops with the drivers locked as in an initial guess, and the nearest closed state, (nq,)."""
     if loops.drivers is not None:
-        loops = loops.with_drivers_locked(guess[loops.drivers.addresses])
+        drivers = loops.drivers.locked_at(guess[loops.drivers.addresses])
+        loops = replace(loops, drivers=drivers)
     return loops, _closed(loops, guess)
 
 
@@ -359,7 +359,7 @@ def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array
     guess = loops.model.qpos0.copy()
     for name, address in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
         guess[address] = mechanism.counted.get(name, guess[address])
-    return loops.with_drivers_locked(guess[loops.drivers.addresses]), guess
+    return replace(loops, drivers=loops.drivers.locked_at(guess[loops.drivers.addresses])), guess
 
 
 Closed = TypeVar("Closed", bound=ClosedModel)
@@ -385,5 +385,6 @@ def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
     assert drivers is not None
     target = np.array([motion_laws.first[name] for name in drivers.names])
     start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")
-    under = loops.with_law(motion_laws.along_path, lambda angle: f"{angle / motion_laws.rate:.6g} s")
-    return replace(closed, loops=under, qpos=under.close(start[None])[0])
+    driven = drivers.with_law(motion_laws.along_path, lambda angle: f"{angle / motion_laws.rate:.6g} s")
+    loops = replace(loops, drivers=driven)
+    return replace(closed, loops=loops, qpos=loops.close(start[None])[0])

@@ -63,12 +63,12 @@ class PosedBodies:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
 
-        def slope(body: int, point: Array) -> tuple[Array, Array]:
+        def point_jacobian(body: int, point: Array) -> tuple[Array, Array]:
             linear, angular = np.empty((2, 3, model.nv))
             mujoco.mj_jac(model, data, linear, angular, point[0], body)
             return linear[None], angular[None]
 
-        return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), slope
+        return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), point_jacobian
 
     def _batch(self, n: int) -> batch.Batch:
         """Return a batch of n simulations of the model, made once for each n."""

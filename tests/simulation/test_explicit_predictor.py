@@ -3,7 +3,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.trace import explicit_trace
 from mechsim.simulation.source import assembled
@@ -16,7 +16,7 @@ SURE = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")
 
 def loops_of(name: str, **changed: float) -> ModelLoops:
     mechanism = catalog.make(name, **changed).mechanism
-    return ModelLoops(assembled(mechanism, Scene(level="pose")).compile())
+    return read_loops(assembled(mechanism, Scene(level="pose")).compile())
 
 
 def sprinted(loops: ModelLoops, turns: float) -> np.ndarray | None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import AssemblyError
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 
 MODEL = """
 <mujoco model="flying">
@@ -29,7 +29,7 @@ FAR = 0.1
 
 @pytest.fixture
 def loops():
-    return ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=0.01)))
+    return read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=0.01)))
 
 
 def states(loops, n=4, reach=0.3):
@@ -95,7 +95,7 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
 
 
 def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
-    assert loops.angular.tolist() == [False] * 3 + [True] * 6 + [False]
+    assert loops.angular_dofs[loops.free].tolist() == [False] * 3 + [True] * 6 + [False]
 
 
 def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
@@ -135,9 +135,9 @@ def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
 def test_the_yardstick_is_the_longest_of_arms_and_bodies_places(loops):
     reach = max(np.linalg.norm(local) for pair in loops.pairs for local in pair.local)
     assert loops.characteristic_length == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
-    out = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=9.0)))
+    out = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=9.0)))
     assert out.characteristic_length == pytest.approx(np.hypot(9.0, 0.02))
-    far = ModelLoops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0, crank=0.01)))
+    far = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0, crank=0.01)))
     assert far.characteristic_length == pytest.approx(np.hypot(7.0, 0.03))
     assert far.closure_error(np.array([[7.0, 0.0, 0.0, 0.0, -14.0, 0.0, 0.0, 0.0, 0.0]])) == pytest.approx(
         14.0 / far.characteristic_length
@@ -153,6 +153,6 @@ def test_what_cannot_come_together_is_named(loops):
     lost = states(loops, 2)
     lost[1, -1] = 1.0
     loops.model.eq_data[1, 3:6] *= 100.0
-    far = ModelLoops(loops.model)
+    far = read_loops(loops.model)
     with pytest.raises(AssemblyError, match="flying: the loops do not close at crank angle"):
         far.close(lost)

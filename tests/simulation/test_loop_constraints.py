@@ -6,7 +6,7 @@ import pytest
 
 from mechsim.errors import InputError
 from mechsim.simulation.equality_rows import CouplingConstraint, Sum, chained
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.recording import (
     States,
     add_sensors,
@@ -71,7 +71,7 @@ def near(model, n, reach):
 def test_residual_and_jacobian_are_mujocos_own(kind):
     model, _ = model_of(KINDS[kind])
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    loops, data = ModelLoops(model), mujoco.MjData(model)
+    loops, data = read_loops(model), mujoco.MjData(model)
     turned = loops.frame_rows
     for state in near(model, 3, 0.1):
         data.qpos[:] = state
@@ -90,7 +90,7 @@ def test_residual_and_jacobian_are_mujocos_own(kind):
 def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
     model, track = model_of(KINDS[kind])
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    loops = ModelLoops(model)
+    loops = read_loops(model)
     qpos = loops.close(model.qpos0[None])
     rates = loops.tangent(loops.linearise(qpos)[1])
     data = mujoco.MjData(model)
@@ -109,7 +109,7 @@ def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
 
 def test_a_tendon_through_sites_is_refused_by_its_name():
     with pytest.raises(InputError, match=r"tendon 'rope' runs through sites.*fixed tendon"):
-        ModelLoops(model_of('<tendon tendon1="rope"/>')[0])
+        read_loops(model_of('<tendon tendon1="rope"/>')[0])
 
 
 @pytest.mark.parametrize(("coefficients", "bends"), [([0.3, -2.0, 0.5], True), ([0.3, -2.0, 0.0], False)])

@@ -12,7 +12,7 @@ from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import assembled
 
 CATALOGUE = ("rssr", "four_bar", "slider_crank")
@@ -61,7 +61,7 @@ def test_each_kind_of_joint_becomes_what_mujoco_has_for_it() -> None:
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_the_loops_of_the_reference_configuration_are_closed(mechanism: Mechanism) -> None:
-    loops = ModelLoops(model_of(mechanism))
+    loops = read_loops(model_of(mechanism))
     residual = loops.residual(loops.model.qpos0[None])
     assert np.abs(residual).max() <= CLOSED
 
@@ -71,7 +71,7 @@ def test_the_reference_configuration_stands_where_the_loop_equations_put_it(mech
     model = model_of(mechanism)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    assert model.qpos0[ModelLoops(model).crank_address] == pytest.approx(mechanism.start, abs=1e-15)
+    assert model.qpos0[read_loops(model).crank_address] == pytest.approx(mechanism.start, abs=1e-15)
     exact = closure.solve(mechanism, [mechanism.start])
     for name, point in exact.points.items():
         # both by Newton's method to rounding, from the same guess
@@ -110,7 +110,7 @@ def test_plain_mujoco_opens_the_text_and_turns_the_crank(name: str) -> None:
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     speed = 2.0 * np.pi
-    loops = ModelLoops(model)
+    loops = read_loops(model)
     data.qvel[:] = speed * loops.tangent(loops.linearise(data.qpos[None])[1])[0]
     for _ in range(100):
         mujoco.mj_step(model, data)

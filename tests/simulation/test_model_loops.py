@@ -9,7 +9,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.simulation import model_loops
 from mechsim.simulation.drivers import PARAMETER_JOINT, find_drivers
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
 
@@ -23,7 +23,7 @@ DIFFERENCE = 1e-9
 
 
 def loops_of(mechanism: Mechanism) -> ModelLoops:
-    return ModelLoops(assembled(mechanism, Scene()).compile())
+    return read_loops(assembled(mechanism, Scene()).compile())
 
 
 def near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
@@ -107,7 +107,7 @@ def test_only_loops_that_leave_a_link_to_turn_about_itself_spin() -> None:
 
 
 def test_rows_that_say_something_new_at_a_later_state_count_there() -> None:
-    loops = ModelLoops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
+    loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
     slopes, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]
     slopes[:, 0, loops.free[0]] = slopes[0, 1, loops.free[1]] = slopes[1, 2, loops.free[1]] = 1.0
     np.testing.assert_allclose(loops.solve(slopes, right)[..., 0], [[2.0, 5.0], [3.0, 7.0]], rtol=1e-14)
@@ -173,7 +173,7 @@ def user(equality: str, crank: str = "crank") -> mujoco.MjModel:
 
 
 def test_a_connect_between_bodies_is_read_with_its_anchor() -> None:
-    loops = ModelLoops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
+    loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
     # MuJoCo puts the second point where the first is in the reference configuration
     assert np.abs(loops.residual(loops.model.qpos0[None])).max() < 1e-15
     turned = loops.model.qpos0[None].copy()
@@ -183,12 +183,12 @@ def test_a_connect_between_bodies_is_read_with_its_anchor() -> None:
 
 
 def test_a_connect_to_the_world_is_read() -> None:
-    loops = ModelLoops(user('<connect body1="b" anchor=".2 .05 0"/>'))
+    loops = read_loops(user('<connect body1="b" anchor=".2 .05 0"/>'))
     assert np.abs(loops.residual(loops.model.qpos0[None])).max() < 1e-15
 
 
 def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
-    loops = ModelLoops(user('<joint joint1="j" joint2="crank" polycoef=".1 .2 .3 .4 .5"/>'))
+    loops = read_loops(user('<joint joint1="j" joint2="crank" polycoef=".1 .2 .3 .4 .5"/>'))
     state = np.array([[0.7, 1.1, 0.0]])
     residual, jacobian = loops.linearise(state)
     x = 0.7
@@ -197,12 +197,12 @@ def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
 
 
 def test_an_equality_that_is_switched_off_is_no_constraint() -> None:
-    assert ModelLoops(user('<connect body1="b" body2="c" anchor=".2 0 0" active="false"/>')).pairs == []
+    assert read_loops(user('<connect body1="b" body2="c" anchor=".2 0 0" active="false"/>')).pairs == []
 
 
 def test_a_model_without_a_crank_is_told_which_joints_it_has() -> None:
     with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, j, k\)"):
-        ModelLoops(user("", crank="motor"))
+        read_loops(user("", crank="motor"))
 
 
 def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
@@ -218,7 +218,9 @@ def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypa
     monkeypatch.setattr(model_loops, "CLOSED", 0.0)
     steps: list[int] = []
     moved = loops.displaced
-    monkeypatch.setattr(loops, "displaced", lambda qpos, step: steps.append(len(qpos)) or moved(qpos, step))
+    monkeypatch.setattr(
+        ModelLoops, "displaced", lambda _, qpos, step: steps.append(len(qpos)) or moved(qpos, step)
+    )
     closed = loops.close(near(loops, 20, 1e-2))
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     # from 1e-2 each step squares what is left: three to rounding, a few that find it there
@@ -228,7 +230,7 @@ def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypa
 @pytest.mark.parametrize(("joint", "kind", "size"), [("j", "hinge", 1.0), ("k", "slide", 0.3)])
 def test_coupled_slides_stand_open_in_units_of_the_models_size(joint, kind, size) -> None:
     text = USER.format(equality=f'<joint joint1="{joint}" polycoef=".06 0 0 0 0"/>', crank="crank")
-    loops = ModelLoops(
+    loops = read_loops(
         mujoco.MjModel.from_xml_string(text.replace(f'"{joint}"', f'"{joint}" type="{kind}"', 1))
     )
     state = loops.model.qpos0[None]
@@ -239,7 +241,7 @@ def test_driven_slides_stand_open_in_units_of_the_models_size() -> None:
     model = mujoco.MjModel.from_xml_string(
         USER.format(equality="", crank=PARAMETER_JOINT).replace('"k"', '"k" type="slide"', 1)
     )
-    loops = ModelLoops(model, drivers=find_drivers(model, ("j", "k")))
+    loops = read_loops(model, drivers=find_drivers(model, ("j", "k")))
     off = np.zeros((3, model.nq))
     off[1, 1], off[2, 2] = 0.06, 0.06
     gaps = loops.closure_error(loops.residual(model.qpos0 + off))
@@ -276,14 +278,14 @@ def test_how_far_from_singular_loops_are_is_their_least_singular_value_in_units_
         text = USER.format(equality=equality, crank=crank)
         return mujoco.MjModel.from_xml_string(text.replace('"k"', f'"k" type="{kind}"', 1))
 
-    loops = ModelLoops(model(first + second, "crank"))
+    loops = read_loops(model(first + second, "crank"))
     states = np.array([[0.3, 0.2, 0.0], [0.1, -0.9, 0.0]])
     slope = (0.15 + 0.2 * states[:, 1]) / size
     wanted = [np.linalg.svd([[1.0, 0.0], [-one, 1.0]])[1][-1] for one in slope]
     assert loops.conditioning(loops.linearise(states)[1]) == pytest.approx(wanted)
     # what programs drive is no unknown, and its rows hold nothing
     programmed = model(second, PARAMETER_JOINT)
-    driven = ModelLoops(programmed, drivers=find_drivers(programmed, ("j",)))
+    driven = read_loops(programmed, drivers=find_drivers(programmed, ("j",)))
     assert driven.conditioning(driven.linearise(states)[1]) == pytest.approx(1.0)
 
 
@@ -294,7 +296,7 @@ def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeyp
         bob = spec.worldbody.add_body(name=f"bob {i}", pos=(1.0 + i, 0.0, 0.0), mass=1.0)
         bob.inertia, bob.explicitinertial = (1.0, 1.0, 1.0), True
         bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE)
-    beside = ModelLoops(spec.compile())
+    beside = read_loops(spec.compile())
     angles = np.linspace(0.0, 2.0, 9)
     states = plain.close(
         follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_address] + angles)

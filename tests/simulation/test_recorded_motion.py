@@ -7,7 +7,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.recording import CHUNK, States, add_sensors, evaluate
 from mechsim.simulation.source import assembled
 
@@ -70,13 +70,13 @@ PENDULUM = """
 def of_text(text, points=()):
     spec = mujoco.MjSpec.from_string(text)
     track = add_sensors(spec, tuple(points))
-    return ModelLoops(spec.compile()), track
+    return read_loops(spec.compile()), track
 
 
 def of_mechanism(mechanism):
     spec = assembled(mechanism, Scene())
     track = add_sensors(spec, tuple(mechanism.points))
-    return ModelLoops(spec.compile()), track
+    return read_loops(spec.compile()), track
 
 
 CASES = {

@@ -13,7 +13,7 @@ from mechsim.model.motion_laws import swing
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
 from mechsim.subjects.readers import load
@@ -89,7 +89,7 @@ def test_a_thousand_turns_are_solved_as_well_as_one() -> None:
 
 def test_poses_are_solved_in_any_order_and_at_single_angles() -> None:
     drive = catalog.make("rssr")
-    loops = ModelLoops(assembled(drive.mechanism, Scene()).compile())
+    loops = read_loops(assembled(drive.mechanism, Scene()).compile())
     angles = np.array([3.0, 0.1, -7.0, 2.0, 2.0])
     states = follow.follow(loops, loops.model.qpos0, angles)
     for angle, state in zip(angles, states, strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.simulation import Settings
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 
 SPEED = 20.0 * np.pi
 Change = Callable[[mujoco.MjModel], None]
@@ -41,7 +41,7 @@ class Bare:
             like: a model whose hinges of the same names say how this one starts, where its loops are
                 closed by what `ModelLoops` does not know; None lets its own loops say it.
         """
-        self.steps, self.loops = steps, ModelLoops(copy.copy(model))
+        self.steps, self.loops = steps, read_loops(copy.copy(model))
         settings = Settings(steps_per_turn=steps)
         self.start = _start(model) if like is None else _start_like(model, like)
         settings.apply(self.loops, settings.timestep(SPEED))
@@ -79,7 +79,7 @@ class Bare:
 
 
 def _start(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
-    loops = ModelLoops(model)
+    loops = read_loops(model)
     qpos = loops.close(model.qpos0[None])
     return qpos, SPEED * loops.tangent(loops.linearise(qpos)[1])
 

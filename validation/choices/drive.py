@@ -22,7 +22,7 @@ from mujoco import batch
 from mechsim import catalog
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, mjcf
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
 
@@ -76,7 +76,7 @@ class Rig:
         spec = assembled(self.exact.mechanism, Scene())
         spec.add_actuator(name="motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="crank")
         model = spec.compile()
-        self.loops, self.dt = ModelLoops(model), HARD.timestep(SPEED)
+        self.loops, self.dt = read_loops(model), HARD.timestep(SPEED)
         drive.settings.apply(self.loops, self.dt)
         self.angle = model.qpos0[self.loops.crank_address] + SPEED * self.dt * np.arange(STEPS + 1)
         torque, inertia = self._inverse_dynamics()

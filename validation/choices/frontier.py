@@ -27,7 +27,7 @@ from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import richardson
 from mechsim.simulation import Settings, mjcf
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recording import States, evaluate
 from mechsim.studies.tradeoff import Subject, build_model, families, subject_of
@@ -109,7 +109,7 @@ def projected(subject: Subject) -> Point:
     def again() -> float:
         _, steps = subject.built.stepped(settings)
         begin = time.process_time()
-        ModelLoops(subject.built.closed.model).close(steps.states.qpos)
+        read_loops(subject.built.closed.model).close(steps.states.qpos)
         return steps.processor + time.process_time() - begin
 
     return Point("projected", COARSE, subject.errors(_at(subject, steps.states.time, qpos)), again)
@@ -122,7 +122,7 @@ def solved(subject: Subject) -> Point:
     angles = built.profile.state(at)[0]
 
     def poses() -> np.ndarray:
-        return follow.follow(ModelLoops(built.closed.model), built.start[0], angles)
+        return follow.follow(read_loops(built.closed.model), built.start[0], angles)
 
     def again() -> float:
         begin = time.process_time()
@@ -134,7 +134,7 @@ def solved(subject: Subject) -> Point:
 
 def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
     """Return the motion at closed states: rates and accelerations are those that keep the loops closed."""
-    loops = ModelLoops(subject.built.closed.model)
+    loops = read_loops(subject.built.closed.model)
     _, speed, acceleration = subject.built.profile.state(at)
     rates = loops.tangent(loops.linearise(qpos)[1]) * speed[:, None]
     states = States(at, qpos, rates)

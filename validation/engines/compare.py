@@ -26,7 +26,7 @@ from engines import Engine, installed
 from mechsim import catalog
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import assembled
 
 MECHANISMS = ("four_bar", "rssr", "looper")
@@ -44,7 +44,7 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     """Return what an engine makes of a mechanism."""
     drive = catalog.make(name)
     model = mjcf.compiled(assembled(drive.mechanism, Scene(level="motion")))
-    loops = ModelLoops(copy.copy(model))
+    loops = read_loops(copy.copy(model))
     qpos = loops.close(model.qpos0[None])
     qvel = SPEED * loops.tangent(loops.linearise(qpos)[1])
     solref, solimp, integrator = SETTINGS[settings]

@@ -16,7 +16,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, constant
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
 from mechsim.simulation.stepping import step
@@ -75,7 +75,7 @@ class Poses:
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem = problem
-        self.loops = ModelLoops(assembled(problem.mechanism, SCENE).compile())
+        self.loops = read_loops(assembled(problem.mechanism, SCENE).compile())
         self.begun = self.loops.close(self.loops.model.qpos0[None])[0]
         self.angles = problem.angles(setting.samples)
         self.names = list(problem.mechanism.points)
@@ -99,7 +99,7 @@ class Steps:
         self.model = assembled(problem.mechanism, SCENE).compile()
         self.settings, self.stride = setting.settings, setting.steps // SAMPLES
         self.profile = constant(problem.speed, 1.0, problem.start)
-        loops = ModelLoops(self.model)
+        loops = read_loops(self.model)
         begun = loops.close(self.model.qpos0[None])
         rates = loops.tangent(loops.linearise(begun)[1]) * problem.speed
         self.start: tuple[Array, Array] = begun[0], rates[0]
@@ -107,7 +107,7 @@ class Steps:
 
     def run(self) -> tuple[float, Places]:
         # the settings soften the model's constraints anew at each run
-        loops = ModelLoops(copy.copy(self.model))
+        loops = read_loops(copy.copy(self.model))
         done = step(loops, self.settings, self.profile, self.start, self.settings.steps_per_turn, self.stride)
         return done.processor, points(loops, done.states.qpos, self.names)
 

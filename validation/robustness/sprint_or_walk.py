@@ -18,7 +18,7 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.scene import Scene
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.trace import explicit_trace
 from mechsim.simulation.source import assembled
@@ -41,7 +41,7 @@ def linkages(random: np.random.Generator, count: int) -> Iterator[tuple[str, Clo
 
 def tried(drive: ClosedForm) -> tuple[str, float]:
     """Return how the way was found, and the worst error of a tracked point in units of the longest link."""
-    loops = ModelLoops(assembled(drive.mechanism, Scene(level="pose")).compile())
+    loops = read_loops(assembled(drive.mechanism, Scene(level="pose")).compile())
     start = loops.model.qpos0
     angles = start[loops.crank_address] + np.linspace(0.0, TURN, 181)
     try:

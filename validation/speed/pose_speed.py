@@ -13,7 +13,7 @@ import numpy as np
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
 
@@ -26,7 +26,7 @@ def main() -> None:
     loops = {}
     for name in NAMES:
         model = assembled(catalog.make(name).mechanism, Scene(level="pose")).compile()
-        loops[name] = ModelLoops(model)
+        loops[name] = read_loops(model)
     times: dict[tuple[str, int], list[float]] = {(name, n): [] for name in NAMES for n in COUNTS}
     for _ in range(ROUNDS):
         for name, n in times:

@@ -21,7 +21,7 @@ from mujoco import batch
 from mechsim import catalog
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, constant, simulate
-from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.source import assembled
 from mechsim.simulation.stepping import step
 
@@ -33,13 +33,13 @@ ROUNDS = 5
 
 def main() -> None:
     mechanism = catalog.make("rssr").mechanism
-    loops = ModelLoops(assembled(mechanism, Scene()).compile())
+    loops = read_loops(assembled(mechanism, Scene()).compile())
     start = loops.model.qpos0
     rates = SPEED * loops.tangent(loops.linearise(start[None])[1])[0]
     profile = constant(SPEED, TURNS, float(start[loops.crank_address]))
 
     def fresh() -> ModelLoops:
-        return ModelLoops(copy.copy(loops.model))
+        return read_loops(copy.copy(loops.model))
 
     def bare() -> None:
         own = fresh()

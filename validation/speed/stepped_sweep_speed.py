@@ -7,9 +7,11 @@ their medians. Wanted: 1.2 at most.
 Run: OPENBLAS_NUM_THREADS=1 python validation/speed/stepped_sweep_speed.py [designs] [rounds]
 """
 
+import copy
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from mujoco import batch
@@ -30,7 +32,7 @@ def bare() -> tuple[ModelLoops, tuple[np.ndarray, np.ndarray]]:
     """Return a model set up for stepping, and the state in which it starts."""
     closed = from_source(ms.catalog.make("four_bar"))
     profile = ms.simulation.constant(SPEED, 1.0, closed.angle)
-    loops = closed.loops.with_model_copy()
+    loops = replace(closed.loops, model=copy.copy(closed.loops.model))
     SETTINGS.apply(loops, profile.duration / STEPS)
     return loops, first_state(closed, profile)
 

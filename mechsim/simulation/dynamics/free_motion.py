@@ -1,5 +1,6 @@
 """Free running in MuJoCo: the crank moves as motor, loads, weight, springs and friction make it."""
 
+import copy
 import time as clock
 from dataclasses import dataclass, replace
 
@@ -243,7 +244,7 @@ def _steadier(plan: _Plan) -> Settings:
 
 def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:
     """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
-    loops = loaded.loops.with_model_copy()
+    loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
     crank = np.array([loops.crank])
     flywheel = float(loops.model.dof_armature[loops.crank])
     settings.apply(loops, step, velocity_products=True)

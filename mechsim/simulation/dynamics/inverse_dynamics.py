@@ -418,7 +418,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     if not any(one.nonlinear for one in loops.couplings):
         return states
     if loops.drivers is not None:
-        loops = loops.with_drivers_locked(states.qpos[:, loops.drivers.addresses].T)
+        loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
     qpos = loops.close(states.qpos)
     # the clock's share in the drivers' rates stands no more
     rows = loops.linearise(qpos)[1][:, : loops.driven_rows.start]

@@ -1,5 +1,6 @@
 """What a machine needs while its crank moves as prescribed: by solved poses, and by stepping in time."""
 
+import copy
 import time as clock
 from dataclasses import replace
 
@@ -172,7 +173,7 @@ def _stepped(
 ) -> Driven:
     total = samples * stride
     first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
-    loops = loaded.loops.with_model_copy()
+    loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
     model = loops.model
     stiffen_friction(model, profile.duration / total)
     time = profile.duration / total * np.arange(float(total))

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.forces import Forces
@@ -31,7 +32,7 @@ from mechsim.simulation.mjcf.joints import (
     seated_pose,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
-from mechsim.simulation.model_loops import CLOSED, ModelLoops
+from mechsim.simulation.model_loops import ROUNDING, ModelLoops
 from mechsim.simulation.source import from_source
 
 Fields = dict[str, Array]
@@ -161,32 +162,11 @@ def clear_same_frame(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None
 
 def quaternions(rotation: Array) -> Array:
     """Return the unit quaternions (w, x, y, z) of rotation matrices, (d, 3, 3) -> (d, 4)."""
-    d = np.stack([rotation[:, i, i] for i in range(3)], 1)
-    trace = d.sum(1)
-    # four times the square of each part; the largest is divided by
-    squares = np.concatenate([1.0 + trace[:, None], 1.0 + 2.0 * d - trace[:, None]], 1)
-    r = rotation
-    products = np.empty((len(r), 4, 4))
-    index = np.arange(4)
-    products[:, index, index] = squares
-    pairs = {
-        (0, 1): r[:, 2, 1] - r[:, 1, 2],
-        (0, 2): r[:, 0, 2] - r[:, 2, 0],
-        (0, 3): r[:, 1, 0] - r[:, 0, 1],
-        (1, 2): r[:, 0, 1] + r[:, 1, 0],
-        (1, 3): r[:, 0, 2] + r[:, 2, 0],
-        (2, 3): r[:, 1, 2] + r[:, 2, 1],
-    }
-    for (i, j), product in pairs.items():
-        products[:, i, j] = products[:, j, i] = product
-    chosen = products[np.arange(len(r)), squares.argmax(1)]
-    return chosen / np.sqrt((chosen**2).sum(1))[:, None]
+    return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True), dtype=np.float64)
 
 
 Bools = NDArray[np.bool_]
 Rows = NDArray[np.intp]
-# as for a single model: maximum number of Newton steps, and closure error of rounding
-MAX_NEWTON_STEPS, ROUNDING = 50, 1e-11
 
 
 @dataclass(frozen=True)
@@ -282,16 +262,19 @@ def design_models(
     fields["qpos0"][:, address] += turns
     qpos[:, address] = start
     loops = shared.closed.loops.with_fields(fields)
-    qpos, valid = closed_states(loops, qpos)
+    qpos, first_error, _ = loops.close_each(qpos)
     # the reference configuration has the links' poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
     rest[:, address] += TURN * np.round((start - rest[:, address]) / TURN)
     real = [with_inertia(design) for design in designs]
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}
-    qpos, closed = closed_states(shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest}), rest)
+    loops = shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest})
+    qpos, error, _ = loops.close_each(rest)
     fields = with_constants(model, fields, rest)
-    return DesignModels(shared, fields, qpos, valid & closed & _simple_inertia(model, fields))
+    return DesignModels(
+        shared, fields, qpos, (np.maximum(first_error, error) < ROUNDING) & _simple_inertia(model, fields)
+    )
 
 
 def _simple_inertia(model: mujoco.MjModel, fields: Fields) -> Bools:
@@ -302,27 +285,6 @@ def _simple_inertia(model: mujoco.MjModel, fields: Fields) -> Bools:
     for name in ("jnt_pos", "jnt_axis"):
         valid &= (fields[name][:, joints] == getattr(model, name)[joints]).all((1, 2))
     return valid
-
-
-def closed_states(loops: ModelLoops, qpos: Array) -> tuple[Array, Bools]:
-    """Return states with closed loops and unchanged crank angles, (d, nq), and which of them converged.
-
-    Each state is closed as by `ModelLoops.close`.
-    """
-    before = np.full(len(qpos), np.inf)
-    active = np.ones(len(qpos), dtype=np.bool_)
-    error = before
-    for _ in range(MAX_NEWTON_STEPS):
-        residual, jacobian = loops.linearise(qpos)
-        error = np.where(active, loops.closure_error(residual), error)
-        active &= ~((error <= CLOSED) | ((error < ROUNDING) & (error >= 0.5 * before)))
-        if not active.any():
-            break
-        before = error
-        step, _ = loops.newton_step(residual, jacobian)
-        qpos = np.where(active[:, None], loops.displaced(qpos, step), qpos)
-        active &= np.isfinite(qpos).all(1)
-    return qpos, error < ROUNDING
 
 
 def _poses(loops: ModelLoops, tree: Tree, qpos: Array) -> dict[str, Pose]:

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
@@ -20,10 +20,9 @@ from mechsim.simulation.many.design_models import (
     Fields,
     Rows,
     clear_same_frame,
-    closed_states,
 )
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import CLOSED, HINGE, ModelLoops
+from mechsim.simulation.model_loops import CLOSED, HINGE, ROUNDING, ModelLoops
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.settings import Settings, drive_inertia
 from mechsim.simulation.stepping import TIME
@@ -93,7 +92,7 @@ def stepped_designs(
     """
     timestep = TURN / abs(speed) / total
     shared = models.shared.closed
-    loops = shared.loops.with_model_copy()
+    loops = replace(shared.loops, model=copy.copy(shared.loops.model))
     settings.apply(loops, timestep)
     fields = _stiffened_fields(models, loops, settings)
     clear_same_frame(loops.model, fields)
@@ -199,9 +198,10 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
                 tangent = loops.tangent(loops.linearise(qpos)[1])
                 predicted = loops.displaced(qpos, tangent * (TURN / TRACE_STEPS))
                 predicted[:, address] = first + angle
-                predicted, closed = closed_states(loops, predicted)
+                predicted, error, _ = loops.close_each(predicted)
             except np.linalg.LinAlgError:
                 break
+            closed = error < ROUNDING
             angles[~closed & np.isnan(angles)] = angle
             qpos = np.where(closed[:, None], predicted, qpos)
     return first + angles

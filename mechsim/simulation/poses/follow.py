@@ -271,6 +271,6 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
             text = ", ".join(f"{name} = {at:.6g}" for name, at in zip(drivers.names, values, strict=True))
             return f"{text} on the way to {target_text}"
 
-        start = follow(loops.with_law(straight, along), start, [distance])[0]
+        start = follow(replace(loops, drivers=drivers.with_law(straight, along)), start, [distance])[0]
     start[loops.crank_address], start[drivers.addresses] = 0.0, target
     return start

@@ -1,7 +1,7 @@
 """Continuation along the path of an assembly, in steps short enough that each is shown to stay in it."""
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import mujoco
@@ -295,8 +295,7 @@ _runners: WeakKeyDictionary[ModelLoops, batch.Batch] = WeakKeyDictionary()
 
 def _runner(loops: ModelLoops) -> batch.Batch:
     """Return a simulation of the model with stiff loops and virtual drive inertia."""
-    hard = copy.copy(loops)
-    hard.model = copy.copy(loops.posed.kinematic_model)
+    hard = replace(loops, model=copy.copy(loops.posed.kinematic_model))
     hard.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     Settings(steps_per_turn=STEPS).apply(hard, STEP_TIME)
     return batch.Batch(hard.model, 1, 1)

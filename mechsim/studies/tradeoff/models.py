@@ -1,5 +1,6 @@
 """A model made in one of the ways that are compared, stepped once through its crank motion for each trial."""
 
+import copy
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -64,7 +65,7 @@ class BuiltModel:
 
     def stepped(self, settings: Settings) -> tuple[ModelLoops, Steps]:
         """Step through the crank motion once."""
-        loops = self.closed.loops.with_model_copy()
+        loops = replace(self.closed.loops, model=copy.copy(self.closed.loops.model))
         samples = min(SAMPLES, settings.steps_per_turn)
         stride = max(1, settings.steps_per_turn // samples)
         total = max(1, round(self.profile.turns * samples)) * stride
