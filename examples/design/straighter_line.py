@@ -40,5 +40,7 @@ def search() -> Optimum:
 
 if __name__ == "__main__":
     best = search()
-    print(f"{best.outcome}: {', '.join(f'{name} {1e3 * size:.3f} mm' for name, size in best.values.items())}")
+    print(
+        f"{best.outcome}: {', '.join(f'{name} {1e3 * length:.3f} mm' for name, length in best.values.items())}"
+    )
     print(f"off the line {1e6 * best.before:.2f} um before, {1e6 * best.after:.2f} um now, root mean square")

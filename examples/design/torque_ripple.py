@@ -35,5 +35,7 @@ def search() -> Optimum:
 
 if __name__ == "__main__":
     best = search()
-    print(f"{best.outcome}: {', '.join(f'{name} {1e3 * size:.2f} mm' for name, size in best.values.items())}")
+    print(
+        f"{best.outcome}: {', '.join(f'{name} {1e3 * length:.2f} mm' for name, length in best.values.items())}"
+    )
     print(f"ripple {best.before:.3g} N m before, {best.after:.3g} N m now, root mean square; {best.limits}")
