@@ -30,6 +30,6 @@ def search() -> Optimum:
 if __name__ == "__main__":
     best = search()
     print(
-        f"{best.outcome}: {', '.join(f'{name} {1e3 * length:.3f} mm' for name, length in best.values.items())}"
+        f"{best.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in best.values.items())}"
     )
     print(f"shaking force {best.before:.3g} N before, {best.after:.3g} N now, root mean square")

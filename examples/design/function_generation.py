@@ -34,7 +34,7 @@ def search() -> Optimum:
 if __name__ == "__main__":
     best = search()
     print(
-        f"{best.outcome}: {', '.join(f'{name} {1e3 * length:.3f} mm' for name, length in best.values.items())}"
+        f"{best.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in best.values.items())}"
     )
     print(
         f"rocker off by {np.rad2deg(best.before):.3f} deg before, {np.rad2deg(best.after):.4f} deg now, "

@@ -41,6 +41,6 @@ def search() -> Optimum:
 if __name__ == "__main__":
     best = search()
     print(
-        f"{best.outcome}: {', '.join(f'{name} {1e3 * length:.3f} mm' for name, length in best.values.items())}"
+        f"{best.outcome}: {', '.join(f'{name} {1e3 * value:.3f} mm' for name, value in best.values.items())}"
     )
     print(f"off the line {1e6 * best.before:.2f} um before, {1e6 * best.after:.2f} um now, root mean square")

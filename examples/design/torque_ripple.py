@@ -36,6 +36,6 @@ def search() -> Optimum:
 if __name__ == "__main__":
     best = search()
     print(
-        f"{best.outcome}: {', '.join(f'{name} {1e3 * length:.2f} mm' for name, length in best.values.items())}"
+        f"{best.outcome}: {', '.join(f'{name} {1e3 * value:.2f} mm' for name, value in best.values.items())}"
     )
     print(f"ripple {best.before:.3g} N m before, {best.after:.3g} N m now, root mean square; {best.limits}")
