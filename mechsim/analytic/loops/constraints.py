@@ -23,9 +23,10 @@ from mechsim.analytic.loops.kinematics import (
 )
 from mechsim.analytic.loops.tree import Index, SpanningTree, as_slice, spanning_tree
 from mechsim.model.couplings import Coupling
+from mechsim.model.design_arrays import Sides
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import with_virtual_bodies
+from mechsim.model.link_poses import turned, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import TURN
@@ -287,29 +288,54 @@ class TreeLoops:
             )
         return Coordinates(values, rotations)
 
-    def read(self, poses: Mapping[str, Pose], angles: Mapping[str, float]) -> Coordinates:
-        """Return the coordinates of one pose of every moving link; given angles as they are counted."""
-        everywhere = {GROUND: IDENTITY, **with_virtual_bodies(self.tree.mechanism, poses)}
-        values, rotations = np.zeros((self.tree.count, 1)), np.empty((len(self.tree.balls), 3, 3, 1))
+    def read(self, poses: Mapping[str, Pose], sides: Mapping[str, Sides] | None = None) -> Coordinates:
+        """Return the coordinates of n poses of every moving link; angles in (-pi, pi].
+
+        Args:
+            poses: moving link -> one pose or n poses.
+            sides: joint -> points (n, 3) and frames (n, 3, 3) of its sides a and b in their links, where they
+                differ from pose to pose; None takes those of the mechanism.
+        """
+        known = {GROUND: IDENTITY, **with_virtual_bodies(self.tree.mechanism, poses)}
+        n = max(pose.position.size // 3 for pose in known.values())
+        values, rotations = np.zeros((self.tree.count, n)), np.empty((len(self.tree.balls), 3, 3, n))
         ball = 0
         for branch in self.tree.branches:
             joint = branch.joint
-            a, b = ((everywhere[end.link], end) for end in (joint.a, joint.b))
-            (point_a, rotation_a), (point_b, rotation_b) = (
-                (_first(pose.point(end.point), 1), _first(pose.rotation, 2) @ end.frame)
-                for pose, end in (a, b)
+            point_a, frame_a, point_b, frame_b = (
+                (np.array(joint.a.point), joint.a.frame, np.array(joint.b.point), joint.b.frame)
+                if sides is None
+                else sides[joint.name]
             )
+            a, b = known[joint.a.link], known[joint.b.link]
+            rotation_a, rotation_b = a.rotation @ frame_a, b.rotation @ frame_b
+            gap = b.position + turned(b.rotation, point_b) - a.position - turned(a.rotation, point_a)
             if branch.kind.ball:
-                rotations[ball, ..., 0] = rotation_a.T @ rotation_b
+                relative = np.swapaxes(rotation_a, -1, -2) @ rotation_b
+                rotations[ball] = np.moveaxis(relative.reshape(-1, 3, 3), 0, -1)
                 ball += 1
-            joint_values = coordinates(
-                branch.kind, point_b - point_a, rotation_a, rotation_b, joint.cross_angle
-            )
-            values[branch.first : branch.first + len(joint_values), 0] = joint_values
-            for i, name in enumerate(joint.coordinates):
-                if name in angles:
-                    values[branch.first + i, 0] = angles[name]
+            joint_values = coordinates(branch.kind, gap, rotation_a, rotation_b, joint.cross_angle)
+            rows = slice(branch.first, branch.first + joint_values.shape[-1])
+            values[rows] = np.atleast_2d(joint_values).T
         return Coordinates(values, rotations)
+
+    def with_multi_turn(self, q: Coordinates, values: Mapping[str, float | Array]) -> Coordinates:
+        """Return coordinates with prescribed ones at given values, and other angles on their revolution."""
+        tree, out = self.tree, q.values.copy()
+        prescribed = {*tree.mechanism.drivers, *tree.mechanism.locked}
+        for name, value in values.items():
+            index = tree.index_of.get(name)
+            if index is not None and name in prescribed:
+                out[index] = value
+            elif index is not None and not tree.slides[index]:
+                out[index] += TURN * np.round((value - out[index]) / TURN)
+        return Coordinates(out, q.turns)
+
+    def revolutions_between(self, q: Coordinates) -> list[Array]:
+        """Return for each coupling the whole revolutions between its sides, (n,) in [rad]."""
+        return [
+            TURN * np.round(row.evaluate(q.values)[0] * row.unit / TURN) * row.turns for row in self.couplings
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -361,27 +387,11 @@ def tree_loops(
             drivers and holds where they stand.
     """
     tree = spanning_tree(mechanism)
-    prescribed = {*mechanism.drivers, *mechanism.locked}
     driven = tuple(tree.index_of[name] for name in (*mechanism.drivers, *mechanism.locked))
     loops = TreeLoops(tree, cuts_of(tree), (), driven)
-    q = loops.read(poses, {})
-    for name, value in counted.items():
-        index = tree.index_of.get(name)
-        if index is None:
-            continue
-        revolutions = (
-            0.0 if tree.slides[index] else TURN * float(np.round((value - q.values[index, 0]) / TURN))
-        )
-        q.values[index, 0] = value if name in prescribed else q.values[index, 0] + revolutions
-    turn_offsets = [
-        TURN * float(np.round(row.evaluate(q.values)[0][0] * row.unit / TURN)) if row.turns else 0.0
-        for row in loops.couplings
-    ]
-    return replace(loops, turn_offsets=tuple(turn_offsets)), q
-
-
-def _first(value: Array, axes: int) -> Array:
-    return value[0] if value.ndim > axes else value
+    q = loops.with_multi_turn(loops.read(poses), counted)
+    offsets = tuple(float(offset[0]) for offset in loops.revolutions_between(q))
+    return replace(loops, turn_offsets=offsets), q
 
 
 def _turned(rotation: Array, vector: Array) -> Array:

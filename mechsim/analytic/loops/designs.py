@@ -11,10 +11,6 @@ from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.random_starts import axes_aligned
 from mechsim.analytic.loops.tree import JointSides
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
-from mechsim.model.joint_kinds import coordinates
-from mechsim.model.link_poses import turned
-from mechsim.model.links import GROUND, IDENTITY
-from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import newton
 from mechsim.numerics.rank import least_norm, significant
@@ -67,35 +63,12 @@ def initial_coordinates(many: ManyLoops, started: StartedDesigns) -> tuple[Coord
 
     As `tree_loops` reads one.
     """
-    loops, arrays = many.loops, started.arrays
-    tree, sides = loops.tree, arrays.sides()
-    everywhere = {GROUND: IDENTITY, **started.guess}
-    values = np.zeros((tree.count, arrays.count))
-    rotations = np.empty((len(tree.balls), 3, 3, arrays.count))
-    ball = 0
-    for branch in tree.branches:
-        joint = branch.joint
-        point_a, frame_a, point_b, frame_b = sides[joint.name]
-        a, b = everywhere[joint.a.link], everywhere[joint.b.link]
-        rotation_a, rotation_b = a.rotation @ frame_a, b.rotation @ frame_b
-        displacement = b.position + turned(b.rotation, point_b) - a.position - turned(a.rotation, point_a)
-        if branch.kind.ball:
-            rotations[ball] = np.moveaxis(np.swapaxes(rotation_a, -1, -2) @ rotation_b, 0, -1)
-            ball += 1
-        joint_values = coordinates(branch.kind, displacement, rotation_a, rotation_b, joint.cross_angle)
-        values[branch.first : branch.first + joint_values.shape[1]] = joint_values.T
-    prescribed = {*tree.mechanism.drivers, *tree.mechanism.locked}
-    for name, value in started.coordinates.items():
-        index = tree.index_of.get(name)
-        if index is None:
-            continue
-        revolutions = 0.0 if tree.slides[index] else TURN * np.round((value - values[index]) / TURN)
-        values[index] = value if name in prescribed else values[index] + revolutions
-    same_revolutions = np.ones(arrays.count, dtype=np.bool_)
-    for row, offset in zip(loops.couplings, loops.turn_offsets, strict=True):
-        if row.turns:
-            same_revolutions &= TURN * np.round(row.evaluate(values)[0] * row.unit / TURN) == offset
-    return Coordinates(values, rotations), same_revolutions
+    loops = many.loops
+    q = loops.with_multi_turn(loops.read(started.guess, started.arrays.sides()), started.coordinates)
+    same_revolutions = np.ones(len(q), dtype=np.bool_)
+    for revolutions, offset in zip(loops.revolutions_between(q), loops.turn_offsets, strict=True):
+        same_revolutions &= revolutions == offset
+    return q, same_revolutions
 
 
 def assemble_designs(many: ManyLoops, q: Coordinates, rank: int) -> tuple[Coordinates, Bools]:

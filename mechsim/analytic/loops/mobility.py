@@ -1,6 +1,6 @@
 """What the drivers determine, by rank at generic poses: undetermined joints and redundant drivers."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,8 @@ from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces
 DIMENSION_TOLERANCE = 1e-5
 # displacement from one pose to the next, in radians or parts of the size
 SPACING = 0.15
+# generic poses at which the rank is compared with that at the start
+PROBES = 2
 # Gauss-Newton steps to a generic pose: the residual of inconsistent equations remains, the steps vanish
 CONSISTENT = NewtonSettings(max_iterations=40, rounding=0.0, last_step=1e-12, max_step=0.3)
 
@@ -100,9 +102,10 @@ def require_no_redundant_drivers(solver: LoopSolver) -> None:
         return
     mechanism = loops.tree.mechanism
     jacobian = loops.linearise(q)[1][..., 0]
-    independent, redundant = _independent_drivers(loops, null_spaces(jacobian)[1])
+    names = (*mechanism.drivers, *mechanism.locked)
+    independent, redundant = _independent(loops, names, null_spaces(jacobian)[1])
     nearly_free = null_spaces(jacobian, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[1]
-    locked = [name for name in redundant if name in _independent_drivers(loops, nearly_free)[0]]
+    locked = [name for name in redundant if name in _independent(loops, names, nearly_free)[0]]
     if locked:
         raise MobilityError(
             f"{mechanism.name}: overdetermined: {', '.join(locked)} cannot move, for "
@@ -127,18 +130,21 @@ def require_no_redundant_drivers(solver: LoopSolver) -> None:
         )
 
 
-def _independent_drivers(loops: TreeLoops, freedoms: Array) -> tuple[list[str], list[str]]:
-    """Return the independent drivers and locked joints, and the redundant ones, in their order."""
-    mechanism = loops.tree.mechanism
+def _independent(loops: TreeLoops, names: Iterable[str], null_space: Array) -> tuple[list[str], list[str]]:
+    """Return which coordinates of a null space, (dofs, count), are independent, and which depend on those.
+
+    Each coordinate in turn is locked: it is independent if it still moves with those before it locked.
+    """
     independent: list[str] = []
-    redundant: list[str] = []
-    for name, index in zip((*mechanism.drivers, *mechanism.locked), loops.driven, strict=True):
-        if len(freedoms) and float(np.linalg.norm(freedoms[:, index])) > MIN_DRIVER_PARTICIPATION:
-            freedoms = with_coordinate_locked(freedoms, index)
+    dependent: list[str] = []
+    for name in names:
+        index = loops.tree.index_of[name]
+        if len(null_space) and float(np.linalg.norm(null_space[:, index])) > MIN_DRIVER_PARTICIPATION:
+            null_space = with_coordinate_locked(null_space, index)
             independent.append(name)
         else:
-            redundant.append(name)
-    return independent, redundant
+            dependent.append(name)
+    return independent, dependent
 
 
 def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
@@ -278,11 +284,6 @@ def _points(loops: TreeLoops, poses: LinkPoses) -> Mapping[str, Array]:
     }
 
 
-# how far to either side of its start a mechanism is moved, in [rad] or parts of its size, so that a special
-# pose is not taken for the rule
-DISPLACEMENT = 1e-2
-
-
 @dataclass(frozen=True, slots=True)
 class Determinacy:
     """What the drivers of a mechanism determine.
@@ -320,25 +321,16 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
     Raises:
         AssemblyError: where the loops do not close.
     """
-    loops_driven, q, jacobian = _generic_pose(mechanism)
-    loops = replace(loops_driven, driven=())
+    solver, jacobian = _at_generic_pose(mechanism)
+    dependent_rows, null_space = null_spaces(jacobian)
     names = (*mechanism.locked, *mechanism.drivers)
-    rows, redundant = jacobian, list[str]()
-    for name in names:
-        row = np.zeros((1, loops.tree.count))
-        row[0, loops.tree.index_of[name]] = 1.0
-        wider = np.vstack([rows, row])
-        if rank(wider) == rank(rows):
-            redundant.append(name)
-        else:
-            rows = wider
-    locked = len([name for name in mechanism.locked if name not in redundant])
+    redundant = _independent(solver.loops, names, null_space)[1]
     return Determinacy(
-        dofs=loops.tree.count - rank(jacobian) - locked,
+        dofs=len(null_space) - len([name for name in mechanism.locked if name not in redundant]),
         drivers=mechanism.drivers,
-        undetermined=tuple(undetermined_names(loop_solver(loops_driven, q))),
+        undetermined=tuple(undetermined_names(solver)),
         redundant_drivers=tuple(redundant),
-        redundant_equations=len(jacobian) - rank(jacobian),
+        redundant_equations=dependent_rows.shape[1],
     )
 
 
@@ -348,41 +340,20 @@ def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
     Raises:
         AssemblyError: where the loops do not close.
     """
-    loops_driven, q, _ = _generic_pose(mechanism)
-    return joints_to_lock(loop_solver(loops_driven, q))
+    return joints_to_lock(_at_generic_pose(mechanism)[0])
 
 
-def _generic_pose(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates, Array]:
-    """Return the driven loops, coordinates near the start where their rank is highest, and the slope."""
-    loops_driven, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
-    loops = replace(loops_driven, driven=())
+def _at_generic_pose(mechanism: Mechanism) -> tuple[LoopSolver, Array]:
+    """Return a solver about the pose near the start where the rank is highest, and the Jacobian there."""
+    loops, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
     try:
-        start = closed(loops, guess)
-    except AssemblyError:  # from there; with the drivers where they start it closes, or is told why not
-        loops_driven, start = assembled(mechanism)
-        loops = replace(loops_driven, driven=())
-    poses = [start, *_displaced_poses(loops, start)]
-    jacobians = [loops.linearise(q)[1][:, :, 0] for q in poses]
-    best = int(np.argmax([rank(jacobian) for jacobian in jacobians]))
-    return loops_driven, poses[best], jacobians[best]
-
-
-def _displaced_poses(loops: TreeLoops, start: Coordinates) -> list[Coordinates]:
-    """Return closed coordinates a little to either side of some, along all that is free."""
-    jacobian = loops.linearise(start)[1][:, :, 0]
-    freedoms = null_spaces(jacobian)[1]
-    if not len(freedoms):
-        return []
-    # no freedom is left out, and none counts as much as another
-    direction = (1.0 + 0.3 * np.arange(len(freedoms))) @ freedoms
-    direction /= np.abs(direction).max()
-    poses: list[Coordinates] = []
-    for sign in (1.0, -1.0):
-        try:
-            poses.append(closed(loops, loops.displaced(start, sign * DISPLACEMENT * direction[:, None])))
-        except (AssemblyError, np.linalg.LinAlgError):
-            continue  # a dead centre or an immobile structure: the other poses decide
-    return poses
+        start = closed(replace(loops, driven=()), guess)
+    except AssemblyError:  # with the drivers at their start the loops may close, or the error says why not
+        loops, start = assembled(mechanism)
+    poses = [start, *generic_poses(loops, start, PROBES, RANK_TOLERANCE)]
+    poses = [q for q in poses if np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED]
+    best = max(poses, key=lambda q: rank(loops.linearise(q)[1][..., 0]))
+    return loop_solver(loops, best), loops.linearise(best)[1][..., 0]
 
 
 def checked_start(mechanism: Mechanism) -> LoopSolver:
