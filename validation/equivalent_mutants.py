@@ -88,16 +88,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         for any_one in ("0.1", "10.0")
     },
     (
-        MOTION,
-        "twist = least_norm(mechanism, rows.jacobian, rhs).reshape(n, -1, 6)",
-        "twist = least_norm(mechanism, rows.jacobian, rhs).reshape(n, -2, 6)",
-    ): SHAPE,
-    (
-        MOTION,
-        "accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -1, 6)",
-        "accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -2, 6)",
-    ): SHAPE,
-    (
         PATH,
         "while direction * (first - self._end(direction)) < -SAME_PARAMETER and self.drop_last_segment(direction):",
         "while direction * (first - self._end(direction)) < +SAME_PARAMETER and self.drop_last_segment(direction):",

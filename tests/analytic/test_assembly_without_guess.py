@@ -8,7 +8,7 @@ import pytest
 
 import mechsim as ms
 from mechsim import closure, simulate
-from mechsim.analytic.loops import start
+from mechsim.analytic.loops import oracle
 from mechsim.analytic.loops.start import assembled, start_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
@@ -135,13 +135,14 @@ def test_links_without_a_guess_are_drawn_no_longer_than_something_is_gained(monk
     name, pose = list(mechanism.guess.items())[-1]
     told = replace(mechanism, guess={name: pose})
     steps = []
-    looked = start.equations
-    monkeypatch.setattr(start, "equations", lambda *given: steps.append(given) or looked(*given))
-    drawn = start.completed_poses(told, rough_poses(told))
+    looked = oracle.equations
+    monkeypatch.setattr(oracle, "equations", lambda *given: steps.append(given) or looked(*given))
+    drawn = oracle.completed_poses(told, rough_poses(told))
     # measured 7, the last of which finds nothing left
     assert len(steps) <= 9
-    monkeypatch.setattr(start, "LAST_STEP", 0.0)
-    longer = start.completed_poses(told, rough_poses(told))
+    endless = replace(oracle.COMPLETION, last_step=0.0, rounding=0.0)
+    monkeypatch.setattr(oracle, "COMPLETION", endless)
+    longer = oracle.completed_poses(told, rough_poses(told))
     assert len(steps) > 30
     for link in drawn:
         np.testing.assert_allclose(drawn[link].position, longer[link].position, rtol=0, atol=1e-15)

@@ -6,16 +6,9 @@ is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses t
 """
 
 from mechsim.analytic.loops.maximal_coordinates import Poses, Rows, equations, residual_norms
+from mechsim.analytic.loops.mobility import Freedom, freedom
 from mechsim.analytic.loops.motion import follow, solve
-from mechsim.analytic.loops.oracle import (
-    Freedom,
-    assemble,
-    conditioning,
-    freedom,
-    least_norm,
-    rates,
-    singular_values,
-)
+from mechsim.analytic.loops.oracle import assemble, conditioning, rates, singular_values
 from mechsim.analytic.loops.record import point_on
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.link_poses import rough_poses
@@ -33,7 +26,6 @@ __all__ = [
     "equations",
     "follow",
     "freedom",
-    "least_norm",
     "point_on",
     "rates",
     "residual_norms",

@@ -12,7 +12,7 @@ from mechsim.analytic.loops.start import assembled, closed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.link_poses import rough_poses, starts
-from mechsim.model.links import GROUND
+from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton
@@ -24,6 +24,8 @@ from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces
 DIMENSION_TOLERANCE = 1e-5
 # displacement from one pose to the next, in radians or parts of the size
 SPACING = 0.15
+# poses at which ranks are evaluated: at one of them the rank may be lower
+SAMPLED_POSES = 5
 # generic poses at which the rank is compared with that at the start
 PROBES = 2
 # Gauss-Newton steps to a generic pose: the residual of inconsistent equations remains, the steps vanish
@@ -331,6 +333,45 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
         undetermined=tuple(undetermined_names(solver)),
         redundant_drivers=tuple(redundant),
         redundant_equations=dependent_rows.shape[1],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Freedom:
+    """Numbers by the rank of the loop Jacobian, at that of several poses where it is largest.
+
+    Attributes:
+        mobility: degrees of freedom that all joints leave.
+        passive: degrees of freedom with the drivers locked, which move no tracked point by themselves.
+        redundant: dependent equations.
+        rank: of the loop equations in maximal coordinates without drivers.
+    """
+
+    mobility: int
+    passive: int
+    redundant: int
+    rank: int
+
+
+def freedom(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Freedom:
+    """Return mobility, passive degrees of freedom and redundant equations at n poses that close the loops.
+
+    At most `SAMPLED_POSES` or a few more are used, evenly spread: at a single one the rank may be lower.
+    """
+    step = max(1, len(next(iter(poses.values())).position) // SAMPLED_POSES)
+    sample = {name: pose.at(slice(None, None, step)) for name, pose in poses.items()}
+    loops, _ = tree_loops(mechanism, {name: pose.at(0) for name, pose in sample.items()}, {})
+    jacobians = loops.linearise(loops.read(sample))[1].transpose(2, 0, 1)
+    free_rank, locked_rank = (
+        max(rank(jacobian) for jacobian in matrices)
+        for matrices in (jacobians, jacobians[:, :, loops.unknown])
+    )
+    mobility = loops.tree.count - free_rank
+    return Freedom(
+        mobility,
+        len(loops.unknown) - locked_rank,
+        loops.rows - free_rank,
+        6 * len(mechanism.links) - mobility,
     )
 
 

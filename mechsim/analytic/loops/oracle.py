@@ -1,29 +1,168 @@
-"""Rank of the loop equations: mobility, redundant rows, distance to a singular pose, least-norm solutions."""
+"""Independent check of solved motions: the loop equations in maximal coordinates, six for each link.
 
+No spanning tree is used for assembly from a guess, for rates, or for the distance from a singular pose.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.loops.maximal_coordinates import Poses, equations, row_units, scaled
 from mechsim.analytic.loops.record import joint_motions, point_on
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.joint_kinds import KINDS, antiparallel_message
+from mechsim.model.joint_kinds import KINDS, opposed
 from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
-from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.rank import least_norm, significant
 
-# poses at which ranks are looked at: so many are not all special ones
-SAMPLED_POSES = 5
-# condition of the normal equations below which two refinements leave rounding
-MAX_CONDITION = 1e10
-# what is smaller than this part of the largest is nought
-NEGLIGIBLE = 1e-40
+# residual of rounding, in characteristic lengths and [rad]
+ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+# Gauss-Newton steps that place links without a guess, which need not close the loops; singular values below
+# this fraction of the largest are zero
+COMPLETION = NewtonSettings(max_iterations=30, max_step=0.5)
+MIN_SINGULAR = 1e-6
+# a link rotates by at most this in one Newton step, in [rad]: beyond it the linear model is invalid
+MAX_ROTATION = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class LinearisedPoses:
+    """Loop equations linearised about n sets of poses, free of units.
+
+    Attributes:
+        rhs: residuals, (n, m).
+        matrix: Jacobians by the displacements that may change, (n, m, k).
+    """
+
+    rhs: Array
+    matrix: Array
+
+
+@dataclass(frozen=True)
+class PoseSystem:
+    """The loop equations in maximal coordinates, for `numerics.newton`.
+
+    Attributes:
+        mechanism: the mechanism.
+        angle: crank angle, (n,) in [rad]; None leaves drivers free.
+        free: links that may move, (links,).
+    """
+
+    mechanism: Mechanism
+    angle: Array | None
+    free: NDArray[np.bool_]
+
+    def linearise(self, poses: Poses) -> LinearisedPoses:
+        """Return the equations linearised about n sets of poses."""
+        rows = equations(self.mechanism, poses, self.angle)
+        matrix = scaled(self.mechanism, rows.jacobian)[..., np.repeat(self.free, 6)]
+        return LinearisedPoses(rows.residual * row_units(self.mechanism, rows.residual.shape[1]), matrix)
+
+    def retract(self, poses: Poses, step: Array) -> Poses:
+        """Return poses displaced by shifts in characteristic lengths and rotation vectors, (n, 6 free)."""
+        moved = dict(poses)
+        names = [link.name for link, free in zip(self.mechanism.links, self.free, strict=True) if free]
+        for name, twist in zip(names, step.reshape(len(step), -1, 6).swapaxes(0, 1), strict=True):
+            pose = poses[name]
+            position = pose.position + self.mechanism.size * twist[:, :3]
+            moved[name] = Pose(position, turned_by(pose.rotation, twist[:, 3:]))
+        return moved
+
+
+def assemble(
+    mechanism: Mechanism,
+    angles: ArrayLike,
+    guess: Poses | None = None,
+    *,
+    most_steps: int = 50,
+    tolerance: float = 1e-12,
+) -> Mapping[str, Pose]:
+    """Close the loops at each crank angle by Newton's method from a guess.
+
+    Args:
+        mechanism: the mechanism.
+        angles: crank angles, (n,) in [rad].
+        guess: moving link -> one pose or n poses; None takes the mechanism's own guess for all angles.
+        most_steps: limit on the number of Newton steps.
+        tolerance: largest residual, in characteristic lengths and in [rad].
+
+    Returns:
+        Moving link -> n poses.
+
+    Raises:
+        AssemblyError: where the loops do not close; names the crank angle and the gap left.
+
+    Accuracy: residuals of a few ulp of the longest link away from a dead centre.
+    """
+    mechanism = described(mechanism)
+    angles = crank_angles(mechanism, angles)
+    guess_poses = rough_poses(mechanism) if guess is None else guess
+    poses = {
+        link.name: Pose(
+            np.broadcast_to(guess_poses[link.name].position, (len(angles), 3)),
+            np.broadcast_to(guess_poses[link.name].rotation, (len(angles), 3, 3)),
+        )
+        for link in mechanism.links
+    }
+    settings = NewtonSettings(
+        max_iterations=most_steps, tolerance=ROUNDING, rounding=tolerance, max_step=MAX_ROTATION
+    )
+    system = PoseSystem(mechanism, angles, np.ones(len(mechanism.links), dtype=np.bool_))
+    result = newton(system, poses, settings, least_norm)
+    if not result.residual.max() <= tolerance:
+        index = int(np.argmax(result.residual))
+        raise AssemblyError(
+            f"{mechanism.name}: the loops do not close at crank angle {angles[index]:.6g} rad: a gap of "
+            f"{result.residual[index]:.3g} of the longest link is left after {most_steps} Newton steps; "
+            "change the dimensions, the crank angle or the guess"
+        )
+    _require_axes_aligned(mechanism, result.q, angles)
+    return result.q
+
+
+def completed_poses(mechanism: Mechanism, initial: Poses) -> Poses | None:
+    """Return poses of the links without a guess that reduce the residual most; links with one do not move.
+
+    A chain of joints alone places a leg anywhere, not towards the plate that it carries. None where all links
+    have a guess, or none has.
+    """
+    free = np.array([link.name not in mechanism.guess for link in mechanism.links])
+    if free.all() or not free.any():
+        return None
+    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in initial.items()}
+    system = PoseSystem(mechanism, None, free)
+    result = newton(system, poses, COMPLETION, lambda matrix, right: least_norm(matrix, right, MIN_SINGULAR))
+    return {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in result.q.items()}
+
+
+def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
+    """Refuse joints put together with axes or marks opposed: the rows say parallel, not in which sense."""
+    poses_of = {GROUND: IDENTITY, **poses}
+    for joint in mechanism.joints:
+        for i in KINDS[joint.kind].alike:
+            sides = [poses_of[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b)]
+            antiparallel = np.broadcast_to(dot(*sides) < 0.0, angles.shape)
+            if antiparallel.any():
+                where = f"crank angle {angles[np.argmax(antiparallel)]:.6g} rad"
+                raise AssemblyError(f"{mechanism.name}: at {where} {opposed(joint.name, i)}")
+
+
+def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
+    """Return crank angles as (n,) in [rad], or say what is wrong with them."""
+    values = np.atleast_1d(numbers(angles))
+    if values.ndim != 1 or not values.size or not np.isfinite(values).all():
+        raise InputError(
+            f"{mechanism.name}: a crank angle is no finite number, or there is none; give a list in [rad]"
+        )
+    return values
 
 
 def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = False) -> Array:
@@ -45,188 +184,8 @@ def conditioning(mechanism: Mechanism, poses: Poses) -> Array:
     nought at every pose, of redundant rows and passive freedoms, do not count.
     """
     values = singular_values(mechanism, poses)
-    rank = int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max())
+    rank = int(significant(values).sum(1).max())
     return values[:, rank - 1]
-
-
-@dataclass(frozen=True, slots=True)
-class Freedom:
-    """What the rank of the loop Jacobian says, at the pose of several where it is largest.
-
-    Attributes:
-        mobility: freedoms left by all joints.
-        passive: freedoms left once the crank is held, which move no tracked point by themselves.
-        redundant: rows that repeat what others say.
-        rank: of the loop Jacobian without the driver row.
-    """
-
-    mobility: int
-    passive: int
-    redundant: int
-    rank: int
-
-
-def freedom(mechanism: Mechanism, poses: Poses) -> Freedom:
-    """Return mobility, passive freedoms and redundant rows, by `SEEN` poses or a few more, evenly spread.
-
-    A pose at which assemblies meet says no more than that it is one.
-
-    Source: rank of the Jacobian of the loop equations; papers.md sections 1-3 for what is expected.
-    """
-    count = len(next(iter(poses.values())).position)
-    sample = {
-        name: pose.select(slice(None, None, max(1, count // SAMPLED_POSES))) for name, pose in poses.items()
-    }
-    unknowns = 6 * len(mechanism.links)
-
-    def rank(crank_free: bool) -> tuple[int, int]:
-        values = singular_values(mechanism, sample, crank_free=crank_free)
-        rows = equations(mechanism, sample, None if crank_free else 0.0).residual.shape[1]
-        return int((values > RANK_TOLERANCE * values[:, :1]).sum(1).max()), rows
-
-    free_rank, rows = rank(True)
-    crank_locked_rank, _ = rank(False)
-    return Freedom(unknowns - free_rank, unknowns - crank_locked_rank, rows - free_rank, free_rank)
-
-
-def least_norm(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
-    """Least-norm solution of J x = right, (n, 6 links): redundant rows, passive freedoms do no harm.
-
-    Where the columns of J are far from dependent, by refined normal equations, to rounding too and ten
-    times as fast as by singular values.
-    """
-    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
-    matrix = jacobian * columns
-    solution = _by_normal_equations(matrix, right[..., None])
-    if solution is None:
-        solution = np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right[..., None]
-    return columns * solution[..., 0]
-
-
-def _by_normal_equations(matrix: Array, right: Array) -> Array | None:
-    """Return the least-squares solution, (n, k, 1); None where columns are dependent or nearly so."""
-    transposed = np.swapaxes(matrix, 1, 2)
-    gram = transposed @ matrix
-    try:
-        inverse = np.linalg.inv(gram)
-    except np.linalg.LinAlgError:
-        return None
-    with np.errstate(all="ignore"):
-        condition = np.abs(gram).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
-    if not (condition < MAX_CONDITION).all():
-        return None
-    solution = inverse @ (transposed @ right)
-    for _ in range(2):
-        solution = solution + inverse @ (transposed @ (right - matrix @ solution))
-    # products of rounding, which underflow when squared
-    return np.where(np.abs(solution) < NEGLIGIBLE * np.abs(solution).max(1, keepdims=True), 0.0, solution)
-
-
-# a gap this small is rounding; polishing on would chase it down to the denormal numbers
-FLOOR = 4.0 * np.finfo(np.float64).eps
-
-
-# the most by which a link turns in one step, in [rad]: the linear model is not true farther
-MAX_ROTATION = 0.5
-
-# how far a pose between two crank angles may stand open: near enough for the next step, which begins from it
-POLISH_BELOW = 1e-6
-
-
-def assemble(
-    mechanism: Mechanism,
-    angles: ArrayLike,
-    guess: Poses | None = None,
-    *,
-    most_steps: int = 50,
-    tolerance: float = 1e-12,
-) -> dict[str, Pose]:
-    """Close the loops at each crank angle by Newton's method from a guess.
-
-    Args:
-        mechanism: the mechanism.
-        angles: crank angles, (n,) in [rad].
-        guess: moving link -> one pose or n poses; None takes the mechanism's own guess for all angles.
-        most_steps: Newton steps before giving up.
-        tolerance: largest residual left, in units of the mechanism's size and in [rad]; below `ROUGH`
-            the poses are polished to rounding all the same.
-
-    Returns:
-        Moving link -> n poses.
-
-    Raises:
-        AssemblyError: where the loops do not close; names the crank angle and the gap left.
-
-    Accuracy: Newton's method to rounding: residuals of a few ulp of the longest link away from a
-    dead centre.
-    """
-    mechanism = described(mechanism)
-    angles = crank_angles(mechanism, angles)
-    guess_poses = rough_poses(mechanism) if guess is None else guess
-    poses = {
-        link.name: Pose(
-            np.broadcast_to(guess_poses[link.name].position, (len(angles), 3)),
-            np.broadcast_to(guess_poses[link.name].rotation, (len(angles), 3, 3)),
-        )
-        for link in mechanism.links
-    }
-    gap, previous = np.full(len(angles), np.inf), np.inf
-    for _ in range(most_steps):
-        rows = equations(mechanism, poses, angles)
-        gap = _gap(mechanism, rows.residual)
-        worst = gap.max()
-        if worst <= FLOOR or (worst <= tolerance and (tolerance >= POLISH_BELOW or worst >= 0.25 * previous)):
-            break
-        previous = worst
-        step = -least_norm(mechanism, rows.jacobian, rows.residual)
-        rotations = step.reshape(len(angles), -1, 6)[..., 3:]
-        step *= MAX_ROTATION / np.maximum(MAX_ROTATION, np.sqrt((rotations**2).sum(-1)).max(-1))[:, None]
-        poses = moved_poses(mechanism, poses, step)
-    if not gap.max() <= tolerance:
-        worst = int(np.argmax(gap))
-        raise AssemblyError(
-            f"{mechanism.name}: the loops do not close at crank angle {angles[worst]:.6g} rad: a gap of "
-            f"{gap[worst]:.3g} of the longest link is left after {most_steps} Newton steps; "
-            "change the dimensions, the crank angle or the guess"
-        )
-    _require_axes_aligned(mechanism, poses, angles)
-    return poses
-
-
-def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
-    """Refuse joints put together with axes or marks opposed: the rows say parallel, not in which sense."""
-    poses_of = {GROUND: IDENTITY, **poses}
-    for joint in mechanism.joints:
-        for i in KINDS[joint.kind].aligned_columns:
-            sides = [poses_of[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b)]
-            antiparallel = np.broadcast_to(dot(*sides) < 0.0, angles.shape)
-            if antiparallel.any():
-                where = f"crank angle {angles[np.argmax(antiparallel)]:.6g} rad"
-                raise AssemblyError(f"{mechanism.name}: at {where} {antiparallel_message(joint.name, i)}")
-
-
-def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
-    """Return crank angles as (n,) in [rad], or say what is wrong with them."""
-    values = np.atleast_1d(numbers(angles))
-    if values.ndim != 1 or not values.size or not np.isfinite(values).all():
-        raise InputError(
-            f"{mechanism.name}: a crank angle is no finite number, or there is none; give a list in [rad]"
-        )
-    return values
-
-
-def _gap(mechanism: Mechanism, residual: Array) -> Array:
-    return np.abs(residual * row_units(mechanism, residual.shape[1])).max(1)
-
-
-def moved_poses(mechanism: Mechanism, poses: Poses, step: Array) -> dict[str, Pose]:
-    """Return poses displaced by (n, 6 links): shifts in [m] and rotation vectors in [rad]."""
-    moved = {}
-    for i, link in enumerate(mechanism.links):
-        shift, vector = step[:, 6 * i : 6 * i + 3], step[:, 6 * i + 3 : 6 * i + 6]
-        pose = poses[link.name]
-        moved[link.name] = Pose(pose.position + shift, turned_by(pose.rotation, vector))
-    return moved
 
 
 def rates(
@@ -255,12 +214,12 @@ def rates(
     rows = equations(mechanism, poses, angle)
     rhs = np.zeros_like(rows.residual)
     rhs[:, -1] = speed
-    twist = least_norm(mechanism, rows.jacobian, rhs).reshape(n, -1, 6)
+    twist = _twists(mechanism, rows.jacobian, rhs).reshape(n, -1, 6)
     twists = {name: twist[:, i] for i, name in enumerate(names)}
 
     rows = equations(mechanism, poses, angle, twists)
     rhs[:, -1] = acceleration
-    accelerations = least_norm(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -1, 6)
+    accelerations = _twists(mechanism, rows.jacobian, rhs - rows.bias).reshape(n, -1, 6)
 
     links = {
         name: LinkMotion(
@@ -289,6 +248,12 @@ def rates(
             name: motion for joint in mechanism.joints for name, motion in joint_motions(joint, links).items()
         },
     )
+
+
+def _twists(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
+    """Return the least-norm solution of J x = right, (n, 6 links), lengths in units of the size."""
+    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
+    return columns * least_norm(jacobian * columns, right)
 
 
 def crank_rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
