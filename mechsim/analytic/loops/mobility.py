@@ -359,8 +359,8 @@ def freedom(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Freedom:
     At most `SAMPLED_POSES` or a few more are used, evenly spread: at a single one the rank may be lower.
     """
     step = max(1, len(next(iter(poses.values())).position) // SAMPLED_POSES)
-    sample = {name: pose.at(slice(None, None, step)) for name, pose in poses.items()}
-    loops, _ = tree_loops(mechanism, {name: pose.at(0) for name, pose in sample.items()}, {})
+    sample = {name: pose.select(slice(None, None, step)) for name, pose in poses.items()}
+    loops, _ = tree_loops(mechanism, {name: pose.select(0) for name, pose in sample.items()}, {})
     jacobians = loops.linearise(loops.read(sample))[1].transpose(2, 0, 1)
     free_rank, locked_rank = (
         max(rank(jacobian) for jacobian in matrices)

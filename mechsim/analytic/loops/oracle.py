@@ -13,7 +13,7 @@ from mechsim.analytic.loops.maximal_coordinates import Poses, equations, row_uni
 from mechsim.analytic.loops.record import joint_motions, point_on
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.joint_kinds import KINDS, opposed
+from mechsim.model.joint_kinds import KINDS, antiparallel_message
 from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, described
@@ -144,15 +144,15 @@ def completed_poses(mechanism: Mechanism, initial: Poses) -> Poses | None:
 
 
 def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
-    """Refuse joints put together with axes or marks opposed: the rows say parallel, not in which sense."""
+    """Refuse joints put together with axes or marks antiparallel_message: the rows say parallel, not in which sense."""
     poses_of = {GROUND: IDENTITY, **poses}
     for joint in mechanism.joints:
-        for i in KINDS[joint.kind].alike:
+        for i in KINDS[joint.kind].aligned_columns:
             sides = [poses_of[end.link].rotation @ end.frame[:, i] for end in (joint.a, joint.b)]
             antiparallel = np.broadcast_to(dot(*sides) < 0.0, angles.shape)
             if antiparallel.any():
                 where = f"crank angle {angles[np.argmax(antiparallel)]:.6g} rad"
-                raise AssemblyError(f"{mechanism.name}: at {where} {opposed(joint.name, i)}")
+                raise AssemblyError(f"{mechanism.name}: at {where} {antiparallel_message(joint.name, i)}")
 
 
 def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
