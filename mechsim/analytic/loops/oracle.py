@@ -144,7 +144,7 @@ def completed_poses(mechanism: Mechanism, initial: Poses) -> Poses | None:
 
 
 def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
-    """Refuse joints put together with axes or marks antiparallel_message: the rows say parallel, not in which sense."""
+    """Reject antiparallel axes or reference directions: the equations only require parallel ones."""
     poses_of = {GROUND: IDENTITY, **poses}
     for joint in mechanism.joints:
         for i in KINDS[joint.kind].aligned_columns:
