@@ -231,9 +231,9 @@ def changes_since(path: Path, results: Mapping[str, Any]) -> dict[str, Any] | No
         worst, old_worst = _finite(check["worst"]), _finite(old["worst"])
         grew = worst > GROWTH * old_worst and worst > UNUSED * check["tolerance"]
         if check["passed"] != old["passed"] or grew:
-            kind = "larger" if check["passed"] == old["passed"] else "fixed" if check["passed"] else "failed"
+            kind = "grown" if check["passed"] == old["passed"] else "cured" if check["passed"] else "failed"
             changes.append({"key": key, "kind": kind, "before": old_worst, "now": worst, **check})
-    changes.sort(key=lambda change: ("failed", "larger", "fixed").index(change["kind"]))
+    changes.sort(key=lambda change: ("failed", "grown", "cured").index(change["kind"]))
     return {
         "made": made,
         "rows": changes[:MAX_CHANGES],
