@@ -1,10 +1,13 @@
 """The pages in docs/: every public name is documented, every page is listed, every link leads somewhere."""
 
 import re
-import sys
+import shlex
 from pathlib import Path
+from types import ModuleType
 
+import command_line_page
 import pytest
+from published_text import with_included
 
 import mechsim
 
@@ -69,9 +72,6 @@ def test_tutorials_and_how_to_pages_assert_what_they_state():
 
 
 def test_the_command_line_page_has_every_command_and_option(tmp_path):
-    sys.path.insert(0, str(DOCS))
-    import command_line_page
-
     command_line_page.write(tmp_path)
     text = (tmp_path / "command_line.md").read_text()
     for name, command in command_line_page.commands().items():
@@ -88,10 +88,64 @@ def test_pictures_in_docs_are_used():
 
 
 def test_the_glossary_has_thirty_terms_at_most_and_is_that_of_contributing():
-    sys.path.insert(0, str(DOCS))
-    from published_text import with_included
-
     text = with_included((DOCS / "reference" / "glossary.md").read_text(), DOCS / "reference")
     terms = re.findall(r"^\| ([^|]+) \|", text, re.MULTILINE)[1:]
     assert 20 <= len(terms) <= 30
     assert "assembly mode" in terms
+
+
+def shell_lines(text: str) -> list[str]:
+    """Return the lines of a page's shell blocks and shell cells that run mechsim."""
+    blocks = re.findall(r"```(?:sh|console)[^\n]*\n(.*?)```", text, re.DOTALL)
+    blocks += re.findall(r"```\{code-cell\}[^\n]*\n(?::tags:[^\n]*\n)?%%sh[^\n]*\n(.*?)```", text, re.DOTALL)
+    lines = [line.strip().removeprefix("$ ") for block in blocks for line in block.splitlines()]
+    return [line for line in lines if line.startswith("mechsim ")]
+
+
+def unknown_options(line: str) -> list[str]:
+    """Return the commands and options of a line that mechsim does not have."""
+    command, *words = shlex.split(line.split("|")[0].split(">")[0], comments=True)[1:]
+    if command not in command_line_page.commands():
+        return [command]
+    parameters = command_line_page.commands()[command].params
+    known = {option for parameter in parameters for option in (*parameter.opts, *parameter.secondary_opts)}
+    return [word for word in words if re.match(r"-[a-zA-Z-]", word) and word.split("=")[0] not in known]
+
+
+def unknown_names(code: str) -> list[str]:
+    """Return the names below `ms` in code that mechsim does not have."""
+    names = set(re.findall(r"\bms((?:\.[a-zA-Z_]\w*)+)", code))
+    missing = []
+    for name in sorted(names):
+        value = mechsim
+        for part in name.strip(".").split("."):
+            if not hasattr(value, part):
+                missing.append(f"ms{name}")
+                break
+            value = getattr(value, part)
+            # what a call returns is not looked into
+            if not isinstance(value, ModuleType):
+                break
+    return missing
+
+
+@pytest.mark.parametrize("page", [*PAGES, DOCS.parent / "README.md"], ids=lambda path: path.name)
+def test_commands_options_and_names_of_a_page_exist(page):
+    text = page.read_text()
+    assert [(line, wrong) for line in shell_lines(text) if (wrong := unknown_options(line))] == []
+    code = code_of(text) + "".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
+    assert unknown_names(code) == []
+
+
+def test_a_missing_command_option_or_name_is_noticed():
+    assert shell_lines("```sh\nmechsim show rssr\n```\n") == ["mechsim show rssr"]
+    assert shell_lines("```{code-cell} ipython3\n%%sh exits 1\nmechsim show rssr\n```") == [
+        "mechsim show rssr"
+    ]
+    assert unknown_options("mechsim plot rssr --kind plan -o a.svg | head") == []
+    assert unknown_options("mechsim plot rssr --kinds plan") == ["--kinds"]
+    assert unknown_options("mechsim plots rssr") == ["plots"]
+    assert unknown_names("ms.catalog.make(1).a; ms.catalog.made(2); ms.solve") == [
+        "ms.catalog.made",
+        "ms.solve",
+    ]
