@@ -45,7 +45,7 @@ from mechsim.numerics.angles import TURN
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import agreement_plot
 from mechsim.report.validation import worst_first, write_agreement_report, write_validation_report
-from mechsim.studies.agreement.agreement import held
+from mechsim.studies.agreement.agreement import compare_model
 from mechsim.studies.reference import by_reference
 from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery, reference_data
@@ -109,7 +109,7 @@ def validate(
             help="Processor time for the stepped runs of each mechanism; what they reach is reported."
         ),
     ] = f"{BUDGET:g}s",
-    held: AgainstOptions,
+    compare_model: AgainstOptions,
     driven: DriveOptions,
     sets: Sets = None,
     verbose: Verbose = False,
@@ -120,17 +120,17 @@ def validate(
     The formula that a file names is code, and is run.
     """
     if reference:
-        if held != AgainstOptions() or sets or report or whole_gallery or driven != DriveOptions():
+        if compare_model != AgainstOptions() or sets or report or whole_gallery or driven != DriveOptions():
             raise InputError(
                 "--reference judges what the data describe; leave out all else but names and --json"
             )
         raise typer.Exit(0 if validate_by_reference(models or (), as_json, verbose=verbose) else 1)
-    if held.against is not None:
+    if compare_model.against is not None:
         if models is None or len(models) != 1 or whole_gallery:
             raise InputError("--against is of one model; name it, and no others")
         place = None if report is None else folder_for(report)
-        held_against(models[0], sets, driven, held, (speed_of(speed), place, as_json, verbose))
-    if held != AgainstOptions(tolerance=held.tolerance):
+        held_against(models[0], sets, driven, compare_model, (speed_of(speed), place, as_json, verbose))
+    if compare_model != AgainstOptions(tolerance=compare_model.tolerance):
         raise InputError("--plot goes with --against; name what the model is compared with")
     shown = list(gallery.files())
     wanted = list(models or catalog.DRIVES)
@@ -141,7 +141,7 @@ def validate(
     if driven != DriveOptions() and len(wanted) != 1:
         raise InputError("--drive, --lock, --key and --track are of one mechanism; name it")
     families = _told_apart({model: family_of(model, sets, driven) for model in wanted})
-    asked, tolerance = speed_of(speed), held.bound
+    asked, tolerance = speed_of(speed), compare_model.bound
     folder = None if report is None else folder_for(report)
     tell_code([family.make({}) for family in families.values()])
     quick = () if models or whole_gallery else shown
@@ -259,8 +259,8 @@ def held_against(
     bound = asked.bound
     if not source.lower().endswith(".csv"):
         tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
-    found = held(read_family(model, sets, driven), source, speed=speed, tolerance=bound)
-    name, scene = found.form.name, found_in(found.form) or ()
+    found = compare_model(read_family(model, sets, driven), source, speed=speed, tolerance=bound)
+    name, scene = found.solver.name, found_in(found.solver) or ()
     told_of = found.as_dict()
     told_of["findings"] = [one.as_dict() for one in (*scene, *found.findings)]
     results = {"passed": found.passed, "mechanisms": {name: told_of}}

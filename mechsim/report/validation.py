@@ -22,7 +22,7 @@ from mechsim.report.page import Section, studies_in, write_report
 from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.views import case_view
 from mechsim.studies.agreement.agreement import Agreement
-from mechsim.studies.agreement.attribution import PARTS
+from mechsim.studies.agreement.attribution import COMPONENTS
 from mechsim.studies.validate import Case
 
 RESOLUTION = (640, 480)
@@ -226,11 +226,11 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
     folder.mkdir(exist_ok=True)
     notes: list[str] = []
     section = Section(
-        name=agreement.form.name,
-        title=agreement.form.name,
+        name=agreement.solver.name,
+        title=agreement.solver.name,
         cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",
         facts=_agreement_facts(agreement),
-        picture=_picture(agreement.form, agreement.comparand.motion, notes),
+        picture=_picture(agreement.solver, agreement.evaluation.motion, notes),
         plots=[
             (f"{curves.name}: exact and claimed", _webp(plots.drawn(agreement_plot(curves), "png")))
             for curves in worst_first(agreement)[:MAX_PLOTS]
@@ -249,34 +249,34 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
 
 def worst_first(agreement: Agreement) -> list[TwoCurves]:
     """Return the curves of all quantities, largest error / tolerance first."""
-    shares = [check.fraction_of_tolerance or 0.0 for check in agreement.checks[: len(agreement.claims)]]
-    return [_curves(agreement, i) for i in sorted(range(len(agreement.claims)), key=lambda i: -shares[i])]
+    shares = [check.fraction_of_tolerance or 0.0 for check in agreement.checks[: len(agreement.candidates)]]
+    return [_curves(agreement, i) for i in sorted(range(len(agreement.candidates)), key=lambda i: -shares[i])]
 
 
 def _curves(agreement: Agreement, i: int) -> TwoCurves:
-    claim, instants = agreement.claims[i], agreement.comparand.instants
+    candidate, instants = agreement.candidates[i], agreement.evaluation.instants
     noise = agreement.noise[i] if agreement.noise else None
-    shares = agreement.attribution.get("quantities", {}).get(claim.named.name, {})
+    shares = agreement.attribution.get("quantities", {}).get(candidate.quantity.name, {})
     return TwoCurves(
-        name=claim.named.name,
-        unit=claim.named.unit,
+        name=candidate.quantity.name,
+        unit=candidate.quantity.unit,
         instants=instants.value,
         over=instants.unit,
         exact=agreement.exact[i],
-        claimed=claim.values,
-        components=claim.named.axes,
+        claimed=candidate.values,
+        components=candidate.quantity.axes,
         tolerance=agreement.checks[i].tolerance if noise is None else noise.largest.limit * noise.deviation,
         source=agreement.source,
-        shares={name: shares[name] for name in PARTS if name in shares},
+        shares={name: shares[name] for name in COMPONENTS if name in shares},
     )
 
 
 def _agreement_facts(agreement: Agreement) -> dict[str, Any]:
-    mechanism = agreement.form.mechanism
+    mechanism = agreement.solver.mechanism
     rows: dict[str, Any] = {
         "compared with": agreement.source,
         "driven": ", ".join(mechanism.drivers),
-        "instants": len(agreement.comparand),
+        "instants": len(agreement.evaluation),
         "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
     }
     return rows | explanations(agreement)

@@ -22,7 +22,7 @@ from mechsim.numerics.angles import TURN
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
 from mechsim.simulation.stepping import Progress, no_progress
-from mechsim.studies.agreement.agreement import Agreement, held
+from mechsim.studies.agreement.agreement import Agreement, compare_model
 from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.studies.scene.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -84,10 +84,10 @@ class Case:
     def as_dict(self) -> dict[str, Any]:
         """Return the case as `mechsim validate --json` prints it."""
         cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
-        held = {} if self.compliance is None else {"compliance": self.compliance}
+        compare_model = {} if self.compliance is None else {"compliance": self.compliance}
         published = {} if self.published is None else {"published": self.published.as_dict()}
         explained = {} if self.formula is None else self.formula.explained
-        return self.verdict.as_dict() | cost | held | explained | published
+        return self.verdict.as_dict() | cost | compare_model | explained | published
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +166,7 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
         verdicts["closed form"] = against_loops(drive, exact)
     formula = None
     if drive.formula:
-        formula = held(family, speed=speed, tolerance=tolerance, attribute=not quick)
+        formula = compare_model(family, speed=speed, tolerance=tolerance, attribute=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
     wanted = speed if profile.steady and drive.motion_laws is None else None

@@ -64,7 +64,7 @@ def assert_agrees(
 
 def _tell(running: RunningTest, found: Agreement) -> None:
     """Leave in the JUnit file what came out."""
-    running.tell("mechsim.model", found.form.name)
+    running.tell("mechsim.model", found.solver.name)
     running.tell("mechsim.against", found.source)
     running.tell("mechsim.outcome", found.outcome)
     if found.checks:

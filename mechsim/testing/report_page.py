@@ -29,7 +29,7 @@ def failure(found: Agreement, command: str, page: Path | None) -> str:
     missed = sorted(
         (one for one in found.checks if not one.passed), key=lambda one: -(one.fraction_of_tolerance or 0.0)
     )
-    lines = [f"{found.form.name} does not agree with {found.source}"]
+    lines = [f"{found.solver.name} does not agree with {found.source}"]
     lines += [_missed(check) for check in missed[:FEW]]
     if len(missed) > FEW:
         lines.append(f"  and {len(missed) - FEW} more of {len(found.checks)} quantities")
@@ -88,7 +88,7 @@ def write_page(found: Agreement, command: str, running: RunningTest) -> Path | N
 
 def page(found: Agreement, command: str) -> str:
     """Return the page as HTML that needs nothing beside itself."""
-    title = html.escape(f"{found.form.name} against {found.source}: {found.outcome}")
+    title = html.escape(f"{found.solver.name} against {found.source}: {found.outcome}")
     rows = "".join(
         f"<tr><td>{html.escape(check.title)}</td><td>{check.worst:.3g}</td><td>{check.tolerance:.3g}</td>"
         f"<td>{html.escape(check.unit)}</td>"
@@ -112,10 +112,10 @@ def page(found: Agreement, command: str) -> str:
 def _curve(found: Agreement) -> str:
     """Return the difference of the quantity that is off most, over the instants compared."""
     used = [check.fraction_of_tolerance or 0.0 for check in found.checks]
-    if not used or len(used) != len(found.claims):
+    if not used or len(used) != len(found.candidates):
         return ""
     i = int(np.argmax(used))
-    off = np.linalg.norm(found.claims[i].values - found.exact[i], axis=1)
+    off = np.linalg.norm(found.candidates[i].values - found.exact[i], axis=1)
     top = float(off.max(initial=0.0))
     if not 0.0 < top < np.inf:
         return ""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mechsim.studies.agreement.evaluation_points import asked_of, comparand_of
+from mechsim.studies.agreement.evaluation_points import driver_inputs, evaluation_points
 from mechsim.studies.validate import case_of
 from mechsim.subjects.readers import load
 
@@ -18,6 +18,6 @@ def test_drivers_have_lines_of_their_own_on_both_roads():
 
 def test_a_formula_is_asked_at_the_coordinates_of_the_drivers():
     motion = FIVE_BAR.solve(t=np.linspace(0.0, FIVE_BAR.motion_laws.duration, 5))
-    at = asked_of(comparand_of(FIVE_BAR, 1.0, samples=5))
+    at = driver_inputs(evaluation_points(FIVE_BAR, 1.0, samples=5))
     assert list(at) == ["left", "right"]
     np.testing.assert_allclose(at["left"], motion.joints["left"].value, atol=1e-14)

@@ -7,9 +7,9 @@ import pytest
 
 from mechsim.errors import InputError
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.candidate import claimed
-from mechsim.studies.agreement.discrepancy import bound_of, check, scales_of
-from mechsim.studies.agreement.evaluation_points import comparand_of
+from mechsim.studies.agreement.candidate import values_of_function
+from mechsim.studies.agreement.evaluation_points import evaluation_points
+from mechsim.studies.agreement.misfit import check, formula_tolerance, scales_of
 from mechsim.studies.validate import case_of
 from mechsim.subjects import gallery
 from mechsim.subjects.python_object import run_object
@@ -59,11 +59,13 @@ def test_a_mechanism_of_the_gallery_meets_every_bound_in_steps(shown):
 def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
     name = next(iter(shown.parameters))
     wrong = load(shown.name, {name: f"1.001*{shown.parameters[name]!r}"})
-    comparand = comparand_of(wrong, speed=1.0)
-    law = claimed(run_object(shown.formula), comparand, "law", shown.parameters)
-    scales = scales_of(comparand, law)
+    evaluation = evaluation_points(wrong, speed=1.0)
+    law = values_of_function(run_object(shown.formula), evaluation, "law", shown.parameters)
+    scales = scales_of(evaluation, law)
     assert not all(
-        check(one, comparand.exact(one.named), comparand, bound_of(one, scales, None), None).passed
+        check(
+            one, evaluation.exact(one.quantity), evaluation, formula_tolerance(one, scales, None), None
+        ).passed
         for one in law
     )
 
@@ -71,10 +73,10 @@ def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
 @pytest.mark.parametrize(("error", "accepted"), [(0.0, True), (1e-11, False)])
 def test_a_formula_of_a_file_is_accepted_to_rounding_only(shown, error, accepted):
     form = load(shown.name)
-    comparand = comparand_of(form, speed=1.0)
-    law = claimed(run_object(shown.formula), comparand, "law", form.parameters)
-    wrong = [replace(one, values=one.values + error * comparand.form.mechanism.size) for one in law]
-    checks = agreement(comparand, wrong, "law", diagnose=False, exact_formula=True).checks
+    evaluation = evaluation_points(form, speed=1.0)
+    law = values_of_function(run_object(shown.formula), evaluation, "law", form.parameters)
+    wrong = [replace(one, values=one.values + error * evaluation.solver.mechanism.size) for one in law]
+    checks = agreement(evaluation, wrong, "law", diagnose=False, exact_formula=True).checks
     assert [check.passed for check in checks] == [accepted] * len(checks)
 
 

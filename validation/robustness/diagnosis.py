@@ -26,8 +26,8 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.candidate import Claim, QuantityReader
-from mechsim.studies.agreement.evaluation_points import Comparand, comparand_of
+from mechsim.studies.agreement.candidate import Candidate, QuantityReader
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
 from mechsim.studies.quantities import coordinate_units
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import parametric_model
@@ -66,27 +66,27 @@ class Subject:
         return parametric_model(self.name, **self.asked)
 
     @cached_property
-    def form(self):
+    def solver(self):
         """What moves."""
         return self.family.make({})
 
     @cached_property
-    def comparand(self) -> Comparand:
+    def evaluation(self) -> EvaluationPoints:
         """Its instants."""
-        return comparand_of(self.form, SPEED)
+        return evaluation_points(self.solver, SPEED)
 
     @cached_property
     def reader(self):
         """Reads names of its quantities."""
-        return QuantityReader(self.form.mechanism, "the study")
+        return QuantityReader(self.solver.mechanism, "the study")
 
-    def solved(self, form=None, **changed) -> Comparand:
+    def solved(self, form=None, **changed) -> EvaluationPoints:
         """Return the same instants of something else, or elsewhere, solved anew."""
-        made = self.form if form is None else form
-        if isinstance(made, LoopForm) and isinstance(self.form, LoopForm):
-            made = replace(made, motion_laws=changed.pop("motion_laws", self.form.motion_laws))
-        one = self.comparand
-        return Comparand(
+        made = self.solver if form is None else form
+        if isinstance(made, LoopForm) and isinstance(self.solver, LoopForm):
+            made = replace(made, motion_laws=changed.pop("motion_laws", self.solver.motion_laws))
+        one = self.evaluation
+        return EvaluationPoints(
             made,
             changed.get("angle", one.angle),
             changed.get("speed", one.speed),
@@ -115,15 +115,15 @@ class Mistake:
 
 def quantities(subject: Subject, random) -> list:
     """Return some quantities of a subject: points, or points and joints, or with rates."""
-    points = list(subject.form.mechanism.points)
+    points = list(subject.solver.mechanism.points)
     chosen = list(random.permutation(points)[: max(2, random.integers(1, 4))])
     names = [(one, 3) for one in chosen]
     # of links that stand no one draws a curve
-    motion = subject.comparand.motion
+    motion = subject.evaluation.motion
     joints = [
         one
         for one in motion.joints
-        if one in coordinate_units(subject.form.mechanism) and one not in subject.form.mechanism.drivers
+        if one in coordinate_units(subject.solver.mechanism) and one not in subject.solver.mechanism.drivers
     ]
     if random.random() < 0.6:
         names += [(one, None) for one in random.permutation(joints)[:2] if one not in points]
@@ -136,31 +136,31 @@ def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
     """One dimension larger or smaller."""
     dimensions = [one for name, one in subject.family.dimensions.items() if ".tilt." not in name]
     one = dimensions[random.integers(len(dimensions))]
-    whole = subject.form.mechanism.size if one.unit == "m" else 1.0
+    whole = subject.solver.mechanism.size if one.unit == "m" else 1.0
     scale = abs(one.value) if abs(one.value) > 1e-3 * whole else whole
     made = subject.family.make({one.name: one.value + random.choice([-1.0, 1.0]) * size * scale})
     kind = "dimension"
-    gear = getattr(subject.form, "gear", "")
+    gear = getattr(subject.solver, "gear", "")
     if gear:
         kind = {gear: "gear", "phase": "phase"}.get(one.name, kind)
     elif (
         one.unit != "m"
-        and subject.form.mechanism.laws
-        and made.mechanism.joints == subject.form.mechanism.joints
+        and subject.solver.mechanism.laws
+        and made.mechanism.joints == subject.solver.mechanism.joints
     ):
         slopes = [law.ratio for law in made.mechanism.laws]
-        kind = "phase" if slopes == [law.ratio for law in subject.form.mechanism.laws] else "gear"
+        kind = "phase" if slopes == [law.ratio for law in subject.solver.mechanism.laws] else "gear"
     what = (one.name, one.name.split(".")[0]) if ".at." in one.name else (one.name,)
     return Mistake(kind, what, subject.solved(made).all(named))
 
 
-def shifted(subject: Subject, change: dict) -> Comparand:
+def shifted(subject: Subject, change: dict) -> EvaluationPoints:
     """Return a subject whose drivers go otherwise: name -> (scale, offset, late by)."""
-    motion_laws = getattr(subject.form, "motion_laws", None)
+    motion_laws = getattr(subject.solver, "motion_laws", None)
     if motion_laws is None:
         scale, offset, _ = next(iter(change.values()))
-        angle = scale * subject.comparand.angle + offset
-        return subject.solved(angle=angle, speed=scale * subject.comparand.speed)
+        angle = scale * subject.evaluation.angle + offset
+        return subject.solved(angle=angle, speed=scale * subject.evaluation.speed)
 
     def moved(name: str, state):
         scale, offset, late = change.get(name, (1.0, 0.0, 0.0))
@@ -178,12 +178,12 @@ def shifted(subject: Subject, change: dict) -> Comparand:
 
 
 def driver_of(subject: Subject, random) -> str:
-    return str(random.choice(list(subject.form.mechanism.drivers)))
+    return str(random.choice(list(subject.solver.mechanism.drivers)))
 
 
 def of_offset(subject, named, size, random) -> Mistake:
     driver = driver_of(subject, random)
-    unit = subject.form.mechanism.size if subject.form.mechanism.unit(driver) == "m" else 1.0
+    unit = subject.solver.mechanism.size if subject.solver.mechanism.unit(driver) == "m" else 1.0
     return Mistake("offset", (driver,), shifted(subject, {driver: (1.0, size * unit, 0.0)}).all(named))
 
 
@@ -196,17 +196,17 @@ def of_degrees(subject, named, size, random) -> Mistake:
     angles = [i for i, one in enumerate(named) if one.unit == "rad"]
     if not angles:
         driver = driver_of(subject, random)
-        if subject.form.mechanism.unit(driver) == "m":
+        if subject.solver.mechanism.unit(driver) == "m":
             raise MechsimError("no angle")
         return Mistake("degrees", (driver,), shifted(subject, {driver: (np.pi / 180.0, 0.0, 0.0)}).all(named))
-    values = subject.comparand.all(named)
+    values = subject.evaluation.all(named)
     for i in angles:
         values[i] = np.rad2deg(values[i])
     return Mistake("degrees", (), values)
 
 
 def of_phase(subject, named, size, random) -> Mistake:
-    motion_laws = getattr(subject.form, "motion_laws", None)
+    motion_laws = getattr(subject.solver, "motion_laws", None)
     if motion_laws is None or len(motion_laws.drivers) < 2:
         raise MechsimError("one driver")
     driver = driver_of(subject, random)
@@ -216,13 +216,13 @@ def of_phase(subject, named, size, random) -> Mistake:
 
 def of_delay(subject, named, size, random) -> Mistake:
     late = 1 + SIZES.index(size)
-    values = subject.comparand.all(named)
+    values = subject.evaluation.all(named)
     return Mistake("delay", (), [np.concatenate([one[:1].repeat(late, 0), one[:-late]]) for one in values])
 
 
 def of_units(subject, named, size, random) -> Mistake:
     factor = (1000.0, 0.001, 0.01)[SIZES.index(size)]
-    values = subject.comparand.all(named)
+    values = subject.evaluation.all(named)
     return Mistake(
         "units",
         (),
@@ -234,7 +234,7 @@ def of_swapped(subject, named, size, random) -> Mistake:
     places = [i for i, one in enumerate(named) if one.kind == "position"]
     if len(places) < 2 or any(one.kind == "velocity" for one in named):
         raise MechsimError("one point")
-    values = subject.comparand.all(named)
+    values = subject.evaluation.all(named)
     i, j = places[:2]
     values[i], values[j] = values[j], values[i]
     both = named[i].subject, named[j].subject
@@ -244,7 +244,7 @@ def of_swapped(subject, named, size, random) -> Mistake:
 def turned(subject, named, matrix, shift) -> list:
     return [
         v @ matrix.T + (shift if one.kind == "position" else 0.0) if one.axes else v
-        for one, v in zip(named, subject.comparand.all(named), strict=True)
+        for one, v in zip(named, subject.evaluation.all(named), strict=True)
     ]
 
 
@@ -258,18 +258,18 @@ def of_frame(subject, named, size, random) -> Mistake:
     vector = random.normal(size=3)
     vector *= size / np.linalg.norm(vector)
     if random.random() < 0.5:
-        return Mistake("frame", (), turned(subject, named, np.eye(3), vector * subject.form.mechanism.size))
+        return Mistake("frame", (), turned(subject, named, np.eye(3), vector * subject.solver.mechanism.size))
     from scipy.spatial.transform import Rotation
 
     return Mistake("frame", (), turned(subject, named, Rotation.from_rotvec(vector).as_matrix(), 0.0))
 
 
 def of_assembly(subject, named, size, random) -> Mistake:
-    form = subject.form
+    form = subject.solver
     if not isinstance(form, ClosedForm):
         raise MechsimError("no closed form")
     own = {name: getattr(form, name) for name in SELECTORS if hasattr(form, name)}
-    middle = float(subject.comparand.angle[len(subject.comparand) // 3])
+    middle = float(subject.evaluation.angle[len(subject.evaluation) // 3])
     others = [one for one in form.assemblies(middle) if {name: getattr(one, name) for name in own} != own]
     other = others[random.integers(len(others))] if others else None
     if other is None:
@@ -280,7 +280,7 @@ def of_assembly(subject, named, size, random) -> Mistake:
 def of_loads(subject, named, size, random) -> Mistake:
     """A torque and a reaction under another gravity, or with a link of another mass."""
     forces = Forces(gravity=(0.0, -9.81, 0.0))
-    machine = dynamics.machine(subject.form, forces)
+    machine = dynamics.machine(subject.solver, forces)
     subject.under = machine
     if random.random() < 0.5:
         other, kind, what = (
@@ -326,12 +326,12 @@ def subjects(scenes: Path | None) -> Iterator[Subject]:
 
 def judged(subject: Subject, named: list, values: list, random, under=None):
     """Return what is said of claims, with the rounding of another formula on them."""
-    claims = []
+    candidates = []
     for one, value in zip(named, values, strict=True):
         scale = max(1.0, float(np.abs(value).max()))
-        claims.append(Claim(one, value + ROUNDING * scale * random.normal(size=value.shape)))
-    comparand = subject.comparand if under is None else replace(subject.comparand, machine=under)
-    return agreement(comparand, claims, "the study", None, subject.family)
+        candidates.append(Candidate(one, value + ROUNDING * scale * random.normal(size=value.shape)))
+    evaluation = subject.evaluation if under is None else replace(subject.evaluation, machine=under)
+    return agreement(evaluation, candidates, "the study", None, subject.family)
 
 
 def one_case(number: int, among: list[Subject]) -> dict:
@@ -343,11 +343,11 @@ def one_case(number: int, among: list[Subject]) -> dict:
         subject = among[random.integers(len(among))]
         loads = kind == "loads"
         try:
-            if loads and not (subject.form.mechanism.has_crank and isinstance(subject.form, ClosedForm)):
+            if loads and not (subject.solver.mechanism.has_crank and isinstance(subject.solver, ClosedForm)):
                 continue
             named = quantities(subject, random)
             if loads:
-                crank = subject.form.mechanism.crank.name
+                crank = subject.solver.mechanism.crank.name
                 named = [subject.reader.read(f"torque:{crank}", None)]
             mistake = KINDS[kind][0](subject, named, size, random)
         except (MechsimError, KeyError, ValueError, np.linalg.LinAlgError):
@@ -382,7 +382,7 @@ def right_ones(among: list[Subject]) -> list[str]:
         random = np.random.default_rng(k)
         for _ in range(3):
             named = quantities(subject, random)
-            found = judged(subject, named, subject.comparand.all(named), random)
+            found = judged(subject, named, subject.evaluation.all(named), random)
             if not found.passed or found.findings:
                 accused.append(subject.name)
     return accused

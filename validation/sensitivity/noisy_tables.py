@@ -14,8 +14,8 @@ import numpy as np
 
 import mechsim as ms
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.candidate import Claim, QuantityReader
-from mechsim.studies.agreement.evaluation_points import Comparand
+from mechsim.studies.agreement.candidate import Candidate, QuantityReader
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.noise import FALSE_ALARM
 from mechsim.subjects.readers import parametric_model
 
@@ -30,25 +30,25 @@ NOISE = {"m": 2e-5, "rad": 3e-4}
 SHORT = 1e-4
 
 
-def comparand_of(form):
-    return Comparand(form, ANGLES, np.ones_like(ANGLES), np.zeros_like(ANGLES))
+def evaluation_points(form):
+    return EvaluationPoints(form, ANGLES, np.ones_like(ANGLES), np.zeros_like(ANGLES))
 
 
 def exact_claims(form, columns):
     """Return what a form does, as claims with standard deviations."""
-    comparand, reader = comparand_of(form), QuantityReader(form.mechanism, "the script")
-    claims = []
+    evaluation, reader = evaluation_points(form), QuantityReader(form.mechanism, "the script")
+    candidates = []
     for column in columns:
         axes = column.partition(".")[2]
         named = reader.read(column, {"xy": 2, "": 3}.get(axes))
-        values = comparand.exact(named)
-        claims.append(Claim(named, values, np.full(values.shape, NOISE[named.unit])))
-    return claims
+        values = evaluation.exact(named)
+        candidates.append(Candidate(named, values, np.full(values.shape, NOISE[named.unit])))
+    return candidates
 
 
-def noisy(claim, random):
-    error = claim.uncertainty * random.standard_normal(claim.values.shape)
-    return replace(claim, values=claim.values + error)
+def noisy(candidate, random):
+    error = candidate.uncertainty * random.standard_normal(candidate.values.shape)
+    return replace(candidate, values=candidate.values + error)
 
 
 def shorter(name, link):
@@ -59,20 +59,20 @@ def shorter(name, link):
 def main(tables, causes):
     random, failed, total = np.random.default_rng(26), 0, 0
     for name, columns, link in CASES:
-        comparand, right = comparand_of(ms.load(name)), exact_claims(ms.load(name), columns)
-        comparand.conditioning  # noqa: B018 - solved once for all tables
+        evaluation, right = evaluation_points(ms.load(name)), exact_claims(ms.load(name), columns)
+        evaluation.conditioning  # noqa: B018 - solved once for all tables
         wrong, detected, named, sigma = exact_claims(shorter(name, link), columns), 0, 0, []
         rejected = 0
         for _ in range(tables):
-            claims = [noisy(claim, random) for claim in right]
+            candidates = [noisy(candidate, random) for candidate in right]
             # the verdict alone: what explains a false alarm is not of interest
-            found = agreement(comparand, claims, "a right table", diagnose=False)
+            found = agreement(evaluation, candidates, "a right table", diagnose=False)
             sigma.append(np.mean([noise.size.worst for _, noise in found.measured]))
             rejected += not found.passed
         for _ in range(causes):
             found = agreement(
-                comparand,
-                [noisy(claim, random) for claim in wrong],
+                evaluation,
+                [noisy(candidate, random) for candidate in wrong],
                 "a wrong table",
                 None,
                 parametric_model(name),

@@ -18,18 +18,26 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
-from mechsim.studies.agreement.attribution import AskedAgain, told
+from mechsim.studies.agreement.attribution import AskFunction, attribution_data
 from mechsim.studies.agreement.candidate import (
-    Claim,
+    Candidate,
     QuantityReader,
-    claimed,
-    claims_of_table,
+    points_of_table,
     read_table,
-    tabled_comparand,
+    values_of_function,
+    values_of_table,
 )
 from mechsim.studies.agreement.diagnosis import diagnosis
-from mechsim.studies.agreement.discrepancy import Miss, bound_of, check, errors, measured, noise_in, scales_of
-from mechsim.studies.agreement.evaluation_points import Comparand, comparand_of
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
+from mechsim.studies.agreement.misfit import (
+    Misfit,
+    check,
+    errors,
+    formula_tolerance,
+    measured,
+    noise_in,
+    scales_of,
+)
 from mechsim.studies.agreement.noise import Noise, noise_data, noise_report
 from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import parametric_model as dimension_family
@@ -45,26 +53,26 @@ class Agreement:
     """Whether a model and a claim about it agree.
 
     Attributes:
-        form: the model.
+        solver: the model.
         source: what was held against it.
         outcome: passed or failed.
         checks: quantity by quantity.
         findings: what explains the difference, the likeliest first; empty if every check passes.
         attribution: parts of the distance between a run in time and the claim; empty where none was run.
-        comparand: the instants compared.
-        claims: what was said there.
+        evaluation: the instants compared.
+        candidates: what was said there.
         exact: what is true there, in the order of the claims.
         noise: tests of what was measured with standard deviations, in the order of the claims, or None.
     """
 
-    form: Form
+    solver: Form
     source: str
     outcome: Outcome
     checks: tuple[Check, ...]
     findings: tuple[Finding, ...] = ()
     attribution: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    comparand: Comparand
-    claims: tuple[Claim, ...]
+    evaluation: EvaluationPoints
+    candidates: tuple[Candidate, ...]
     exact: tuple[Array, ...]
     noise: tuple[Noise | None, ...] = ()
     reason: str = ""
@@ -77,8 +85,8 @@ class Agreement:
     @property
     def measured(self) -> list[tuple[str, Noise]]:
         """Quantities measured with standard deviations, each with its noise tests."""
-        pairs = zip(self.claims, self.noise, strict=False)
-        return [(claim.named.name, noise) for claim, noise in pairs if noise is not None]
+        pairs = zip(self.candidates, self.noise, strict=False)
+        return [(candidate.quantity.name, noise) for candidate, noise in pairs if noise is not None]
 
     @property
     def noise_report(self) -> str:
@@ -90,18 +98,18 @@ class Agreement:
         """One or two sentences: what is off, and what explains it."""
         noise = [self.noise_report] if self.measured else []
         if self.passed:
-            agrees = f"{self.source} agrees with {self.form.name} in {len(self.checks)} quantities"
+            agrees = f"{self.source} agrees with {self.solver.name} in {len(self.checks)} quantities"
             return "; ".join([agrees, *noise])
-        said = [one.message for one in self.findings if one.certain] or [
-            one.message for one in self.findings[:1]
+        messages = [finding.message for finding in self.findings if finding.certain] or [
+            finding.message for finding in self.findings[:1]
         ]
-        return "; ".join([self.reason, *noise, *said])
+        return "; ".join([self.reason, *noise, *messages])
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
         """The masses of the links, and where each comes from, if efforts are compared; else none."""
-        efforts = any(claim.named.loaded for claim in self.claims)
-        return self.comparand.masses if efforts else ()
+        loaded = any(candidate.quantity.loaded for candidate in self.candidates)
+        return self.evaluation.masses if loaded else ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
@@ -115,7 +123,7 @@ class Agreement:
             "findings": [finding.as_dict() for finding in self.findings],
             "attribution": dict(self.attribution),
             **({"noise": noise_data(self.measured)} if self.measured else {}),
-            **({"masses": [one.as_dict() for one in self.masses]} if self.masses else {}),
+            **({"masses": [mass.as_dict() for mass in self.masses]} if self.masses else {}),
         }
 
     def __str__(self) -> str:
@@ -154,17 +162,17 @@ def validate(
         InputError: for a model, a function or a table that cannot be used; one sentence.
         AssemblyError: where the loops of the model close nowhere.
     """
-    pace, bound = si(speed, "rad/s", "the speed"), si(tolerance, "m", "the tolerance")
-    if not 0.0 < abs(number(pace)) < np.inf:
+    crank_speed, limit = si(speed, "rad/s", "the speed"), si(tolerance, "m", "the tolerance")
+    if not 0.0 < abs(number(crank_speed)) < np.inf:
         raise InputError(f"the speed is {speed}; give a finite one other than 0, as '600rpm'")
-    if bound is not None and not 0.0 < number(bound) < np.inf:
+    if limit is not None and not 0.0 < number(limit) < np.inf:
         raise InputError(f"the tolerance is {tolerance}; give a finite length above 0, as '10um'")
-    found = _family(model, set, drive, duration)
-    return held(found, against, speed=pace, tolerance=bound, attribute=attribute)
+    designs = _designs(model, set, drive, duration)
+    return compare_model(designs, against, speed=crank_speed, tolerance=limit, attribute=attribute)
 
 
-def held(
-    family: DesignFamily,
+def compare_model(
+    designs: DesignFamily,
     against: Against | None = None,
     *,
     speed: float,
@@ -172,22 +180,24 @@ def held(
     attribute: bool = True,
 ) -> Agreement:
     """Hold what moves, as it stands in its family, against a formula or a table; arguments as `validate`."""
-    source, comparand, claims, again = _claims(family.make({}), against, speed)
+    source, evaluation, candidates, ask = _candidates(designs.make({}), against, speed)
     exact = against is None
-    said = agreement(
-        comparand, claims, source, tolerance, family, function=again is not None, exact_formula=exact
+    result = agreement(
+        evaluation, candidates, source, tolerance, designs, function=ask is not None, exact_formula=exact
     )
     if not attribute:
-        return said
-    return replace(said, attribution=told(comparand, claims, scales_of(comparand, claims), again))
+        return result
+    return replace(
+        result, attribution=attribution_data(evaluation, candidates, scales_of(evaluation, candidates), ask)
+    )
 
 
 def agreement(
-    comparand: Comparand,
-    claims: Sequence[Claim],
+    evaluation: EvaluationPoints,
+    candidates: Sequence[Candidate],
     source: str,
     tolerance: float | None = None,
-    family: DesignFamily | None = None,
+    designs: DesignFamily | None = None,
     *,
     function: bool = True,
     exact_formula: bool = False,
@@ -196,49 +206,51 @@ def agreement(
     """Return whether claims agree with the exact motion, and what explains it if they do not.
 
     Args:
-        comparand: what moves, at which instants.
-        claims: what is said of it.
+        evaluation: what moves, at which instants.
+        candidates: what is said of it.
         source: who says so.
         tolerance: as in `validate`.
-        family: the mechanism among others with other dimensions; None takes places of joints.
+        designs: the mechanism among others with other dimensions; None takes places of joints.
         function: whether the claims come from a function, which is asked at drivers alone.
         exact_formula: whether the function is exact but for rounding, as the formula of a model's file.
         diagnose: whether causes of a difference are looked for.
     """
-    exact = tuple(comparand.all([claim.named for claim in claims]))
-    scales = scales_of(comparand, claims)
-    allowed = tuple(bound_of(claim, scales, tolerance, exact=exact_formula) for claim in claims)
-    compared = list(zip(claims, exact, allowed, strict=True))
-    phase, count = comparand.phase, measured(claims)
+    exact = tuple(evaluation.all([candidate.quantity for candidate in candidates]))
+    scales = scales_of(evaluation, candidates)
+    allowed = tuple(
+        formula_tolerance(candidate, scales, tolerance, exact=exact_formula) for candidate in candidates
+    )
+    compared = list(zip(candidates, exact, allowed, strict=True))
+    phase, count = evaluation.phase, measured(candidates)
     noise = tuple(
-        noise_in(claim, errors(claim.named, claim.values, true), phase, bound, count)
-        for claim, true, bound in compared
+        noise_in(candidate, errors(candidate.quantity, candidate.values, true), phase, limit, count)
+        for candidate, true, limit in compared
     )
     checks = tuple(
-        check(claim, true, comparand, bound, tests)
-        for (claim, true, bound), tests in zip(compared, noise, strict=True)
+        check(candidate, true, evaluation, limit, tests)
+        for (candidate, true, limit), tests in zip(compared, noise, strict=True)
     )
     verdict = concluded(checks)
     findings: tuple[Finding, ...] = ()
     if diagnose and not verdict.passed:
-        among = dimension_family(comparand.form) if family is None else family
-        resolution = tuple(bound_of(claim, scales, tolerance) for claim in claims)
-        findings = diagnosis(Miss(comparand, tuple(claims), exact, resolution, among, function))
+        among = dimension_family(evaluation.solver) if designs is None else designs
+        resolution = tuple(formula_tolerance(candidate, scales, tolerance) for candidate in candidates)
+        findings = diagnosis(Misfit(evaluation, tuple(candidates), exact, resolution, among, function))
     return Agreement(
-        form=comparand.form,
+        solver=evaluation.solver,
         source=source,
         outcome=verdict.outcome,
         checks=checks,
         findings=findings,
-        comparand=comparand,
-        claims=tuple(claims),
+        evaluation=evaluation,
+        candidates=tuple(candidates),
         exact=exact,
         noise=noise,
         reason=verdict.reason,
     )
 
 
-def _family(
+def _designs(
     model: str | Form | Mechanism | DesignFamily,
     set: Mapping[str, str | float] | None,
     drive: Mapping[str, str | State] | None,
@@ -261,35 +273,40 @@ def _is_table(against: str | Path) -> bool:
     return str(against).lower().endswith(".csv")
 
 
-def _claims(
-    form: Form, against: Against | None, speed: float
-) -> tuple[str, Comparand, list[Claim], AskedAgain | None]:
+def _candidates(
+    solver: Form, against: Against | None, speed: float
+) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
     """Return what is held against a form: its name, the instants, what it says, what asks it again."""
     if against is None:
-        against = form.formula
+        against = solver.formula
         if not against:
             raise InputError(
-                f"nothing is held against {form.name}; give a function, FILE.py:FUNC or FILE.csv"
+                f"nothing is held against {solver.name}; give a function, FILE.py:FUNC or FILE.csv"
             )
     if isinstance(against, str | Path) and _is_table(against):
         source, table = str(against), read_table(str(against))
-        comparand, used = tabled_comparand(form, table, speed, source)
-        return source, comparand, claims_of_table(table, used, QuantityReader(form.mechanism, source)), None
+        evaluation, used = points_of_table(solver, table, speed, source)
+        return (
+            source,
+            evaluation,
+            values_of_table(table, used, QuantityReader(solver.mechanism, source)),
+            None,
+        )
     if isinstance(against, str | Path):
         source, function = str(against), run_object(str(against))
     else:
         source, function = getattr(against, "__name__", "the function"), against
     if not callable(function):
         raise InputError(f"{source} is of type {type(function).__name__}; name a function")
-    if form.motion_laws is None and not form.mechanism.has_crank:
+    if solver.motion_laws is None and not solver.mechanism.has_crank:
         raise InputError(
-            f"{form.name}: no program says how {', '.join(form.mechanism.drivers)} move; give each one, as "
-            f"drive={{'{form.mechanism.drivers[0]}': '0.3*sin(2*pi*t)'}}"
+            f"{solver.name}: no motion law drives {', '.join(solver.mechanism.drivers)}; give each one, as "
+            f"drive={{'{solver.mechanism.drivers[0]}': '0.3*sin(2*pi*t)'}}"
         )
-    comparand = comparand_of(form, speed)
-    parameters = dict(form.parameters) if isinstance(form, LoopForm) else None
+    evaluation = evaluation_points(solver, speed)
+    parameters = dict(solver.parameters) if isinstance(solver, LoopForm) else None
 
-    def again(there: Comparand) -> list[Claim]:
-        return claimed(function, there, source, parameters)
+    def ask(elsewhere: EvaluationPoints) -> list[Candidate]:
+        return values_of_function(function, elsewhere, source, parameters)
 
-    return source, comparand, again(comparand), again
+    return source, evaluation, ask(evaluation), ask

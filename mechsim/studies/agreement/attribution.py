@@ -13,9 +13,9 @@ from mechsim.errors import InputError, MechsimError
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import Settings
-from mechsim.studies.agreement.candidate import Claim
-from mechsim.studies.agreement.discrepancy import Scales, errors
-from mechsim.studies.agreement.evaluation_points import Comparand
+from mechsim.studies.agreement.candidate import Candidate
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints
+from mechsim.studies.agreement.misfit import Scales, errors
 from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.studies.quantities import Quantity
 from mechsim.studies.scene.converged_reference import interpolated
@@ -38,7 +38,7 @@ class RunAtInstants:
         values: what the run had of each quantity, (n, k) each.
     """
 
-    there: Comparand
+    there: EvaluationPoints
     values: tuple[Array, ...]
 
 
@@ -55,66 +55,67 @@ class TwoRuns:
 
     plain: RunAtInstants
     fine: RunAtInstants
-    asked: Comparand
+    asked: EvaluationPoints
     how: str
 
 
-def runs_of(comparand: Comparand, named: list[Quantity]) -> TwoRuns:
+def runs_of(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
     """Return two runs of what moves, at the instants of a comparand.
 
     Raises:
         MechsimError: where it cannot be run; says why.
     """
-    if comparand.time is None:
+    if evaluation.time is None:
         raise InputError("no time is told, so that nothing is run in time")
-    if isinstance(comparand.form, MjcfForm) and comparand.form.source is not None:
-        return _scene_runs(comparand, named)
-    return _own_runs(comparand, named)
+    if isinstance(evaluation.solver, MjcfForm) and evaluation.solver.source is not None:
+        return _scene_runs(evaluation, quantity)
+    return _own_runs(evaluation, quantity)
 
 
-def _own_runs(comparand: Comparand, named: list[Quantity]) -> TwoRuns:
+def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
     """Return runs of the model made of a mechanism, driven by flywheels."""
-    form, samples = comparand.form, len(comparand) - 1
-    profile = _profile(comparand)
-    found: list[RunAtInstants] = []
+    solver, samples = evaluation.solver, len(evaluation) - 1
+    profile = _profile(evaluation)
+    runs: list[RunAtInstants] = []
     for steps in (STEPS, FINER * STEPS):
-        run = simulated(form, profile, settings=Settings(steps_per_turn=steps), samples=samples)
+        run = simulated(solver, profile, settings=Settings(steps_per_turn=steps), samples=samples)
         if run.outcome == "diverged":
-            raise InputError(f"{form.name}: the run in time diverged")
+            raise InputError(f"{solver.name}: the run in time diverged")
         motion = run.motion
-        there = replace(
-            comparand, angle=motion.angle, speed=motion.speed, acceleration=motion.acceleration, solved=None
+        exact = replace(
+            evaluation, angle=motion.angle, speed=motion.speed, acceleration=motion.acceleration, solved=None
         )
-        if isinstance(form, LoopForm) and motion.drivers:
-            there = replace(there, solved=form.solve_as(motion))
-        values = replace(there, solved=motion)
-        found.append(RunAtInstants(there, tuple(values.exact(one) for one in named)))
-    return TwoRuns(found[0], found[1], comparand, f"the model of {form.name}, {STEPS} steps a turn")
+        if isinstance(solver, LoopForm) and motion.drivers:
+            exact = replace(exact, solved=solver.solve_as(motion))
+        values = replace(exact, solved=motion)
+        runs.append(RunAtInstants(exact, tuple(values.exact(compared) for compared in quantity)))
+    return TwoRuns(runs[0], runs[1], evaluation, f"the model of {solver.name}, {STEPS} steps a turn")
 
 
-def _profile(comparand: Comparand) -> CrankProfile:
+def _profile(evaluation: EvaluationPoints) -> CrankProfile:
     """Return the motion of the crank that a comparand was made of."""
-    form, speed = comparand.form, float(comparand.speed[0])
-    if form.motion_laws is not None:
-        return profile_of(form, 1.0, 1.0)
-    assert comparand.time is not None
-    fastest = float(np.abs(comparand.speed).max()) * float(np.sign(speed or 1.0))
-    return profile_of(form, fastest, form.period / TURN)
+    solver, speed = evaluation.solver, float(evaluation.speed[0])
+    if solver.motion_laws is not None:
+        return profile_of(solver, 1.0, 1.0)
+    assert evaluation.time is not None
+    fastest = float(np.abs(evaluation.speed).max()) * float(np.sign(speed or 1.0))
+    return profile_of(solver, fastest, solver.period / TURN)
 
 
-def _scene_runs(comparand: Comparand, named: list[Quantity]) -> TwoRuns:
-    form = comparand.form
-    assert isinstance(form, MjcfForm)
-    assert form.source is not None
-    if form.motion_laws is None:
-        raise InputError(f"{form.name}: no program says how its drivers move in time")
-    scene, fed = published_scene(form)
+def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
+    solver = evaluation.solver
+    assert isinstance(solver, MjcfForm)
+    assert solver.source is not None
+    if solver.motion_laws is None:
+        raise InputError(f"{solver.name}: no program says how its drivers move in time")
+    scene, controls = published_scene(solver)
     fine = _finer(scene)
     how = f"{scene.path} as published, step {float(scene.model.opt.timestep) * 1e3:g} ms"
     runs = [
-        _at_instants(scene, stepped(scene, model, records=None), comparand, named) for model in (None, fine)
+        _at_instants(scene, stepped(scene, model, records=None), evaluation, quantity)
+        for model in (None, fine)
     ]
-    return TwoRuns(runs[0], runs[1], comparand, f"{how}, {fed}")
+    return TwoRuns(runs[0], runs[1], evaluation, f"{how}, {controls}")
 
 
 def _finer(scene: UserScene) -> mujoco.MjModel:
@@ -130,37 +131,38 @@ def _finer(scene: UserScene) -> mujoco.MjModel:
 
 
 def _at_instants(
-    scene: UserScene, run: SceneRun, comparand: Comparand, named: list[Quantity]
+    scene: UserScene, run: SceneRun, evaluation: EvaluationPoints, quantity: list[Quantity]
 ) -> RunAtInstants:
     """Return what a run of a scene had at the instants of a comparand, and what is exact there."""
-    form, time = comparand.form, comparand.time
-    assert isinstance(form, MjcfForm)
+    solver, time = evaluation.solver, evaluation.time
+    assert isinstance(solver, MjcfForm)
     assert time is not None
     if run.broken:
-        raise InputError(f"{form.name}: {run.broken}")
+        raise InputError(f"{solver.name}: {run.broken}")
     keep = run.time <= time[-1] + 2.0 * float(run.model.opt.timestep)
     qpos = interpolated(run.time[keep], run.qpos[keep], time)
-    at = replace(run, time=time, qpos=qpos, qvel=np.zeros((len(time), run.qvel.shape[1])))
+    recorded = replace(run, time=time, qpos=qpos, qvel=np.zeros((len(time), run.qvel.shape[1])))
     joints = _coordinates(scene, run.model, qpos)
     drivers = {
         name: replace(
-            motion, value=_near(joints[name], motion.value) if motion.unit == "rad" else joints[name]
+            motion,
+            value=_nearest_revolution(joints[name], motion.value) if motion.unit == "rad" else joints[name],
         )
-        for name, motion in comparand.motion.joints.items()
-        if name in form.mechanism.drivers
+        for name, motion in evaluation.motion.joints.items()
+        if name in solver.mechanism.drivers
     }
-    record = replace(comparand.motion, joints={**comparand.motion.joints, **drivers})
-    there = replace(comparand, solved=form.solve_as(record))
-    places = dict(zip(scene.places, np.moveaxis(at.points, 1, 0), strict=True))
+    record = replace(evaluation.motion, joints={**evaluation.motion.joints, **drivers})
+    exact = replace(evaluation, solved=solver.solve_as(record))
+    positions = dict(zip(scene.places, np.moveaxis(recorded.points, 1, 0), strict=True))
     values: list[Array] = []
-    for one in named:
-        if one.kind == "position":
-            values.append(one.components(places[one.subject]))
-        elif one.subject in joints:
-            values.append(joints[one.subject][:, None])
+    for compared in quantity:
+        if compared.kind == "position":
+            values.append(compared.select(positions[compared.subject]))
+        elif compared.subject in joints:
+            values.append(joints[compared.subject][:, None])
         else:
-            raise InputError(f"a run of {form.name} does not tell {one.subject}")
-    return RunAtInstants(there, tuple(values))
+            raise InputError(f"a run of {solver.name} does not tell {compared.subject}")
+    return RunAtInstants(exact, tuple(values))
 
 
 def _coordinates(scene: UserScene, model: mujoco.MjModel, qpos: Array) -> Mapping[str, Array]:
@@ -174,15 +176,15 @@ def _coordinates(scene: UserScene, model: mujoco.MjModel, qpos: Array) -> Mappin
     }
 
 
-def _near(value: Array, wanted: Array) -> Array:
-    return value + TURN * np.round((wanted - value) / TURN)
+def _nearest_revolution(value: Array, reference: Array) -> Array:
+    return value + TURN * np.round((reference - value) / TURN)
 
 
-PARTS = ("formula", "softness", "time step", "drive", "rest")
+COMPONENTS = ("formula", "softness", "time step", "drive", "rest")
 KINDS = ("position", "joint")
 
 # what is claimed where the drivers of another comparand are
-AskedAgain = Callable[[Comparand], Sequence[Claim]]
+AskFunction = Callable[[EvaluationPoints], Sequence[Candidate]]
 
 
 @dataclass(frozen=True)
@@ -211,93 +213,101 @@ class Attribution:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
-        told = {"unit": self.unit, "whole": self.whole, "quantity": self.name, "at": self.at}
-        told["at_unit"] = self.at_unit
-        return {**self.parts, **told, "largest": self.largest, "run": self.how}
+        attribution_data = {"unit": self.unit, "whole": self.whole, "quantity": self.name, "at": self.at}
+        attribution_data["at_unit"] = self.at_unit
+        return {**self.parts, **attribution_data, "largest": self.largest, "run": self.how}
 
     @property
     def says(self) -> str:
         """The parts in one line."""
-        parts = ", ".join(f"{name} {self.parts[name]:.2g}" for name in PARTS)
-        return f"run against {self.name}: {self.whole:.2g} {self.unit} = {parts}"
+        components = ", ".join(f"{name} {self.parts[name]:.2g}" for name in COMPONENTS)
+        return f"run against {self.name}: {self.whole:.2g} {self.unit} = {components}"
 
 
-def attributed(
-    comparand: Comparand, claims: Sequence[Claim], scales: Scales, again: AskedAgain | None = None
+def attributions(
+    evaluation: EvaluationPoints,
+    candidates: Sequence[Candidate],
+    scales: Scales,
+    ask: AskFunction | None = None,
 ) -> list[Attribution]:
     """Return where the distances between a run and claims come from, the largest first.
 
     Args:
-        comparand: what moves, and when.
-        claims: what is said of it; places of points and coordinates of joints count.
+        evaluation: what moves, and when.
+        candidates: what is said of it; places of points and coordinates of joints count.
         scales: by which distances of several kinds are compared.
-        again: asks the same where the run's drivers were; None where only a table tells.
+        ask: asks the same where the run's drivers were; None where only a table tells.
 
     Raises:
         MechsimError: where nothing can be run; says why.
     """
-    some = [claim for claim in claims if claim.named.kind in KINDS]
-    if not some:
+    positions = [candidate for candidate in candidates if candidate.quantity.kind in KINDS]
+    if not positions:
         return []
-    runs = runs_of(comparand, [claim.named for claim in some])
-    there = None
-    if again is not None:
-        there = {claim.named.name: claim for claim in again(runs.plain.there)}
-    found = [
-        _of_one(runs, i, claim, None if there is None else there[claim.named.name])
-        for i, claim in enumerate(some)
+    runs = runs_of(evaluation, [candidate.quantity for candidate in positions])
+    asked_values = None
+    if ask is not None:
+        asked_values = {candidate.quantity.name: candidate for candidate in ask(runs.plain.there)}
+    results = [
+        _of_one(runs, i, candidate, None if asked_values is None else asked_values[candidate.quantity.name])
+        for i, candidate in enumerate(positions)
     ]
     return sorted(
-        found, key=lambda one: -one.whole / scales.of(next(c.named for c in some if c.named.name == one.name))
+        results,
+        key=lambda result: (
+            -result.whole / scales.of(next(c.quantity for c in positions if c.quantity.name == result.name))
+        ),
     )
 
 
-def _of_one(runs: TwoRuns, i: int, claim: Claim, there: Claim | None) -> Attribution:
-    named = claim.named
+def _of_one(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | None) -> Attribution:
+    quantity = candidate.quantity
 
-    def gap(one: Array, other: Array) -> Array:
-        return errors(named, one, other)
+    def gap(first: Array, other: Array) -> Array:
+        return errors(quantity, first, other)
 
-    asked = runs.asked.exact(named)
-    plain, fine = (run.there.exact(named) for run in (runs.plain, runs.fine))
+    requested = runs.asked.exact(quantity)
+    plain, fine = (run.there.exact(quantity) for run in (runs.plain, runs.fine))
     run, finer = runs.plain.values[i], runs.fine.values[i]
-    whole = gap(run, claim.values)
+    whole = gap(run, candidate.values)
     soft = gap(finer, fine)
-    parts = {
-        "formula": gap(asked, claim.values) if there is None else gap(plain, there.values),
+    components = {
+        "formula": gap(requested, candidate.values) if at_run is None else gap(plain, at_run.values),
         "softness": soft,
         "time step": gap(gap(run, plain), soft),
-        "drive": gap(plain, asked),
+        "drive": gap(plain, requested),
     }
-    parts["rest"] = gap(whole, np.sum([*parts.values()], axis=0))
-    size = np.linalg.norm(whole, axis=1)
-    at = int(np.argmax(size))
-    along = whole[at] / size[at] if size[at] > 0.0 else np.zeros(whole.shape[1])
+    components["rest"] = gap(whole, np.sum([*components.values()], axis=0))
+    lengths = np.linalg.norm(whole, axis=1)
+    index = int(np.argmax(lengths))
+    along = whole[index] / lengths[index] if lengths[index] > 0.0 else np.zeros(whole.shape[1])
     instants = runs.asked.instants
     return Attribution(
-        name=named.name,
-        unit=named.unit,
-        at=float(instants.value[at]),
+        name=quantity.name,
+        unit=quantity.unit,
+        at=float(instants.value[index]),
         at_unit=instants.unit,
-        whole=float(size[at]),
-        parts={name: float(part[at] @ along) for name, part in parts.items()},
-        largest={name: float(np.linalg.norm(part, axis=1).max()) for name, part in parts.items()},
+        whole=float(lengths[index]),
+        parts={name: float(difference[index] @ along) for name, difference in components.items()},
+        largest={
+            name: float(np.linalg.norm(difference, axis=1).max()) for name, difference in components.items()
+        },
         how=runs.how,
     )
 
 
-def told(
-    comparand: Comparand, claims: Sequence[Claim], scales: Scales, again: AskedAgain | None
+def attribution_data(
+    evaluation: EvaluationPoints, candidates: Sequence[Candidate], scales: Scales, ask: AskFunction | None
 ) -> dict[str, Any]:
     """Return the attribution of the quantity farthest off as plain data, with all; a note where none is."""
     try:
-        found = attributed(comparand, claims, scales, again)
+        results = attributions(evaluation, candidates, scales, ask)
     except MechsimError as error:
         return {"note": str(error)}
-    if not found:
+    if not results:
         return {}
     return {
-        **found[0].as_dict(),
-        "says": found[0].says,
-        "quantities": {one.name: one.as_dict() for one in found},
+        **results[0].as_dict(),
+        "says": results[0].says,
+        "quantities": {result.name: result.as_dict() for result in results},
     }

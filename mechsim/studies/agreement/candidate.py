@@ -17,7 +17,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.evaluation_points import Comparand, asked_of
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, driver_inputs
 from mechsim.studies.measured_table import column_in_si, deviation_of
 from mechsim.studies.quantities import AXES, Quantity, quantity, unknown
 from mechsim.subjects.python_object import run_user_code
@@ -34,51 +34,53 @@ BY_NAME = {
 
 
 @dataclass(frozen=True)
-class Claim:
+class Candidate:
     """What is said of one quantity.
 
     Attributes:
-        named: the quantity.
+        quantity: the quantity.
         values: (n, k) in SI.
         uncertainty: standard deviations, (n, k) in SI, 0 in columns without; None without any.
     """
 
-    named: Quantity
+    quantity: Quantity
     values: Array
     uncertainty: Array | None = None
 
 
-def claimed(
+def values_of_function(
     function: Callable[..., Any],
-    comparand: Comparand,
+    evaluation: EvaluationPoints,
     who: str,
     parameters: Mapping[str, float] | None = None,
-) -> list[Claim]:
+) -> list[Candidate]:
     """Return what a function of the drivers says at the instants of a comparand.
 
     Args:
         function: of the crank's angles (n,), or the coordinates of several drivers by name; arguments called
             speed, acceleration or t get those too, and another second one the parameters of a file.
-        comparand: at which instants.
+        evaluation: at which instants.
         who: the function, for messages.
         parameters: of the subject's file, as written.
 
     Raises:
         InputError: for a function that fails, or gives what is no quantity of the subject; one sentence.
     """
-    asked = asked_of(comparand)
-    where = asked if isinstance(asked, Mapping) else {"crank angle": asked}
+    inputs = driver_inputs(evaluation)
+    where = inputs if isinstance(inputs, Mapping) else {"crank angle": inputs}
     with np.errstate(all="ignore"):
-        found = run_user_code(who, lambda: function(_copied(asked), **_more(function, comparand, parameters)))
-    if not isinstance(found, Mapping) or not found:
-        raise InputError(
-            f"{who} gives a {type(found).__name__}; give a dictionary from names to values (n, 3) or (n,)"
+        result = run_user_code(
+            who, lambda: function(_copied(inputs), **_more(function, evaluation, parameters))
         )
-    plane = found.get("plane")
+    if not isinstance(result, Mapping) or not result:
+        raise InputError(
+            f"{who} gives a {type(result).__name__}; give a dictionary from names to values (n, 3) or (n,)"
+        )
+    plane = result.get("plane")
     if isinstance(plane, str):
-        found = {name: value for name, value in found.items() if name != "plane"}
-    reader = QuantityReader(comparand.form.mechanism, who, plane if isinstance(plane, str) else "")
-    return [read(str(name), value, reader, where) for name, value in found.items()]
+        result = {name: value for name, value in result.items() if name != "plane"}
+    reader = QuantityReader(evaluation.solver.mechanism, who, plane if isinstance(plane, str) else "")
+    return [read(str(name), value, reader, where) for name, value in result.items()]
 
 
 @dataclass(frozen=True)
@@ -107,23 +109,23 @@ class QuantityReader:
         """
         scalar = width in (None, 1)
         try:
-            found = quantity(name, self.mechanism, scalar=scalar)
+            result = quantity(name, self.mechanism, scalar=scalar)
         except InputError as error:
             raise InputError(f"{self.who} gives {name!r}: {error}") from None
-        if len(found.columns) > 1 and found.kind.startswith("joint"):
+        if len(result.columns) > 1 and result.kind.startswith("joint"):
             raise InputError(f"{self.who} gives {name!r}: {unknown(name, self.mechanism)}")
         count = 1 if width is None else width
-        if count == max(1, len(found.axes)):
-            return found
-        if count == 2 and found.axes == AXES:
-            return found.along(self._plane(name))
-        of = (
-            f"({len(found.axes)} axes: {found.axes})"
-            if len(found.axes) in (1, 2)
+        if count == max(1, len(result.axes)):
+            return result
+        if count == 2 and result.axes == AXES:
+            return result.along(self._plane(name))
+        expected = (
+            f"({len(result.axes)} axes: {result.axes})"
+            if len(result.axes) in (1, 2)
             else "(n, 3), or (n, 2) in a plane"
         )
         shape = "(n,)" if width is None else f"(n, {width})"
-        raise InputError(f"{self.who} gives {name!r} of shape {shape}; give {of}")
+        raise InputError(f"{self.who} gives {name!r} of shape {shape}; give {expected}")
 
     def _plane(self, name: str) -> str:
         """Return the ground axes of the plane in which points move."""
@@ -141,7 +143,7 @@ class QuantityReader:
         return AXES.replace(AXES[int(np.argmax(normal))], "")
 
 
-def read(name: str, value: object, reader: QuantityReader, where: Mapping[str, Array]) -> Claim:
+def read(name: str, value: object, reader: QuantityReader, where: Mapping[str, Array]) -> Candidate:
     """Return one claim.
 
     Args:
@@ -161,14 +163,14 @@ def read(name: str, value: object, reader: QuantityReader, where: Mapping[str, A
         shape = f"({count}, {width})" if width > 1 else f"({count},)"
         raise InputError(f"{who} gives {name!r} of shape {values.shape} for {count} instants; give {shape}")
     values = values.reshape(count, width)
-    good = np.isfinite(values).all(1)
-    if not good.all():
-        first = int(np.argmin(good))
-        at = ", ".join(f"{driver} = {column[first]:.6g}" for driver, column in where.items())
+    valid = np.isfinite(values).all(1)
+    if not valid.all():
+        first = int(np.argmin(valid))
+        position = ", ".join(f"{driver} = {column[first]:.6g}" for driver, column in where.items())
         raise InputError(
-            f"{who} gives no finite value for {name!r} at {at}; give one wherever the model can stand"
+            f"{who} gives no finite value for {name!r} at {position}; give one wherever the model can stand"
         )
-    return Claim(named, values)
+    return Candidate(named, values)
 
 
 def _numbers(name: str, value: object, who: str, count: int) -> Array:
@@ -184,32 +186,36 @@ def _numbers(name: str, value: object, who: str, count: int) -> Array:
     return values
 
 
-def _copied(asked: Array | Mapping[str, Array]) -> Array | dict[str, Array]:
-    return {name: one.copy() for name, one in asked.items()} if isinstance(asked, Mapping) else asked.copy()
+def _copied(inputs: Array | Mapping[str, Array]) -> Array | dict[str, Array]:
+    return (
+        {name: values.copy() for name, values in inputs.items()}
+        if isinstance(inputs, Mapping)
+        else inputs.copy()
+    )
 
 
 def _more(
-    function: Callable[..., Any], comparand: Comparand, parameters: Mapping[str, float] | None
+    function: Callable[..., Any], evaluation: EvaluationPoints, parameters: Mapping[str, float] | None
 ) -> dict[str, Any]:
     """Return the arguments a function takes beside the coordinates of the drivers."""
     try:
-        taken = list(inspect.signature(function).parameters.values())[1:]
+        optional = list(inspect.signature(function).parameters.values())[1:]
     except (TypeError, ValueError):
         return {}
-    given: dict[str, Any] = {}
-    drivers = comparand.drivers()
-    for place, one in enumerate(taken):
-        if one.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD):
+    arguments: dict[str, Any] = {}
+    drivers = evaluation.drivers()
+    for index, argument in enumerate(optional):
+        if argument.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD):
             continue
-        what = BY_NAME.get(one.name)
+        what = BY_NAME.get(argument.name)
         if what == "time":
-            given[one.name] = comparand.time
+            arguments[argument.name] = evaluation.time
         elif what is not None:
-            of = {name: state[1 if what == "rate" else 2].copy() for name, state in drivers.items()}
-            given[one.name] = next(iter(of.values())) if len(of) == 1 else of
-        elif parameters is not None and place == 0 and one.default is inspect.Parameter.empty:
-            given[one.name] = dict(parameters)
-    return given
+            rates = {name: state[1 if what == "rate" else 2].copy() for name, state in drivers.items()}
+            arguments[argument.name] = next(iter(rates.values())) if len(rates) == 1 else rates
+        elif parameters is not None and index == 0 and argument.default is inspect.Parameter.empty:
+            arguments[argument.name] = dict(parameters)
+    return arguments
 
 
 CLOCKS = ("t", "time")
@@ -238,24 +244,25 @@ def read_table(path: str) -> dict[str, TableColumn]:
         InputError: for a file that holds no such table; names the line and the column.
     """
     heads, rows = _rows(path)
-    found: dict[str, Array] = {}
+    columns: dict[str, Array] = {}
     for i, head in enumerate(heads):
         name, factor = column_in_si(head, path)
-        if name in found:
+        if name in columns:
             raise InputError(f"{path} has the column {name!r} twice; leave one out")
-        found[name] = factor * np.array([row[i] for row in rows])
-    known = {name: values for name, values in found.items() if deviation_of(name) is None}
+        columns[name] = factor * np.array([row[i] for row in rows])
+    values_by_name = {name: values for name, values in columns.items() if deviation_of(name) is None}
     deviations: dict[str, Array] = {}
-    for name, values in found.items():
-        of = deviation_of(name)
-        if of is not None:
-            deviations[of] = _positive(path, of, values)
+    for name, values in columns.items():
+        name_of = deviation_of(name)
+        if name_of is not None:
+            deviations[name_of] = _positive(path, name_of, values)
     for name in deviations:
-        if name not in known:
+        if name not in values_by_name:
             raise InputError(
-                f"{path} has an uncertainty of {name!r}, but no column of it; there are {', '.join(known)}"
+                f"{path} has an uncertainty of {name!r}, but no column of it; there are "
+                f"{', '.join(values_by_name)}"
             )
-    return {name: TableColumn(values, deviations.get(name)) for name, values in known.items()}
+    return {name: TableColumn(values, deviations.get(name)) for name, values in values_by_name.items()}
 
 
 def _positive(path: str, name: str, deviations: Array) -> Array:
@@ -274,7 +281,7 @@ def _rows(path: str) -> tuple[list[str], list[list[float]]]:
         if Path(path).stat().st_size > LARGEST:
             raise InputError(f"{path} is larger than {LARGEST:,} bytes; give a shorter table")
         with open(path, encoding="utf-8-sig", newline="") as file:
-            lines = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
+            lines = [row for row in csv.reader(file) if any(text.strip() for text in row)]
     except FileNotFoundError:
         raise InputError(f"there is no file {path}; name one that can be read") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -283,30 +290,30 @@ def _rows(path: str) -> tuple[list[str], list[list[float]]]:
         raise InputError(
             f"{path} has {max(0, len(lines) - 1)} rows of numbers; give a header and two rows or more"
         )
-    heads = [cell.strip() for cell in lines[0]]
+    heads = [text.strip() for text in lines[0]]
     rows: list[list[float]] = []
     for number, cells in enumerate(lines[1:], 2):
         if len(cells) != len(heads):
             raise InputError(
                 f"row {number} of {path} has {len(cells)} values under {len(heads)} names; mend it"
             )
-        rows.append([_number(path, number, head, cell) for head, cell in zip(heads, cells, strict=True)])
+        rows.append([_number(path, number, head, text) for head, text in zip(heads, cells, strict=True)])
     return heads, rows
 
 
-def _number(path: str, row: int, head: str, cell: str) -> float:
+def _number(path: str, row: int, head: str, text: str) -> float:
     try:
-        value = float(cell)
+        value = float(text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise InputError(f"row {row} of {path} has {cell.strip()!r} under {head!r}; give a finite number")
+        raise InputError(f"row {row} of {path} has {text.strip()!r} under {head!r}; give a finite number")
     return value
 
 
-def tabled_comparand(
-    form: Form, table: Mapping[str, TableColumn], speed: float, source: str
-) -> tuple[Comparand, list[str]]:
+def points_of_table(
+    solver: Form, table: Mapping[str, TableColumn], speed: float, source: str
+) -> tuple[EvaluationPoints, list[str]]:
     """Return a form at the instants of a table, and the names of the columns that said so.
 
     Columns named like drivers, or `angle` for a crank, say where those stand; `t` says when.
@@ -314,50 +321,52 @@ def tabled_comparand(
     Raises:
         InputError: for a table that tells neither of all drivers nor of the time.
     """
-    mechanism, known = form.mechanism, form.motion_laws
-    clock = next((name for name in CLOCKS if name in table), None)
-    if mechanism.has_crank and known is None:
-        return _of_crank(form, table, speed, source, clock)
+    mechanism, laws = solver.mechanism, solver.motion_laws
+    time_column = next((name for name in CLOCKS if name in table), None)
+    if mechanism.has_crank and laws is None:
+        return _of_crank(solver, table, speed, source, time_column)
     columns = {driver: _driver_column(driver, table) for driver in mechanism.drivers}
     names = {driver: column for driver, column in columns.items() if column is not None}
     missing = [driver for driver in columns if driver not in names]
-    if clock is not None and known is not None and missing:
-        return _of_programs(form, known, table[clock].values), [clock]
+    if time_column is not None and laws is not None and missing:
+        return _under_motion_laws(solver, laws, table[time_column].values), [time_column]
     if missing:
         raise InputError(
             f"{source} has no column {', '.join(missing)} (it has {', '.join(table)}); give one for each "
             "driver, or a column t and the programs of the drivers"
         )
     rows = len(next(iter(table.values())).values)
-    time = table[clock].values if clock else np.linspace(0.0, 1.0, rows)
+    time = table[time_column].values if time_column else np.linspace(0.0, 1.0, rows)
     through = _through(mechanism, names, table, time)
-    own = LoopForm(mechanism, forces=form.forces, motion_laws=through)
-    one = np.full_like(time, through.rate)
+    own = LoopForm(mechanism, forces=solver.forces, motion_laws=through)
+    ones = np.full_like(time, through.rate)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
-    there = through.rate * (time - time[0])
-    return Comparand(own, there, one, 0.0 * one, time if clock else None), used + ([clock] if clock else [])
+    parameter = through.rate * (time - time[0])
+    return EvaluationPoints(own, parameter, ones, 0.0 * ones, time if time_column else None), used + (
+        [time_column] if time_column else []
+    )
 
 
-def _of_programs(form: Form, known: MotionLaws, time: Array) -> Comparand:
+def _under_motion_laws(solver: Form, laws: MotionLaws, time: Array) -> EvaluationPoints:
     """Return a form under its own programs at the times of a table."""
     last = float(time.max())
-    if isinstance(form, LoopForm) and last > known.duration:
-        form = replace(form, motion_laws=known.with_duration(last))
-    one = np.full_like(time, known.rate)
-    return Comparand(form, known.rate * time, one, 0.0 * one, time)
+    if isinstance(solver, LoopForm) and last > laws.duration:
+        solver = replace(solver, motion_laws=laws.with_duration(last))
+    ones = np.full_like(time, laws.rate)
+    return EvaluationPoints(solver, laws.rate * time, ones, 0.0 * ones, time)
 
 
 def _of_crank(
-    form: Form, table: Mapping[str, TableColumn], speed: float, source: str, clock: str | None
-) -> tuple[Comparand, list[str]]:
-    crank = form.mechanism.crank.name
+    solver: Form, table: Mapping[str, TableColumn], speed: float, source: str, time_column: str | None
+) -> tuple[EvaluationPoints, list[str]]:
+    crank = solver.mechanism.crank.name
     column = "angle" if "angle" in table else _driver_column(crank, table)
-    used = [name for name in (column, clock, *_rates(crank)) if name is not None and name in table]
-    time = None if clock is None else table[clock].values
+    used = [name for name in (column, time_column, *_rates(crank)) if name is not None and name in table]
+    time = None if time_column is None else table[time_column].values
     if column is not None:
         angle = table[column].values
     elif time is not None:
-        angle = form.mechanism.start + speed * time
+        angle = solver.mechanism.start + speed * time
     else:
         raise InputError(
             f"{source} has no column angle, {crank} or t (it has {', '.join(table)}); "
@@ -365,7 +374,7 @@ def _of_crank(
         )
     rate = table[f"{crank}.v"].values if f"{crank}.v" in table else np.full_like(angle, speed)
     second = table[f"{crank}.a"].values if f"{crank}.a" in table else np.zeros_like(angle)
-    return Comparand(form, angle, rate, second, time), used
+    return EvaluationPoints(solver, angle, rate, second, time), used
 
 
 def _driver_column(driver: str, table: Mapping[str, TableColumn]) -> str | None:
@@ -382,7 +391,9 @@ def _through(
 
 def _state(driver: str, column: str, table: Mapping[str, TableColumn], time: Array) -> State:
     spline = tabled(driver, time, table[column].values)
-    rates = [tabled(driver, time, table[one].values) for one in _rates(driver) if one in table]
+    rates = [
+        tabled(driver, time, table[rate_name].values) for rate_name in _rates(driver) if rate_name in table
+    ]
     if len(rates) < 2:
         return spline
     return lambda t: (spline(t)[0], rates[0](t)[0], rates[1](t)[0])
@@ -392,9 +403,11 @@ def _rates(driver: str) -> tuple[str, str]:
     return f"{driver}.v", f"{driver}.a"
 
 
-def claims_of_table(table: Mapping[str, TableColumn], used: list[str], reader: QuantityReader) -> list[Claim]:
+def values_of_table(
+    table: Mapping[str, TableColumn], used: list[str], reader: QuantityReader
+) -> list[Candidate]:
     """Return what a table says of quantities: those of one point's components together."""
-    found: dict[tuple[str, str], list[tuple[Quantity, TableColumn]]] = {}
+    grouped: dict[tuple[str, str], list[tuple[Quantity, TableColumn]]] = {}
     for name, column in table.items():
         if name in used:
             if column.uncertainty is not None:
@@ -404,24 +417,26 @@ def claims_of_table(table: Mapping[str, TableColumn], used: list[str], reader: Q
                 )
             continue
         named = reader.read(name, None)
-        found.setdefault((named.kind, named.subject), []).append((named, column))
-    claims = [_together(parts) for parts in found.values()]
-    if not claims:
+        grouped.setdefault((named.kind, named.subject), []).append((named, column))
+    candidates = [_together(columns) for columns in grouped.values()]
+    if not candidates:
         raise InputError(
             f"{reader.who} has no column beside {', '.join(used)}; give one to compare, as P.x or J.q"
         )
-    return claims
+    return candidates
 
 
-def _together(parts: list[tuple[Quantity, TableColumn]]) -> Claim:
-    parts = sorted(parts, key=lambda part: AXES.find(part[0].axes))
-    axes = "".join(named.axes for named, _ in parts)
-    first = replace(parts[0][0], columns=tuple(column for named, _ in parts for column in named.columns))
-    values = np.column_stack([column.values for _, column in parts])
-    bands = [column.uncertainty for _, column in parts]
+def _together(named_columns: list[tuple[Quantity, TableColumn]]) -> Candidate:
+    named_columns = sorted(named_columns, key=lambda pair: AXES.find(pair[0].axes))
+    axes = "".join(named.axes for named, _ in named_columns)
+    first = replace(
+        named_columns[0][0], columns=tuple(column for named, _ in named_columns for column in named.columns)
+    )
+    values = np.column_stack([column.values for _, column in named_columns])
+    bands = [column.uncertainty for _, column in named_columns]
     uncertainty = None
     if any(band is not None for band in bands):
         uncertainty = np.column_stack([0.0 * values[:, 0] if band is None else band for band in bands])
     rate = {"velocity": ".v", "acceleration": ".a"}.get(first.kind, "")
-    name = first.name if len(parts) == 1 else first.subject + rate
-    return Claim(replace(first, name=name, axes=axes), values, uncertainty)
+    name = first.name if len(named_columns) == 1 else first.subject + rate
+    return Candidate(replace(first, name=name, axes=axes), values, uncertainty)

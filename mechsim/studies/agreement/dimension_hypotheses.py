@@ -19,9 +19,9 @@ from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.discrepancy import DISCRETE, NAMED, PLACED, Hypothesis, Miss, Values
-from mechsim.studies.agreement.evaluation_points import Comparand
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.fitting import linearly_explains
+from mechsim.studies.agreement.misfit import DISCRETE, NAMED, PLACED, Hypothesis, Misfit, Values
 from mechsim.studies.quantities import AXES
 
 # of all places of joints those that explain most in the first order are solved again
@@ -34,26 +34,26 @@ MOST = 3.0
 STEP = 1e-5
 
 
-def parameters(miss: Miss) -> Iterator[Hypothesis]:
+def parameters(misfit: Misfit) -> Iterator[Hypothesis]:
     """One parameter, or the ratio or the phase of a coupling, different: the likeliest of them."""
-    named = [_hypothesis(miss, miss.family, one, NAMED) for one in miss.family.dimensions.values()]
-    among = [*named, *_of_couplings(miss)]
+    quantity = [_hypothesis(misfit, misfit.family, one, NAMED) for one in misfit.family.dimensions.values()]
+    among = [*quantity, *_of_couplings(misfit)]
     # of efforts no exact derivatives are at hand
-    efforts = any(claim.named.loaded for claim in miss.claims)
-    yield from among if efforts else _likely(miss, among, TRIED + 2)
+    efforts = any(candidate.quantity.loaded for candidate in misfit.candidates)
+    yield from among if efforts else _likely(misfit, among, TRIED + 2)
 
 
-def gear_slips(miss: Miss) -> Iterator[Hypothesis]:
+def gear_slips(misfit: Misfit) -> Iterator[Hypothesis]:
     """The ratio of a gear with the other sign, or the other way up."""
-    form = miss.comparand.form
+    solver = misfit.evaluation.solver
     geared: list[tuple[str, str, float, Callable[[float], Form]]] = []
-    if isinstance(form, LoopForm):
-        for k, gear in enumerate(form.mechanism.gears):
-            changed = _gear_changed(form, k, "ratio")
+    if isinstance(solver, LoopForm):
+        for k, gear in enumerate(solver.mechanism.gears):
+            changed = _gear_changed(solver, k, "ratio")
             geared.append((gear.name, f"the ratio of {gear.name}", gear.ratio, changed))
-    elif own := form.gear:
-        ratio = miss.family.dimensions[own].value
-        geared.append((own, own, ratio, lambda by: miss.family.make({own: ratio + by})))
+    elif own := solver.gear:
+        ratio = misfit.family.dimensions[own].value
+        geared.append((own, own, ratio, lambda by: misfit.family.make({own: ratio + by})))
     for name, said, ratio, changed in geared:
         for slip in {-ratio, 1.0 / ratio} - {ratio}:
             by, part = slip - ratio, (slip - ratio) / abs(ratio)
@@ -62,40 +62,42 @@ def gear_slips(miss: Miss) -> Iterator[Hypothesis]:
                 "gear",
                 name,
                 DISCRETE,
-                lambda _, by=by, changed=changed: miss.predicted(_anew(miss.comparand, changed(by))),
+                lambda _, by=by, changed=changed: misfit.predicted(_anew(misfit.evaluation, changed(by))),
                 lambda _, words=words: words,
                 by=lambda _, part=part: part,
             )
 
 
-def places(miss: Miss) -> Iterator[Hypothesis]:
+def places(misfit: Misfit) -> Iterator[Hypothesis]:
     """One joint or one point in another place: the likeliest of them."""
-    family = placed_of(miss)
+    designs = placed_of(misfit)
     placed = [
-        _hypothesis(miss, family, one, PLACED)
-        for one in family.dimensions.values()
-        if one.name not in miss.family.dimensions
+        _hypothesis(misfit, designs, one, PLACED)
+        for one in designs.dimensions.values()
+        if one.name not in misfit.family.dimensions
     ]
-    points = [_of_point(miss, point, i) for point in miss.comparand.form.mechanism.points for i in range(3)]
-    yield from _likely(miss, [*placed, *points], TRIED)
+    points = [
+        _of_point(misfit, point, i) for point in misfit.evaluation.solver.mechanism.points for i in range(3)
+    ]
+    yield from _likely(misfit, [*placed, *points], TRIED)
 
 
-def placed_of(miss: Miss) -> DesignFamily:
+def placed_of(misfit: Misfit) -> DesignFamily:
     """Return the mechanism among others whose joints are elsewhere."""
-    return placed_family(miss.comparand.form)
+    return placed_family(misfit.evaluation.solver)
 
 
-def _likely(miss: Miss, among: list[Hypothesis], most: int) -> list[Hypothesis]:
+def _likely(misfit: Misfit, among: list[Hypothesis], most: int) -> list[Hypothesis]:
     """Return the hypotheses that explain most in the first order."""
     found: list[tuple[float, Hypothesis]] = []
     for one in among:
         values = _first_order(one)
         if values is None:
             continue
-        parts = [(value / bound).ravel() for value, bound in zip(values, miss.bounds, strict=True)]
-        slope = np.concatenate(parts)
-        if slope.any() and np.isfinite(slope).all():
-            found.append((linearly_explains(miss, slope[:, None]), one))
+        parts = [(value / bound).ravel() for value, bound in zip(values, misfit.bounds, strict=True)]
+        derivative = np.concatenate(parts)
+        if derivative.any() and np.isfinite(derivative).all():
+            found.append((linearly_explains(misfit, derivative[:, None]), one))
     found.sort(key=lambda pair: -pair[0])
     return [one for explains, one in found[:most] if explains > LEAST]
 
@@ -112,20 +114,20 @@ def _first_order(hypothesis: Hypothesis) -> Values | None:
     return None
 
 
-def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: float) -> Hypothesis:
-    comparand, size = miss.comparand, miss.comparand.form.mechanism.size
+def _hypothesis(misfit: Misfit, designs: DesignFamily, dimension: Dimension, tier: float) -> Hypothesis:
+    evaluation, size = misfit.evaluation, misfit.evaluation.solver.mechanism.size
     scale = _scale(dimension, size)
 
     def predict(p: Array) -> Values:
         within(p)
-        made = family.make({dimension.name: dimension.value + scale * float(p[0])})
-        return miss.predicted(remade(comparand, as_before(made, comparand.form)))
+        made = designs.make({dimension.name: dimension.value + scale * float(p[0])})
+        return misfit.predicted(remade(evaluation, as_before(made, evaluation.solver)))
 
-    def slope() -> Values:
-        motion = comparand.by_dimension(family, dimension.name)
-        return [scale * comparand.change(motion, claim.named) for claim in miss.claims]
+    def derivative() -> Values:
+        motion = evaluation.by_dimension(designs, dimension.name)
+        return [scale * evaluation.change(motion, candidate.quantity) for candidate in misfit.candidates]
 
-    kind = _kind(family, dimension, miss.comparand.form)
+    kind = _kind(designs, dimension, misfit.evaluation.solver)
 
     def say(p: Array) -> str:
         change = scale * float(p[0])
@@ -135,7 +137,9 @@ def _hypothesis(miss: Miss, family: DesignFamily, dimension: Dimension, tier: fl
         was, now = f"{dimension.value:.6g}", f"{now if abs(now) > 1e-12 * scale else 0.0:.6g}"
         return f"{dimension.name} is {now}{unit} instead of {was}{unit}{part}"
 
-    return Hypothesis(kind, dimension.name, tier, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)
+    return Hypothesis(
+        kind, dimension.name, tier, predict, say, starts=((0.0,),), steps=(STEP,), slope=derivative
+    )
 
 
 def within(p: Array) -> None:
@@ -148,14 +152,14 @@ def within(p: Array) -> None:
         raise AssemblyError(f"no dimension is taken to be off by more than {MOST:g} times itself")
 
 
-def remade(comparand: Comparand, form: Form) -> Comparand:
+def remade(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
     """Return a comparand with what has other dimensions."""
-    return _anew(comparand, form) if isinstance(form, ClosedForm) else comparand.with_dimensions(form)
+    return _anew(evaluation, solver) if isinstance(solver, ClosedForm) else evaluation.with_dimensions(solver)
 
 
-def _anew(comparand: Comparand, form: Form) -> Comparand:
+def _anew(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
     """Return a comparand with what stands so far from it that nothing is solved from its motion."""
-    return replace(comparand, form=form, machine=comparand.machine_of(form), solved=None)
+    return replace(evaluation, solver=solver, machine=evaluation.machine_of(solver), solved=None)
 
 
 def as_before(made: Form, before: Form) -> Form:
@@ -170,55 +174,59 @@ def _scale(dimension: Dimension, size: float) -> float:
     return abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
 
 
-def _kind(family: DesignFamily, dimension: Dimension, form: Form) -> str:
+def _kind(designs: DesignFamily, dimension: Dimension, solver: Form) -> str:
     """Return whether a dimension is a gear's ratio, its phase, or one like others."""
-    own = getattr(form, "gear", "")
+    own = getattr(solver, "gear", "")
     if own:
         return {own: "gear", "phase": "phase"}.get(dimension.name, "dimension")
-    if not form.mechanism.laws or dimension.unit == "m":
+    if not solver.mechanism.laws or dimension.unit == "m":
         return "dimension"
     try:
         before, after = (
-            family.describe({dimension.name: dimension.value + change})
+            designs.describe({dimension.name: dimension.value + change})
             for change in (0.0, 1e-3 * (abs(dimension.value) or 1.0))
         )
     except MechsimError:
         return "dimension"
     if before.joints != after.joints or before.points != after.points:
         return "dimension"
-    slopes = [(law.ratio, other.ratio) for law, other in zip(before.laws, after.laws, strict=True)]
-    return "gear" if any(one != other for one, other in slopes) else "phase"
+    derivatives = [(law.ratio, other.ratio) for law, other in zip(before.laws, after.laws, strict=True)]
+    return "gear" if any(one != other for one, other in derivatives) else "phase"
 
 
-def _of_point(miss: Miss, point: str, i: int) -> Hypothesis:
+def _of_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
     """Return that a tracked point lies elsewhere on its link."""
-    form = miss.comparand.form
-    link, place = form.mechanism.points[point]
-    size = form.mechanism.size
+    solver = misfit.evaluation.solver
+    link, place = solver.mechanism.points[point]
+    size = solver.mechanism.size
 
     def moved(p: Array) -> Mechanism:
         there = list(place)
         there[i] += size * float(p[0])
-        return replace(form.mechanism, points={**form.mechanism.points, point: (link, tuple(there))})
+        return replace(solver.mechanism, points={**solver.mechanism.points, point: (link, tuple(there))})
 
     def predict(p: Array) -> Values:
         within(p)
-        own = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
-        return miss.predicted(remade(miss.comparand, replace(own, mechanism=moved(p))))
+        own = solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
+        return misfit.predicted(remade(misfit.evaluation, replace(own, mechanism=moved(p))))
 
-    def slope() -> Values:
-        links = miss.comparand.motion.links
-        if link == GROUND or link not in links or any(claim.named.function for claim in miss.claims):
+    def derivative() -> Values:
+        links = misfit.evaluation.motion.links
+        if (
+            link == GROUND
+            or link not in links
+            or any(candidate.quantity.function for candidate in misfit.candidates)
+        ):
             raise KeyError(link)
         turn = links[link].rotation[:, :, i]
         spin, bend = links[link].angular_velocity, links[link].angular_acceleration
         rate = np.cross(spin, turn)
         by = {"position": turn, "velocity": rate, "acceleration": np.cross(bend, turn) + np.cross(spin, rate)}
         return [
-            size * claim.named.select(by[claim.named.kind])
-            if claim.named.subject == point and claim.named.kind in by
+            size * candidate.quantity.select(by[candidate.quantity.kind])
+            if candidate.quantity.subject == point and candidate.quantity.kind in by
             else np.zeros_like(values)
-            for claim, values in zip(miss.claims, miss.exact, strict=True)
+            for candidate, values in zip(misfit.candidates, misfit.exact, strict=True)
         ]
 
     name = f"{point}.at.{AXES[i]}"
@@ -226,55 +234,57 @@ def _of_point(miss: Miss, point: str, i: int) -> Hypothesis:
     def say(p: Array) -> str:
         return f"point {point} lies {size * p[0]:.6g} m farther along {AXES[i]} on link {link}"
 
-    return Hypothesis("dimension", name, PLACED, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)
+    return Hypothesis(
+        "dimension", name, PLACED, predict, say, starts=((0.0,),), steps=(STEP,), slope=derivative
+    )
 
 
-def _of_couplings(miss: Miss) -> list[Hypothesis]:
+def _of_couplings(misfit: Misfit) -> list[Hypothesis]:
     """Return that the ratio or the phase of a coupling is another, where no parameter says so."""
-    form = miss.comparand.form
-    if not isinstance(form, LoopForm):
+    solver = misfit.evaluation.solver
+    if not isinstance(solver, LoopForm):
         return []
     found: list[Hypothesis] = []
-    for k, gear in enumerate(form.mechanism.gears):
+    for k, gear in enumerate(solver.mechanism.gears):
         for field, kind in (("ratio", "gear"), ("phase", "phase")):
-            found.append(_coupled(miss, gear.name, kind, _gear_changed(form, k, field), gear.ratio))
-    for k, law in enumerate(form.mechanism.couplings):
+            found.append(_coupled(misfit, gear.name, kind, _gear_changed(solver, k, field), gear.ratio))
+    for k, law in enumerate(solver.mechanism.couplings):
         for i, kind in ((1, "gear"), (0, "phase")):
             if i < len(law.coefficients):
-                change = _coupling_changed(form, k, i)
-                found.append(_coupled(miss, law.name, kind, change, law.ratio))
+                change = _coupling_changed(solver, k, i)
+                found.append(_coupled(misfit, law.name, kind, change, law.ratio))
     return found
 
 
-def _gear_changed(form: LoopForm, k: int, field: str) -> Callable[[float], LoopForm]:
+def _gear_changed(solver: LoopForm, k: int, field: str) -> Callable[[float], LoopForm]:
     def changed(by: float) -> LoopForm:
-        gears = list(form.mechanism.gears)
+        gears = list(solver.mechanism.gears)
         gears[k] = replace(gears[k], **{field: getattr(gears[k], field) + by})
-        return replace(form, mechanism=replace(form.mechanism, gears=tuple(gears)))
+        return replace(solver, mechanism=replace(solver.mechanism, gears=tuple(gears)))
 
     return changed
 
 
-def _coupling_changed(form: LoopForm, k: int, i: int) -> Callable[[float], LoopForm]:
+def _coupling_changed(solver: LoopForm, k: int, i: int) -> Callable[[float], LoopForm]:
     def changed(by: float) -> LoopForm:
-        laws = list(form.mechanism.couplings)
+        laws = list(solver.mechanism.couplings)
         terms = list(laws[k].coefficients)
         terms[i] += by
         laws[k] = replace(laws[k], coefficients=tuple(terms))
-        return replace(form, mechanism=replace(form.mechanism, couplings=tuple(laws)))
+        return replace(solver, mechanism=replace(solver.mechanism, couplings=tuple(laws)))
 
     return changed
 
 
 def _coupled(
-    miss: Miss, name: str, kind: str, changed: Callable[[float], LoopForm], ratio: float
+    misfit: Misfit, name: str, kind: str, changed: Callable[[float], LoopForm], ratio: float
 ) -> Hypothesis:
     scale = (abs(ratio) or 1.0) if kind == "gear" else 1.0
 
     def predict(p: Array) -> Values:
-        return miss.predicted(remade(miss.comparand, changed(scale * float(p[0]))))
+        return misfit.predicted(remade(misfit.evaluation, changed(scale * float(p[0]))))
 
-    def slope() -> Values:
+    def derivative() -> Values:
         ahead, behind = predict(np.array([1e-5])), predict(np.array([-1e-5]))
         return [(a - b) / 2e-5 for a, b in zip(ahead, behind, strict=True)]
 
@@ -283,45 +293,47 @@ def _coupled(
             return f"the ratio of {name} is {ratio + scale * p[0]:.6g} instead of {ratio:.6g}"
         return f"the phase of {name} is {p[0]:.6g} farther on"
 
-    return Hypothesis(kind, name, NAMED, predict, say, starts=((0.0,),), steps=(STEP,), slope=slope)
+    return Hypothesis(kind, name, NAMED, predict, say, starts=((0.0,),), steps=(STEP,), slope=derivative)
 
 
 # random starts from which loops are closed, and how far apart two assemblies are, in parts of the size
 STARTS, APART, SEED = 16, 1e-4, 20
 
 
-def assemblies(miss: Miss) -> Iterator[Hypothesis]:
+def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
     """The other assemblies of the mechanism."""
-    for what, form in others(miss):
+    for what, solver in others(misfit):
 
-        def predict(_: Array, form: Form = form) -> Values:
-            other = replace(miss.comparand, form=form, machine=miss.comparand.machine_of(form), solved=None)
-            return miss.predicted(other)
+        def predict(_: Array, solver: Form = solver) -> Values:
+            other = replace(
+                misfit.evaluation, solver=solver, machine=misfit.evaluation.machine_of(solver), solved=None
+            )
+            return misfit.predicted(other)
 
         yield Hypothesis(
             "assembly", what, DISCRETE, predict, lambda _, w=what: f"it is in another assembly: {w}"
         )
 
 
-def others(miss: Miss) -> list[tuple[str, Form]]:
+def others(misfit: Misfit) -> list[tuple[str, Form]]:
     """Return the other assemblies, each with what tells it from the one meant."""
-    form = miss.comparand.form
-    if isinstance(form, ClosedForm):
-        return list(_of_catalogue(form, float(miss.comparand.angle[len(miss.comparand) // 3])))
-    return miss.comparand.other_assemblies(_found)
+    solver = misfit.evaluation.solver
+    if isinstance(solver, ClosedForm):
+        return list(_of_catalogue(solver, float(misfit.evaluation.angle[len(misfit.evaluation) // 3])))
+    return _assemblies_from_random_starts(solver)
 
 
-def _of_catalogue(form: ClosedForm, angle: float) -> Iterator[tuple[str, Form]]:
-    own = {name: getattr(form, name) for name in SELECTORS if hasattr(form, name)}
-    for one in form.assemblies(angle):
+def _of_catalogue(solver: ClosedForm, angle: float) -> Iterator[tuple[str, Form]]:
+    own = {name: getattr(solver, name) for name in SELECTORS if hasattr(solver, name)}
+    for one in solver.assemblies(angle):
         chosen = {name: getattr(one, name) for name in own}
         if chosen != own:
             yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != own[k]), one
 
 
-def _found(form: LoopForm) -> list[tuple[str, Form]]:
+def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Form]]:
     """Return assemblies of a mechanism found from random starts."""
-    mechanism = form.mechanism
+    mechanism = solver.mechanism
     try:
         loops, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
         own = closed(loops, rough)
@@ -342,7 +354,7 @@ def _found(form: LoopForm) -> list[tuple[str, Form]]:
         if min(float(np.abs(places - one).max()) for one in known) < APART * mechanism.size:
             continue
         known.append(places)
-        other = _with_guess(form, tree, at)
+        other = _with_guess(solver, tree, at)
         if other is not None:
             found.append((_told(mechanism, tree, own, at), other))
     return found
@@ -360,16 +372,16 @@ def _places(mechanism: Mechanism, tree: SpanningTree, at: Coordinates) -> Array:
     return np.array(found)
 
 
-def _with_guess(form: LoopForm, tree: SpanningTree, at: Coordinates) -> LoopForm | None:
+def _with_guess(solver: LoopForm, tree: SpanningTree, at: Coordinates) -> LoopForm | None:
     here = link_poses(tree, at)
     poses = {
         name: Pose(here.position[i, :, 0].copy(), here.rotation[i, :, :, 0].copy())
         for name, i in tree.links.items()
     }
-    mechanism = form.mechanism
+    mechanism = solver.mechanism
     counted = {name: value for name, value in mechanism.counted.items() if name in mechanism.drivers}
     try:
-        return replace(form, mechanism=replace(mechanism, guess=poses, counted=counted))
+        return replace(solver, mechanism=replace(mechanism, guess=poses, counted=counted))
     except MechsimError:
         return None
 

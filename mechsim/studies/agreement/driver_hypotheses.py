@@ -13,8 +13,8 @@ from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.discrepancy import DISCRETE, NAMED, Hypothesis, Miss, Rows, Values
-from mechsim.studies.agreement.evaluation_points import Comparand
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints
+from mechsim.studies.agreement.misfit import DISCRETE, NAMED, Hypothesis, Misfit, Rows, Values
 
 DEG = 180.0 / np.pi
 # most samples of a delay
@@ -23,37 +23,41 @@ LATE = 12
 FAR = 2.5
 
 
-def _driven(comparand: Comparand, changes: Mapping[str, Callable[[State], State]]) -> Comparand:
+def _driven(
+    evaluation: EvaluationPoints, changes: Mapping[str, Callable[[State], State]]
+) -> EvaluationPoints:
     """Return a comparand whose drivers go otherwise: name -> what makes a program of a program."""
-    form, motion_laws = comparand.form, comparand.form.motion_laws
+    solver, motion_laws = evaluation.solver, evaluation.solver.motion_laws
     if motion_laws is None:
-        crank = form.mechanism.crank.name
-        steady = comparand.angle, comparand.speed, comparand.acceleration
+        crank = solver.mechanism.crank.name
+        steady = evaluation.angle, evaluation.speed, evaluation.acceleration
         if crank in changes:
-            steady = changes[crank](lambda _, own=steady: own)(comparand.angle)
+            steady = changes[crank](lambda _, own=steady: own)(evaluation.angle)
         angle, speed, acceleration = steady
-        return replace(comparand, angle=_near(comparand, angle), speed=speed, acceleration=acceleration)
-    joints = dict(comparand.motion.joints)
-    time = comparand.angle / motion_laws.rate
+        return replace(evaluation, angle=_near(evaluation, angle), speed=speed, acceleration=acceleration)
+    joints = dict(evaluation.motion.joints)
+    time = evaluation.angle / motion_laws.rate
     for name, state in motion_laws.by_name.items():
         if name in changes:
             value, rate, second = (np.broadcast_to(part, time.shape) for part in changes[name](state)(time))
-            unit = form.mechanism.size if form.mechanism.unit(name) == "m" else 1.0
+            unit = solver.mechanism.size if solver.mechanism.unit(name) == "m" else 1.0
             if not np.abs(value - joints[name].value).max() < FAR * unit:
                 raise AssemblyError(f"{name} would go farther than a mechanism under programs is followed")
             joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
-    assert isinstance(form, LoopForm)
-    motion = form.solve_as(replace(comparand.motion, joints=joints))
-    return replace(comparand, solved=motion)
+    assert isinstance(solver, LoopForm)
+    motion = solver.solve_as(replace(evaluation.motion, joints=joints))
+    return replace(evaluation, solved=motion)
 
 
-def _near(comparand: Comparand, angle: Array) -> Array:
+def _near(evaluation: EvaluationPoints, angle: Array) -> Array:
     """Return crank angles brought near the start by whole periods, where that changes nothing."""
-    form = comparand.form
-    if not form.crank_range().full:
+    solver = evaluation.solver
+    if not solver.crank_range().full:
         return angle
-    gone = angle - form.mechanism.start
-    return angle if np.abs(gone).max() < 2.5 * form.period else form.mechanism.start + gone % form.period
+    gone = angle - solver.mechanism.start
+    return (
+        angle if np.abs(gone).max() < 2.5 * solver.period else solver.mechanism.start + gone % solver.period
+    )
 
 
 def _linear(scale: float, offset: float) -> Callable[[State], State]:
@@ -67,14 +71,16 @@ def _linear(scale: float, offset: float) -> Callable[[State], State]:
     return make
 
 
-def _once(miss: Miss, driver: str, scale: float, offset: float) -> Comparand:
+def _once(misfit: Misfit, driver: str, scale: float, offset: float) -> EvaluationPoints:
     """Return a comparand with a driver that goes otherwise, solved once for all claims.
 
     Raises:
         AssemblyError: where it cannot go so.
     """
     key = f"{driver} {scale} {offset}"
-    found = miss.comparand.variant(key, lambda: _driven(miss.comparand, {driver: _linear(scale, offset)}))
+    found = misfit.evaluation.variant(
+        key, lambda: _driven(misfit.evaluation, {driver: _linear(scale, offset)})
+    )
     if found is None:
         raise AssemblyError(f"{driver} cannot go so")
     return found
@@ -84,19 +90,19 @@ def _late(lag: float) -> Callable[[State], State]:
     return lambda state: lambda time: state(time - lag)
 
 
-def _unit(miss: Miss, driver: str) -> str:
-    return "m" if miss.comparand.form.mechanism.unit(driver) == "m" else "rad"
+def _unit(misfit: Misfit, driver: str) -> str:
+    return "m" if misfit.evaluation.solver.mechanism.unit(driver) == "m" else "rad"
 
 
-def driver_senses(miss: Miss) -> Iterator[Hypothesis]:
+def driver_senses(misfit: Misfit) -> Iterator[Hypothesis]:
     """A driver counted the other way round, from nought or from where it starts."""
-    for driver, state in miss.comparand.drivers().items():
+    for driver, state in misfit.evaluation.drivers().items():
         first = float(state[0][0])
         for about in dict.fromkeys((0.0, 2.0 * first)):
-            of = "" if about == 0.0 else f" about {first:.6g} {_unit(miss, driver)}, where it starts"
+            of = "" if about == 0.0 else f" about {first:.6g} {_unit(misfit, driver)}, where it starts"
 
             def turned(_: Array, driver: str = driver, about: float = about) -> Values:
-                return miss.predicted(_once(miss, driver, -1.0, about))
+                return misfit.predicted(_once(misfit, driver, -1.0, about))
 
             yield Hypothesis(
                 "sense",
@@ -108,10 +114,10 @@ def driver_senses(miss: Miss) -> Iterator[Hypothesis]:
             )
 
 
-def driver_degrees(miss: Miss) -> Iterator[Hypothesis]:
+def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
     """A driver's angle taken for degrees, or turned into them."""
-    for driver in miss.comparand.drivers():
-        if _unit(miss, driver) == "m":
+    for driver in misfit.evaluation.drivers():
+        if _unit(misfit, driver) == "m":
             factors = {1e3: "taken in mm for m", 1e-3: "taken in m for mm"}
             kind = "units"
         else:
@@ -120,7 +126,7 @@ def driver_degrees(miss: Miss) -> Iterator[Hypothesis]:
         for factor, said in factors.items():
 
             def scaled(_: Array, driver: str = driver, factor: float = factor) -> Values:
-                return miss.predicted(_once(miss, driver, factor, 0.0))
+                return misfit.predicted(_once(misfit, driver, factor, 0.0))
 
             yield Hypothesis(
                 kind,
@@ -132,33 +138,34 @@ def driver_degrees(miss: Miss) -> Iterator[Hypothesis]:
             )
 
 
-def driver_offsets(miss: Miss) -> Iterator[Hypothesis]:
+def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
     """A driver that stands a constant farther on."""
-    for driver in miss.comparand.drivers():
-        unit = _unit(miss, driver)
-        size = miss.comparand.form.mechanism.size if unit == "m" else 1.0
+    for driver in misfit.evaluation.drivers():
+        unit = _unit(misfit, driver)
+        size = misfit.evaluation.solver.mechanism.size if unit == "m" else 1.0
 
         def moved(p: Array, driver: str = driver) -> Values:
-            return miss.predicted(_driven(miss.comparand, {driver: _linear(1.0, p[0])}))
+            return misfit.predicted(_driven(misfit.evaluation, {driver: _linear(1.0, p[0])}))
 
         def say(p: Array, driver: str = driver, unit: str = unit) -> str:
             also = f" ({np.rad2deg(p[0]):.4g} deg)" if unit == "rad" else ""
             return f"{driver} stands {p[0]:.6g} {unit}{also} farther on throughout"
 
-        starts = ((0.0,), *_rolled(miss)) if unit == "rad" else ((0.0,),)
+        starts = ((0.0,), *_rolled(misfit)) if unit == "rad" else ((0.0,),)
         yield Hypothesis("offset", driver, NAMED, moved, say, starts=starts, steps=(1e-5 * size,))
 
 
-def _rolled(miss: Miss) -> tuple[tuple[float], ...]:
+def _rolled(misfit: Misfit) -> tuple[tuple[float], ...]:
     """Return the offset, in samples of a full turn, at which exact values look most like the claims."""
-    comparand = miss.comparand
-    if comparand.form.motion_laws is not None or not comparand.form.crank_range().full:
+    evaluation = misfit.evaluation
+    if evaluation.solver.motion_laws is not None or not evaluation.solver.crank_range().full:
         return ()
-    angle, n = comparand.angle, len(comparand) - 1
+    angle, n = evaluation.angle, len(evaluation) - 1
     if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - TURN) > 1e-9:
         return ()
     sizes = [
-        np.sqrt(np.mean(miss.errors([_turned_on(values, k) for values in miss.exact]) ** 2)) for k in range(n)
+        np.sqrt(np.mean(misfit.errors([_turned_on(values, k) for values in misfit.exact]) ** 2))
+        for k in range(n)
     ]
     best = int(np.argmin(sizes))
     if best in (0, 1, n - 1):
@@ -172,18 +179,18 @@ def _turned_on(values: Array, k: int) -> Array:
     return np.concatenate([once, once[:1]])
 
 
-def delays(miss: Miss) -> Iterator[Hypothesis]:
+def delays(misfit: Misfit) -> Iterator[Hypothesis]:
     """All that is claimed late, by samples or by a time; one program of several late."""
-    yield from _by_samples(miss)
-    comparand, motion_laws = miss.comparand, miss.comparand.form.motion_laws
-    if comparand.time is None or (miss.function and motion_laws is None):
+    yield from _by_samples(misfit)
+    evaluation, motion_laws = misfit.evaluation, misfit.evaluation.solver.motion_laws
+    if evaluation.time is None or (misfit.function and motion_laws is None):
         return
-    step = float(np.median(np.diff(comparand.time)))
+    step = float(np.median(np.diff(evaluation.time)))
 
     def late(p: Array) -> Values:
-        pace = comparand.speed if motion_laws is None else motion_laws.rate
-        return miss.predicted(
-            replace(comparand, angle=comparand.angle - pace * p[0], time=comparand.time - p[0])
+        pace = evaluation.speed if motion_laws is None else motion_laws.rate
+        return misfit.predicted(
+            replace(evaluation, angle=evaluation.angle - pace * p[0], time=evaluation.time - p[0])
         )
 
     def say(p: Array) -> str:
@@ -194,7 +201,7 @@ def delays(miss: Miss) -> Iterator[Hypothesis]:
         yield Hypothesis("delay", "", NAMED, late, say, starts=starts, steps=(1e-3 * step,))
     if motion_laws is not None and len(motion_laws.drivers) > 1:
         for driver in motion_laws.drivers:
-            yield _out_of_phase(miss, driver, motion_laws.duration)
+            yield _out_of_phase(misfit, driver, motion_laws.duration)
 
 
 def _goes_on(motion_laws: MotionLaws) -> bool:
@@ -209,13 +216,13 @@ def _goes_on(motion_laws: MotionLaws) -> bool:
             return False
 
 
-def _by_samples(miss: Miss) -> Iterator[Hypothesis]:
-    n = len(miss.comparand)
+def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
+    n = len(misfit.evaluation)
     best: tuple[float, int] | None = None
     for k in [*range(-LATE, 0), *range(1, LATE + 1)]:
         if abs(k) > n // 3:
             continue
-        left = float(np.sqrt(np.mean(miss.errors(_shifted(miss, k), _known(n, k)) ** 2)))
+        left = float(np.sqrt(np.mean(misfit.errors(_shifted(misfit, k), _known(n, k)) ** 2)))
         if best is None or left < best[0]:
             best = left, k
     if best is None:
@@ -226,15 +233,15 @@ def _by_samples(miss: Miss) -> Iterator[Hypothesis]:
         "delay",
         "samples",
         NAMED,
-        lambda _: _shifted(miss, k),
+        lambda _: _shifted(misfit, k),
         lambda _: f"all is {abs(k)} samples {late}",
         by=lambda _: float(k),
         rows=_known(n, k),
     )
 
 
-def _shifted(miss: Miss, k: int) -> Values:
-    return [np.roll(values, k, axis=0) for values in miss.exact]
+def _shifted(misfit: Misfit, k: int) -> Values:
+    return [np.roll(values, k, axis=0) for values in misfit.exact]
 
 
 def _known(n: int, k: int) -> Rows:
@@ -242,9 +249,9 @@ def _known(n: int, k: int) -> Rows:
     return (rows >= k) & (rows < n + k)
 
 
-def _out_of_phase(miss: Miss, driver: str, duration: float) -> Hypothesis:
+def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
     def late(p: Array) -> Values:
-        return miss.predicted(_driven(miss.comparand, {driver: _late(p[0])}))
+        return misfit.predicted(_driven(misfit.evaluation, {driver: _late(p[0])}))
 
     return Hypothesis(
         "phase",
@@ -257,26 +264,26 @@ def _out_of_phase(miss: Miss, driver: str, duration: float) -> Hypothesis:
     )
 
 
-def drivers_swapped(miss: Miss) -> Iterator[Hypothesis]:
+def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
     """Two drivers taken for each other."""
-    motion_laws = miss.comparand.form.motion_laws
+    motion_laws = misfit.evaluation.solver.motion_laws
     if motion_laws is None:
         return
     for one, other in combinations(motion_laws.drivers, 2):
-        if _unit(miss, one) != _unit(miss, other):
+        if _unit(misfit, one) != _unit(misfit, other):
             continue
         first, second = motion_laws.by_name[one], motion_laws.by_name[other]
 
         def taken(
             _: Array, one: str = one, other: str = other, a: State = first, b: State = second
         ) -> Values:
-            def made() -> Comparand:
-                return _driven(miss.comparand, {one: lambda _: b, other: lambda _: a})
+            def made() -> EvaluationPoints:
+                return _driven(misfit.evaluation, {one: lambda _: b, other: lambda _: a})
 
-            found = miss.comparand.variant(f"{one} {other}", made)
+            found = misfit.evaluation.variant(f"{one} {other}", made)
             if found is None:
                 raise AssemblyError(f"{one} and {other} cannot go so")
-            return miss.predicted(found)
+            return misfit.predicted(found)
 
         what = f"{one}, {other}"
         yield Hypothesis("swapped", what, DISCRETE, taken, lambda _, w=what: f"the drivers {w} are swapped")
@@ -285,30 +292,32 @@ def drivers_swapped(miss: Miss) -> Iterator[Hypothesis]:
 EARTH = 9.81
 
 
-def _machine(miss: Miss) -> dynamics.Machine:
-    return miss.comparand.machine or dynamics.machine(miss.comparand.form, miss.comparand.form.forces)
+def _machine(misfit: Misfit) -> dynamics.Machine:
+    return misfit.evaluation.machine or dynamics.machine(
+        misfit.evaluation.solver, misfit.evaluation.solver.forces
+    )
 
 
-def _of_efforts(miss: Miss) -> bool:
-    return any(claim.named.loaded for claim in miss.claims)
+def _of_efforts(misfit: Misfit) -> bool:
+    return any(candidate.quantity.loaded for candidate in misfit.candidates)
 
 
-def _under(miss: Miss, vector: Array) -> Values:
-    machine = _machine(miss)
+def _under(misfit: Misfit, vector: Array) -> Values:
+    machine = _machine(misfit)
     forces = replace(machine.forces, gravity=tuple(vector.tolist()))
-    return miss.predicted(replace(miss.comparand, machine=machine.with_forces(forces)))
+    return misfit.predicted(replace(misfit.evaluation, machine=machine.with_forces(forces)))
 
 
-def _gravity(miss: Miss) -> tuple[Array, float]:
-    own = np.asarray(_machine(miss).forces.gravity)
+def _gravity(misfit: Misfit) -> tuple[Array, float]:
+    own = np.asarray(_machine(misfit).forces.gravity)
     return own, float(np.linalg.norm(own))
 
 
-def other_gravity(miss: Miss) -> Iterator[Hypothesis]:
+def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity left out, reversed or along another axis."""
-    if not _of_efforts(miss):
+    if not _of_efforts(misfit):
         return
-    own, size = _gravity(miss)
+    own, size = _gravity(misfit)
     others = [sign * (size or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
     was = ", ".join(f"{one:g}" for one in own)
     for vector in [np.zeros(3), *others]:
@@ -319,34 +328,34 @@ def other_gravity(miss: Miss) -> Iterator[Hypothesis]:
             "gravity",
             said,
             DISCRETE,
-            lambda _, v=vector: _under(miss, v),
+            lambda _, v=vector: _under(misfit, v),
             lambda _, s=said: f"gravity is ({s}) m/s2 instead of ({was})",
             by=lambda _, v=vector: float(np.linalg.norm(v)),
         )
 
 
-def gravity_size(miss: Miss) -> Iterator[Hypothesis]:
+def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity of another size."""
-    if not _of_efforts(miss):
+    if not _of_efforts(misfit):
         return
-    own, size = _gravity(miss)
+    own, size = _gravity(misfit)
     if size:
         yield Hypothesis(
             "gravity",
             "",
             NAMED,
-            lambda p: _under(miss, (1.0 + p[0]) * own),
+            lambda p: _under(misfit, (1.0 + p[0]) * own),
             lambda p: f"gravity is {(1 + p[0]) * size:.6g} m/s2 instead of {size:.6g}",
             starts=((0.0,),),
             steps=(1e-3,),
         )
 
 
-def masses(miss: Miss) -> Iterator[Hypothesis]:
+def masses(misfit: Misfit) -> Iterator[Hypothesis]:
     """One link's mass, with its moments of inertia or without, or all of them."""
-    if not _of_efforts(miss):
+    if not _of_efforts(misfit):
         return
-    machine = _machine(miss)
+    machine = _machine(misfit)
     links = machine.mechanism.links
 
     def heavier(names: set[str], factor: float, moments: bool) -> Values:
@@ -358,7 +367,7 @@ def masses(miss: Miss) -> Iterator[Hypothesis]:
         )
         mechanism = replace(machine.mechanism, links=changed)
         other = replace(machine, mechanism=mechanism)
-        return miss.predicted(replace(miss.comparand, machine=other))
+        return misfit.predicted(replace(misfit.evaluation, machine=other))
 
     every = {link.name for link in links}
     for what, names in [("", every), *((name, {name}) for name in every)]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.discrepancy import Hypothesis, Miss, rms
+from mechsim.studies.agreement.misfit import Hypothesis, Misfit, rms
 
 # twice the logarithm of the odds by which another cause must explain less to be left out
 ODDS = 12.0
@@ -42,111 +42,116 @@ class Fitted:
     count: int
 
 
-def fitted(miss: Miss, hypothesis: Hypothesis) -> Fitted | None:
+def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
     """Return a hypothesis with the size that fits best; None where it can stand at no size."""
-    before = rms(miss.errors(miss.exact, hypothesis.rows))
+    before = rms(misfit.errors(misfit.exact, hypothesis.rows))
     if not before > 0.0:
         return None
-    begun = [
-        (np.array(start, dtype=float), _errors(miss, hypothesis, np.array(start, dtype=float)))
+    starts = [
+        (np.array(start, dtype=float), _errors(misfit, hypothesis, np.array(start, dtype=float)))
         for start in hypothesis.starts
     ]
-    stand = [(start, found) for start, found in begun if found is not None]
+    stand = [(start, errors) for start, errors in starts if errors is not None]
     if not stand:
         return None
-    left, sizes = _from(miss, hypothesis, *min(stand, key=lambda one: rms(one[1])), before)
+    remaining, sizes = _from(misfit, hypothesis, *min(stand, key=lambda pair: rms(pair[1])), before)
     predicted = hypothesis.predict(sizes)
-    count = len(miss.errors(predicted, hypothesis.rows))
-    worst = miss.worst(predicted, hypothesis.rows)
-    return Fitted(hypothesis, sizes, left, worst, miss.explained(left, before, worst), count)
+    count = len(misfit.errors(predicted, hypothesis.rows))
+    worst = misfit.worst(predicted, hypothesis.rows)
+    return Fitted(hypothesis, sizes, remaining, worst, misfit.explained(remaining, before, worst), count)
 
 
-def _errors(miss: Miss, hypothesis: Hypothesis, sizes: Array) -> Array | None:
+def _errors(misfit: Misfit, hypothesis: Hypothesis, sizes: Array) -> Array | None:
     """Return what is left at sizes; None where nothing can stand so."""
     try:
         with np.errstate(all="ignore"):
-            found = miss.errors(hypothesis.predict(sizes), hypothesis.rows)
+            errors = misfit.errors(hypothesis.predict(sizes), hypothesis.rows)
     except (MechsimError, ValueError, ArithmeticError, np.linalg.LinAlgError):
         return None
-    return found if np.isfinite(found).all() else None
+    return errors if np.isfinite(errors).all() else None
 
 
 def _from(
-    miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array, before: float
+    misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array, before: float
 ) -> tuple[float, Array]:
     """Return what is left, and the sizes, from a start and what is left there."""
     if not len(sizes):
-        return rms(here), sizes
-    slope, fresh = _slope(miss, hypothesis, sizes, here), True
+        return rms(current), sizes
+    jacobian, fresh = _jacobian(misfit, hypothesis, sizes, current), True
     for number in range(STEPS):
-        if number == SOON and rms(here) > HOPE * before:
+        if number == SOON and rms(current) > HOPE * before:
             break
-        if slope is None or rms(here) <= max(NOTHING, OF_MISS * before):
+        if jacobian is None or rms(current) <= max(NOTHING, OF_MISS * before):
             break
-        step: Array = -np.linalg.lstsq(slope, here, rcond=1e-10)[0].astype(np.float64)
-        taken = _shortened(miss, hypothesis, sizes, here, step)
-        if taken is None:
+        step: Array = -np.linalg.lstsq(jacobian, current, rcond=1e-10)[0].astype(np.float64)
+        step_taken = _shortened(misfit, hypothesis, sizes, current, step)
+        if step_taken is None:
             if fresh:
                 break
-            slope, fresh = _slope(miss, hypothesis, sizes, here), True
+            jacobian, fresh = _jacobian(misfit, hypothesis, sizes, current), True
             continue
-        moved, there = taken
-        gone, change = moved - sizes, there - here
-        ratio = rms(there) / rms(here)
-        sizes, here = moved, there
+        moved, next_errors = step_taken
+        displacement, change = moved - sizes, next_errors - current
+        ratio = rms(next_errors) / rms(current)
+        sizes, current = moved, next_errors
         if ratio > STALE and not fresh:
-            slope, fresh = _slope(miss, hypothesis, sizes, here), True
+            jacobian, fresh = _jacobian(misfit, hypothesis, sizes, current), True
         elif ratio > 1.0 - WORTH:
             break
         else:
             # the slope that this step really had
-            slope = slope + np.outer(change - slope @ gone, gone) / max(float(gone @ gone), 1e-300)
+            jacobian = jacobian + np.outer(change - jacobian @ displacement, displacement) / max(
+                float(displacement @ displacement), 1e-300
+            )
             fresh = False
-    return rms(here), sizes
+    return rms(current), sizes
 
 
 def _shortened(
-    miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array, step: Array
+    misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array, step: Array
 ) -> tuple[Array, Array] | None:
     """Return sizes a step on that leave less, and what they leave; None where none do."""
     for halving in range(HALVINGS):
         moved = sizes + step * 0.5**halving
-        there = _errors(miss, hypothesis, moved)
-        if there is not None and rms(there) < rms(here):
-            return moved, there
-        if there is not None and rms(step) < 1e-12:
+        next_errors = _errors(misfit, hypothesis, moved)
+        if next_errors is not None and rms(next_errors) < rms(current):
+            return moved, next_errors
+        if next_errors is not None and rms(step) < 1e-12:
             return None
     return None
 
 
-def _slope(miss: Miss, hypothesis: Hypothesis, sizes: Array, here: Array) -> Array | None:
+def _jacobian(misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array) -> Array | None:
     """Return the derivatives of what is left by the sizes, (m, p)."""
     if hypothesis.slope is not None and not sizes.any() and len(sizes) == 1:
         # of efforts, and where loops would be torn, there are differences only
         with suppress(MechsimError, KeyError):
-            at = hypothesis.slope()
-            parts = [-(values / bound).ravel() for values, bound in zip(at, miss.bounds, strict=True)]
-            return np.concatenate(parts)[:, None]
+            derivatives = hypothesis.slope()
+            rows = [
+                -(values / tolerance).ravel()
+                for values, tolerance in zip(derivatives, misfit.bounds, strict=True)
+            ]
+            return np.concatenate(rows)[:, None]
     columns: list[Array] = []
     for i, step in enumerate(hypothesis.steps):
-        beside = sizes.copy()
-        beside[i] += step
-        there = _errors(miss, hypothesis, beside)
-        if there is None:
-            beside[i] -= 2.0 * step
-            there, step = _errors(miss, hypothesis, beside), -step
-        if there is None:
+        perturbed = sizes.copy()
+        perturbed[i] += step
+        next_errors = _errors(misfit, hypothesis, perturbed)
+        if next_errors is None:
+            perturbed[i] -= 2.0 * step
+            next_errors, step = _errors(misfit, hypothesis, perturbed), -step
+        if next_errors is None:
             return None
-        columns.append((there - here) / step)
+        columns.append((next_errors - current) / step)
     return np.stack(columns, 1)
 
 
-def linearly_explains(miss: Miss, slope: Array) -> float:
+def linearly_explains(misfit: Misfit, jacobian: Array) -> float:
     """Return the part of a miss that goes with slopes (m, p), in the first order.
 
     Beside noise a cause counts in full whose fit is better than chance: by more than `ODDS` in chi squared.
     """
-    solution = np.linalg.lstsq(slope, miss.before, rcond=1e-10)[0]
-    left = rms(miss.before - slope @ solution)
-    gain = len(miss.before) * (miss.size**2 - left**2)
-    return 1.0 - left / miss.size + (1.0 if miss.noisy and gain > ODDS else 0.0)
+    solution = np.linalg.lstsq(jacobian, misfit.before, rcond=1e-10)[0]
+    remaining = rms(misfit.before - jacobian @ solution)
+    gain = len(misfit.before) * (misfit.size**2 - remaining**2)
+    return 1.0 - remaining / misfit.size + (1.0 if misfit.noisy and gain > ODDS else 0.0)

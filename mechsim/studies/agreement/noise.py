@@ -82,7 +82,7 @@ class Noise:
     @property
     def passed(self) -> bool:
         """Whether noise explains all residuals."""
-        return all(one.passed for one in self.statistics)
+        return all(statistic.passed for statistic in self.statistics)
 
     @property
     def statistics(self) -> tuple[Statistic, Statistic, Statistic]:
@@ -92,23 +92,24 @@ class Noise:
     @property
     def decisive(self) -> Statistic:
         """The statistic that is nearest to its limit, or farthest beyond it."""
-        return max(self.statistics, key=lambda one: one.used)
+        return max(self.statistics, key=lambda statistic: statistic.used)
 
     @property
     def reason(self) -> str:
         """What is compared, as the reason of a check."""
-        one = self.decisive
+        statistic = self.decisive
         return (
-            f"{one.what}, {one.worst:.3g} of {one.limit:.3g} standard deviations of {self.deviation:.3g}; "
-            f"probability {probable(one.probability)}"
+            f"{statistic.what}, {statistic.worst:.3g} of {statistic.limit:.3g} standard deviations of "
+            f"{self.deviation:.3g}; "
+            f"probability {probable(statistic.probability)}"
         )
 
     def as_dict(self) -> dict[str, Any]:
         """Return the tests as plain data."""
         names = ("squares", "degrees", "probability", "worst", "limit", "passed")
         tests = {
-            key: {name: getattr(one, name) for name in names}
-            for key, one in zip(("chi_squared", "smooth", "largest"), self.statistics, strict=True)
+            key: {name: getattr(statistic, name) for name in names}
+            for key, statistic in zip(("chi_squared", "smooth", "largest"), self.statistics, strict=True)
         }
         return {"passed": self.passed, "sigma": self.size.worst, "deviation": self.deviation, **tests}
 
@@ -188,16 +189,16 @@ def noise_report(tested: Sequence[tuple[str, Noise]]) -> str:
     """
     if not tested:
         return ""
-    squares, degrees, probability = totals([one for _, one in tested], "size")
+    squares, degrees, probability = totals([noise for _, noise in tested], "size")
     sigma = float(np.sqrt(squares / degrees))
     counts = (
         f"chi squared {squares:.4g} with {degrees} degrees of freedom, probability {probable(probability)}"
     )
-    failed = [(name, one) for name, one in tested if not one.passed]
+    failed = [(name, noise) for name, noise in tested if not noise.passed]
     if failed:
         name, worst = max(failed, key=lambda pair: pair[1].decisive.used)
         return f"errors of {sigma:.2g} sigma, not noise alone ({counts}); {_what(name, worst)}"
-    waves, number, chance = totals([one for _, one in tested], "smooth")
+    waves, number, chance = totals([noise for _, noise in tested], "smooth")
     stated = " (less than stated)" if sigma < SMALL and degrees > 10 else ""
     return (
         f"noise of {sigma:.2g} sigma{stated}, nothing systematic ({counts}; "
@@ -207,31 +208,37 @@ def noise_report(tested: Sequence[tuple[str, Noise]]) -> str:
 
 def noise_data(tested: Sequence[tuple[str, Noise]]) -> dict[str, Any]:
     """Return what measured quantities come to together, and each one's tests, as plain data."""
-    squares, degrees, probability = totals([one for _, one in tested], "size")
+    squares, degrees, probability = totals([noise for _, noise in tested], "size")
     return {
         "sigma": float(np.sqrt(squares / degrees)),
-        "systematic": not all(one.passed for _, one in tested),
+        "systematic": not all(noise.passed for _, noise in tested),
         "chi_squared": squares,
         "degrees": degrees,
         "probability": probability,
         "false_alarm": FALSE_ALARM,
         "report": noise_report(tested),
-        "quantities": {name: one.as_dict() for name, one in tested},
+        "quantities": {name: noise.as_dict() for name, noise in tested},
     }
 
 
 def totals(tested: Sequence[Noise], which: str) -> tuple[float, int, float]:
     """Return the sum of squares of one statistic over quantities, its degrees of freedom and probability."""
-    parts: list[Statistic] = [getattr(one, which) for one in tested]
-    squares, degrees = sum(one.squares for one in parts), sum(one.degrees for one in parts)
+    statistics: list[Statistic] = [getattr(statistic, which) for statistic in tested]
+    squares, degrees = (
+        sum(statistic.squares for statistic in statistics),
+        sum(statistic.degrees for statistic in statistics),
+    )
     return squares, degrees, float(special().gammaincc(degrees / 2.0, squares / 2.0))
 
 
 def _what(name: str, noise: Noise) -> str:
-    one = noise.decisive
-    if one is noise.largest:
-        return f"row {noise.row + 1} of {name} is {one.worst:.3g} sigma off, noise reaches {one.limit:.3g}"
-    return f"the {one.what} in {name} is {one.worst:.3g} sigma, noise reaches {one.limit:.3g}"
+    statistic = noise.decisive
+    if statistic is noise.largest:
+        row = f"row {noise.row + 1} of {name}"
+        return f"{row} is {statistic.worst:.3g} sigma off, noise reaches {statistic.limit:.3g}"
+    return (
+        f"the {statistic.what} in {name} is {statistic.worst:.3g} sigma, noise reaches {statistic.limit:.3g}"
+    )
 
 
 def probable(value: float) -> str:

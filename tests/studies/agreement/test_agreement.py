@@ -21,7 +21,7 @@ def changed(**parts):
 def test_a_right_formula_of_points_in_a_plane_and_of_a_joint_is_met():
     found = ms.validate("slider_crank", against=slider)
     assert found.passed, found.why
-    assert {claim.named.kind for claim in found.claims} == {"position", "joint"}
+    assert {candidate.quantity.kind for candidate in found.candidates} == {"position", "joint"}
     assert not found.findings
 
 

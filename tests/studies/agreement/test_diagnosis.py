@@ -9,8 +9,8 @@ import mechsim as ms
 from mechsim.analytic import dynamics
 from mechsim.model.forces import Forces
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.candidate import Claim
-from mechsim.studies.agreement.evaluation_points import comparand_of
+from mechsim.studies.agreement.candidate import Candidate
+from mechsim.studies.agreement.evaluation_points import evaluation_points
 from mechsim.studies.quantities import quantity
 from mechsim.subjects.readers import parametric_model
 
@@ -124,10 +124,10 @@ def test_a_program_out_of_phase_is_named():
         "five_bar", drive={"left": "120deg + 25deg*sin(2*pi*(t-0.01))", "right": "60deg + 20deg*sin(4*pi*t)"}
     )
 
-    def claimed(other):
+    def values_of_function(other):
         return lambda drivers, t: {"P": other.solve(t=t).points["P"].position}
 
-    first = said(claimed(late), form).findings[0]
+    first = said(values_of_function(late), form).findings[0]
     assert (first.kind, first.what, first.certain) == ("phase", "left", True)
     assert first.by == pytest.approx(0.01, rel=1e-3)
 
@@ -172,7 +172,7 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
 def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     form = ms.catalog.make("four_bar")
     machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))
-    comparand = replace(comparand_of(form, SPEED), machine=machine)
+    evaluation = replace(evaluation_points(form, SPEED), machine=machine)
     if factor is None:
         one, *rest = machine.mechanism.links
         heavy = replace(one.inertia, mass=1.1 * one.inertia.mass)
@@ -182,8 +182,8 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     else:
         other = machine.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
     named = quantity("torque:crank", form.mechanism)
-    claim = Claim(named, replace(comparand, machine=other).exact(named))
-    found = agreement(comparand, [claim], "the test", None, parametric_model(form))
+    candidate = Candidate(named, replace(evaluation, machine=other).exact(named))
+    found = agreement(evaluation, [candidate], "the test", None, parametric_model(form))
     assert found.findings[0].kind == kind, found.why
     assert found.findings[0].certain
 

@@ -13,8 +13,8 @@ from mechsim.cli import main
 from mechsim.cli.schema import output_schema
 from mechsim.errors import InputError
 from mechsim.studies.agreement.agreement import agreement
-from mechsim.studies.agreement.candidate import Claim
-from mechsim.studies.agreement.evaluation_points import Comparand
+from mechsim.studies.agreement.candidate import Candidate
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.noise import FALSE_ALARM
 from mechsim.studies.quantities import quantity
 
@@ -146,17 +146,17 @@ def test_fit_and_validate_read_the_same_table_alike(tmp_path):
 
 def test_right_tables_fail_as_rarely_as_is_stated():
     form = ms.catalog.make("four_bar")
-    comparand = Comparand(form, ANGLES, np.ones(60), np.zeros(60))
+    evaluation = EvaluationPoints(form, ANGLES, np.ones(60), np.zeros(60))
     named = [quantity(name, form.mechanism) for name in ("B.xy", "C.xy")]
     random, failed, sigmas = np.random.default_rng(5), 0, []
     for _ in range(300):
-        claims = [
-            Claim(
-                one, comparand.exact(one) + SIGMA * random.standard_normal((60, 2)), np.full((60, 2), SIGMA)
+        candidates = [
+            Candidate(
+                one, evaluation.exact(one) + SIGMA * random.standard_normal((60, 2)), np.full((60, 2), SIGMA)
             )
             for one in named
         ]
-        found = agreement(comparand, claims, "a right table", diagnose=False)
+        found = agreement(evaluation, candidates, "a right table", diagnose=False)
         failed += not found.passed
         sigmas += [noise.size.worst for _, noise in found.measured]
         assert all(0.0 <= one.probability <= 1.0 for _, noise in found.measured for one in noise.statistics)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.candidate import Claim
-from mechsim.studies.agreement.evaluation_points import Comparand
+from mechsim.studies.agreement.candidate import Candidate
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.noise import Noise, noise_of
 from mechsim.studies.quantities import Quantity
 from mechsim.studies.quantity_expressions import unit_powers
@@ -63,7 +63,7 @@ EXACT_TOLERANCES = FormulaTolerances(
     forces=(1e-10, 5),
     reason="{part:.0e} of {scale:.3g} {unit}: rounding times condition; measured 2e-15 for the gallery",
 )
-ASKED = "asked for"
+REQUESTED = "asked for"
 
 
 @dataclass(frozen=True)
@@ -94,74 +94,81 @@ class Scales:
         return weight**mass * self.length**length * self.rate**-time
 
 
-def scales_of(comparand: Comparand, claims: Sequence[Claim]) -> Scales:
+def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> Scales:
     """Return the scales of a comparand; those of efforts only where some are claimed."""
-    motion = comparand.motion
+    motion = evaluation.motion
     length, stroke = reach_of(motion), stroke_of(motion)
-    rate = float(np.abs(comparand.speed).max())
-    if not any(claim.named.loaded for claim in claims):
+    rate = float(np.abs(evaluation.speed).max())
+    if not any(candidate.quantity.loaded for candidate in candidates):
         return Scales(length, stroke, rate)
-    found = efforts_scales(comparand.efforts)
-    return Scales(length, stroke, rate, found["force"] or 1.0, found["torque"] or 1.0)
+    scales = efforts_scales(evaluation.efforts)
+    return Scales(length, stroke, rate, scales["force"] or 1.0, scales["torque"] or 1.0)
 
 
-def errors(named: Quantity, found: Array, exact: Array) -> Array:
+def errors(quantity: Quantity, found: Array, exact: Array) -> Array:
     """Return the differences of values (n, k), of angles by the shorter turn."""
     gap = found - exact
-    return gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)) if named.angle else gap
+    return gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)) if quantity.angle else gap
 
 
-def bound_of(claim: Claim, scales: Scales, asked: float | None, *, exact: bool = False) -> Tolerance:
+def formula_tolerance(
+    candidate: Candidate, scales: Scales, requested: float | None, *, exact: bool = False
+) -> Tolerance:
     """Return how far a claim may be off.
 
     Args:
-        claim: what is said.
+        candidate: what is said.
         scales: of the comparand.
-        asked: bound on places in [m], other quantities in proportion; None takes the usual part.
+        requested: bound on places in [m], other quantities in proportion; None takes the usual part.
         exact: whether the claim is a formula that is exact but for rounding.
     """
-    named, scale = claim.named, scales.of(claim.named)
-    usual = EXACT_TOLERANCES if exact and asked is None else USER_TOLERANCES
-    part, power = usual.of(named)
-    if asked is not None:
-        more = part / USER_TOLERANCES.positions[0]
-        return Tolerance(asked / scales.length * scale * more, named.unit, ASKED)
+    quantity, scale = candidate.quantity, scales.of(candidate.quantity)
+    usual = EXACT_TOLERANCES if exact and requested is None else USER_TOLERANCES
+    fraction, power = usual.of(quantity)
+    if requested is not None:
+        more = fraction / USER_TOLERANCES.positions[0]
+        return Tolerance(requested / scales.length * scale * more, quantity.unit, REQUESTED)
     return Tolerance(
-        part * scale, named.unit, usual.reason.format(part=part, scale=scale, unit=named.unit), power
+        fraction * scale,
+        quantity.unit,
+        usual.reason.format(part=fraction, scale=scale, unit=quantity.unit),
+        power,
     )
 
 
-def weights(claim: Claim, comparand: Comparand, tolerance: Tolerance) -> Array:
+def weights(candidate: Candidate, evaluation: EvaluationPoints, tolerance: Tolerance) -> Array:
     """Return by what the errors of a claim are divided at each instant, (n, 1) or (n, k).
 
     That is the tolerance, or the standard deviation of what was measured where that is larger.
     """
-    if claim.uncertainty is None:
-        return tolerance.widened(comparand.conditioning, len(comparand))[:, None]
-    return np.maximum(claim.uncertainty, tolerance.value)
+    if candidate.uncertainty is None:
+        return tolerance.widened(evaluation.conditioning, len(evaluation))[:, None]
+    return np.maximum(candidate.uncertainty, tolerance.value)
 
 
-def measured(claims: Sequence[Claim]) -> int:
+def measured(candidates: Sequence[Candidate]) -> int:
     """Return how many quantities have standard deviations."""
-    return sum(claim.uncertainty is not None for claim in claims)
+    return sum(candidate.uncertainty is not None for candidate in candidates)
 
 
-def noise_in(claim: Claim, error: Array, phase: Array, tolerance: Tolerance, quantities: int) -> Noise | None:
+def noise_in(
+    candidate: Candidate, error: Array, phase: Array, tolerance: Tolerance, quantities: int
+) -> Noise | None:
     """Return the tests of a claim's errors (n, k) for what is not noise; None without standard deviations.
 
     Args:
-        claim: what is said.
+        candidate: what is said.
         error: of all its components.
         phase: over which systematic errors are smooth, (n,).
         tolerance: systematic error that is allowed.
         quantities: how many are tested at once.
     """
-    if claim.uncertainty is None:
+    if candidate.uncertainty is None:
         return None
-    known = (claim.uncertainty > 0.0).all(0)
+    measured_components = (candidate.uncertainty > 0.0).all(0)
     return noise_of(
-        error[:, known],
-        claim.uncertainty[:, known],
+        error[:, measured_components],
+        candidate.uncertainty[:, measured_components],
         phase,
         allowed=tolerance.value,
         quantities=quantities,
@@ -169,50 +176,54 @@ def noise_in(claim: Claim, error: Array, phase: Array, tolerance: Tolerance, qua
 
 
 def check(
-    claim: Claim, exact: Array, comparand: Comparand, tolerance: Tolerance, noise: Noise | None
+    candidate: Candidate,
+    exact: Array,
+    evaluation: EvaluationPoints,
+    tolerance: Tolerance,
+    noise: Noise | None,
 ) -> Check:
     """Return how far one claim is from what is exact, (n, k).
 
     A measured claim is as good as its noise tests and its components without standard deviation.
     """
-    error = errors(claim.named, claim.values, exact)
-    kind, subject = _compared(claim.named)
-    if noise is None or claim.uncertainty is None:
-        size = np.sqrt((error**2).sum(1))
-        return check_of(kind, subject, size, comparand.instants, tolerance, comparand.conditioning)
-    bare = error[:, ~(claim.uncertainty > 0.0).all(0)]
+    error = errors(candidate.quantity, candidate.values, exact)
+    kind, subject = _compared(candidate.quantity)
+    if noise is None or candidate.uncertainty is None:
+        length = np.sqrt((error**2).sum(1))
+        return check_of(kind, subject, length, evaluation.instants, tolerance, evaluation.conditioning)
+    bare = error[:, ~(candidate.uncertainty > 0.0).all(0)]
     if bare.size:
-        size = np.sqrt((bare**2).sum(1))
-        hard = check_of(kind, subject, size, comparand.instants, tolerance, comparand.conditioning)
+        length = np.sqrt((bare**2).sum(1))
+        hard = check_of(kind, subject, length, evaluation.instants, tolerance, evaluation.conditioning)
         if hard.fraction_of_tolerance is None or hard.fraction_of_tolerance > noise.decisive.used:
             return hard
     return Check(
         kind=kind,
         subject=subject,
-        unit=claim.named.unit,
+        unit=candidate.quantity.unit,
         worst=noise.decisive.worst * noise.deviation,
-        at=float(comparand.instants.value[noise.row]),
-        at_unit=comparand.instants.unit,
+        at=float(evaluation.instants.value[noise.row]),
+        at_unit=evaluation.instants.unit,
         rms=float(np.sqrt(np.mean(error**2))),
         tolerance=noise.decisive.limit * noise.deviation,
         reason=noise.reason,
     )
 
 
-def _compared(named: Quantity) -> tuple[str, str]:
+def _compared(quantity: Quantity) -> tuple[str, str]:
     """Return what is compared and of what, as the table of quantities has them where it knows the kind."""
-    if named.kind in ("position", "velocity", "acceleration"):
-        axes = f", {named.axes}" if len(named.axes) < 3 else ""
-        return named.kind, named.subject + axes
-    if named.kind == "torque":
-        return f"{'force' if named.unit == 'N' else 'torque'} of drive {named.subject}", ""
-    if named.kind in ("force", "moment"):
-        return named.kind, named.subject
-    if named.kind == "joint":
-        return "angle" if named.angle else "displacement", named.subject
-    if named.function is not None or named.kind == "effort":
-        return named.name, ""
-    return f"{named.kind} {named.subject}", ""
+    if quantity.kind in ("position", "velocity", "acceleration"):
+        axes = f", {quantity.axes}" if len(quantity.axes) < 3 else ""
+        return quantity.kind, quantity.subject + axes
+    if quantity.kind == "torque":
+        return f"{'force' if quantity.unit == 'N' else 'torque'} of drive {quantity.subject}", ""
+    if quantity.kind in ("force", "moment"):
+        return quantity.kind, quantity.subject
+    if quantity.kind == "joint":
+        return "angle" if quantity.angle else "displacement", quantity.subject
+    if quantity.function is not None or quantity.kind == "effort":
+        return quantity.name, ""
+    return f"{quantity.kind} {quantity.subject}", ""
 
 
 Values = Sequence[Array]
@@ -220,20 +231,20 @@ Rows = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Miss:
+class Misfit:
     """Claims that differ from what is exact.
 
     Attributes:
-        comparand: what moves, at which instants.
-        claims: what is said.
+        evaluation: what moves, at which instants.
+        candidates: what is said.
         exact: what is true, in the order of the claims, (n, k) each.
         allowed: how far each may be off.
         family: the mechanism among others with other dimensions.
         function: whether the claims come from a function, which is asked at drivers alone.
     """
 
-    comparand: Comparand
-    claims: tuple[Claim, ...]
+    evaluation: EvaluationPoints
+    candidates: tuple[Candidate, ...]
     exact: tuple[Array, ...]
     allowed: tuple[Tolerance, ...]
     family: DesignFamily
@@ -242,13 +253,13 @@ class Miss:
     @cached_property
     def bounds(self) -> tuple[Array, ...]:
         """By what errors are divided at each instant, (n, 1) or (n, k) each: bounds, standard deviations."""
-        pairs = zip(self.claims, self.allowed, strict=True)
-        return tuple(weights(claim, self.comparand, tolerance) for claim, tolerance in pairs)
+        pairs = zip(self.candidates, self.allowed, strict=True)
+        return tuple(weights(candidate, self.evaluation, tolerance) for candidate, tolerance in pairs)
 
     @property
     def noisy(self) -> bool:
         """Whether something was measured with a standard deviation."""
-        return measured(self.claims) > 0
+        return measured(self.candidates) > 0
 
     @cached_property
     def before(self) -> Array:
@@ -267,11 +278,13 @@ class Miss:
             predicted: values in the order of the claims, (n, k) each.
             rows: instants that count; None takes all.
         """
-        found = [
-            (errors(claim.named, claim.values, values) / bound)[slice(None) if rows is None else rows].ravel()
-            for claim, values, bound in zip(self.claims, predicted, self.bounds, strict=True)
+        scaled = [
+            (errors(candidate.quantity, candidate.values, values) / tolerance)[
+                slice(None) if rows is None else rows
+            ].ravel()
+            for candidate, values, tolerance in zip(self.candidates, predicted, self.bounds, strict=True)
         ]
-        return np.concatenate(found)
+        return np.concatenate(scaled)
 
     def worst(self, predicted: Values, rows: Rows | None = None) -> float:
         """Return the largest error in parts of its bound, of vectors by their length.
@@ -279,59 +292,61 @@ class Miss:
         Of what was measured it is the noise test that is nearest to its limit, or farthest beyond.
         """
         kept = slice(None) if rows is None else rows
-        found = [0.0]
-        for claim, values, bound, tolerance in zip(
-            self.claims, predicted, self.bounds, self.allowed, strict=True
+        largest = [0.0]
+        for candidate, values, weight, tolerance in zip(
+            self.candidates, predicted, self.bounds, self.allowed, strict=True
         ):
-            error = errors(claim.named, claim.values, values)[kept]
-            part = np.abs(error / bound[kept])
-            if claim.uncertainty is None:
-                found.append(float(np.sqrt((part**2).sum(1)).max(initial=0.0)))
+            error = errors(candidate.quantity, candidate.values, values)[kept]
+            scaled = np.abs(error / weight[kept])
+            if candidate.uncertainty is None:
+                largest.append(float(np.sqrt((scaled**2).sum(1)).max(initial=0.0)))
             elif len(error):
                 noise = noise_in(
-                    replace(claim, uncertainty=claim.uncertainty[kept]),
+                    replace(candidate, uncertainty=candidate.uncertainty[kept]),
                     error,
-                    self.comparand.phase[kept],
+                    self.evaluation.phase[kept],
                     tolerance,
-                    measured(self.claims),
+                    measured(self.candidates),
                 )
-                bare = part[:, ~(claim.uncertainty > 0.0).all(0)]
-                found.append(0.0 if noise is None else noise.decisive.used)
-                found.append(float(bare.max(initial=0.0)))
-        return max(found)
+                bare = scaled[:, ~(candidate.uncertainty > 0.0).all(0)]
+                largest.append(0.0 if noise is None else noise.decisive.used)
+                largest.append(float(bare.max(initial=0.0)))
+        return max(largest)
 
-    def explained(self, left: float, before: float, worst: float) -> float:
+    def explained(self, remaining: float, before: float, worst: float) -> float:
         """Return the part of a difference that is gone, 0 to 1; what noise leaves does not count.
 
         Args:
-            left: root mean square of the errors that are left, in parts of their bounds.
+            remaining: root mean square of the errors that are left, in parts of their bounds.
             before: that of the difference.
             worst: the largest error that is left, as `worst` has it.
         """
         if self.noisy and worst <= 1.0:
             return 1.0
-        beyond = [np.sqrt(max(0.0, one**2 - self._noise)) for one in (left, before)]
+        beyond = [np.sqrt(max(0.0, square**2 - self._noise)) for square in (remaining, before)]
         if beyond[1] > 0.0:
-            left, before = beyond
-        return max(0.0, 1.0 - left / before)
+            remaining, before = beyond
+        return max(0.0, 1.0 - remaining / before)
 
     @cached_property
     def _noise(self) -> float:
         """The mean square that noise alone has, in parts of bounds."""
-        known = [
-            np.zeros(1) if claim.uncertainty is None else claim.uncertainty / bound
-            for claim, bound in zip(self.claims, self.bounds, strict=True)
+        variances = [
+            np.zeros(1) if candidate.uncertainty is None else candidate.uncertainty / weight
+            for candidate, weight in zip(self.candidates, self.bounds, strict=True)
         ]
-        sizes = [claim.values.size for claim in self.claims]
-        return float(sum(n * np.mean(one**2) for n, one in zip(sizes, known, strict=True)) / sum(sizes))
+        sizes = [candidate.values.size for candidate in self.candidates]
+        return float(
+            sum(n * np.mean(ratio**2) for n, ratio in zip(sizes, variances, strict=True)) / sum(sizes)
+        )
 
-    def predicted(self, comparand: Comparand) -> Values:
+    def predicted(self, evaluation: EvaluationPoints) -> Values:
         """Return what would be true of something else that moves.
 
         Raises:
             AssemblyError: where its loops do not close.
         """
-        return comparand.all([claim.named for claim in self.claims])
+        return evaluation.all([candidate.quantity for candidate in self.candidates])
 
 
 def rms(values: Array) -> float:
