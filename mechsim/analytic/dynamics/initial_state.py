@@ -1,0 +1,127 @@
+"""Initial configuration and velocity of a mechanism from values of any of its joint coordinates."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
+from mechsim.analytic.loops.numerical_rank import RANK_TOLERANCE
+from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.errors import AssemblyError, InputError
+from mechsim.numerics.arrays import Array
+
+# longest step of a coordinate towards its initial value, in [rad] or sizes of the mechanism: the linear model
+# of the loops is good for several times that
+STEP = 0.05
+# corrections of a step, and the residual in units of the size that counts as closed
+CORRECTIONS, CLOSED = 8, 1e-13
+# velocities that miss their requested value by more than this fraction contradict the loops
+CONSISTENT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class InitialValues:
+    """Requested coordinates in [m] or [rad], and rates per second, by coordinate name."""
+
+    coordinates: Mapping[str, float]
+    rates: Mapping[str, float]
+
+
+def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[Coordinates, Array]:
+    """Return coordinates and rates in units, (count, 1), that satisfy the loops and the requested values.
+
+    Coordinates move to their values in short steps from the assembled configuration, so that the assembly
+    stays. Coordinates that the values and the loops leave open move least; rates likewise.
+
+    Raises:
+        AssemblyError: where the loops do not close at the values.
+        InputError: for values that contradict one another or the loops.
+    """
+    q = _moved(equations, values.coordinates)
+    return q, _rates(equations, q, values.rates)
+
+
+def projected(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> tuple[Coordinates, Array]:
+    """Return the closed configuration and the consistent rates nearest to given ones.
+
+    Raises:
+        AssemblyError: where Newton's method does not close the loops.
+    """
+    q = _closed(equations, q, [], np.zeros(0))
+    jacobian = equations.kinematics(q, rates).jacobian[0]
+    rates = rates.copy()
+    free = rates[equations.free, 0]
+    rates[equations.free, 0] = free - np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ (jacobian @ free)
+    return q, rates
+
+
+def _moved(equations: EquationsOfMotion, coordinates: Mapping[str, float]) -> Coordinates:
+    indices = [_index(equations, name) for name in coordinates]
+    units = equations.loops.units[indices]
+    target = np.array([*coordinates.values()]) / units
+    q = equations.start
+    begin = q.values[indices, 0] / units
+    steps = max(1, int(np.ceil(np.abs(target - begin).max(initial=0.0) / STEP)))
+    for k in range(1, steps + 1):
+        q = _closed(equations, q, indices, begin + (target - begin) * (k / steps))
+    return q
+
+
+def _closed(equations: EquationsOfMotion, q: Coordinates, indices: list[int], values: Array) -> Coordinates:
+    """Return coordinates with closed loops and some at given values in units, by least steps."""
+    loops, free = equations.loops, equations.free
+    previous = np.inf
+    gap = np.inf
+    for _ in range(CORRECTIONS):
+        residual, jacobian, _ = loops.linearise(q)
+        offset = q.values[indices, 0] / loops.units[indices] - values
+        rows = np.concatenate([jacobian[:, :, 0], np.eye(loops.tree.count)[indices]])
+        gaps = np.concatenate([residual[:, 0], offset])
+        gap = float(np.abs(gaps).max(initial=0.0))
+        if gap <= CLOSED and gap >= 0.25 * previous:
+            break
+        previous = gap
+        step = np.zeros((loops.tree.count, 1))
+        step[free, 0] = -np.linalg.pinv(rows[:, free], rcond=RANK_TOLERANCE) @ gaps
+        q = loops.displaced(q, step)
+    if not gap <= 100.0 * CLOSED:
+        name = equations.machine.mechanism.name
+        raise AssemblyError(
+            f"{name}: the loops do not close at the initial values (a gap of {gap:.3g} of the longest link is "
+            "left); give values within the range of motion, of no more coordinates than it has degrees of freedom"
+        )
+    return q
+
+
+def _rates(equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, float]) -> Array:
+    loops, free = equations.loops, equations.free
+    indices = [_index(equations, name) for name in rates]
+    requested = np.array([*rates.values()]) / loops.units[indices]
+    rows = np.concatenate([loops.linearise(q)[1][:, :, 0], np.eye(loops.tree.count)[indices]])[:, free]
+    right = np.concatenate([np.zeros(loops.rows), requested])
+    result = np.zeros((loops.tree.count, 1))
+    result[free, 0] = np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ right
+    missed = np.abs(rows @ result[free, 0] - right).max(initial=0.0)
+    if missed > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
+        raise InputError(
+            f"{equations.machine.mechanism.name}: the initial rates of {', '.join(rates)} contradict the loops; "
+            "give those of independent coordinates only"
+        )
+    return result
+
+
+def _index(equations: EquationsOfMotion, name: str) -> int:
+    known = equations.loops.tree.index_of
+    mechanism = equations.machine.mechanism
+    if name in known and name not in mechanism.locked:
+        return known[name]
+    if name in mechanism.locked:
+        raise InputError(f"{mechanism.name}: joint {name!r} is locked; leave its initial value out")
+    names = ", ".join(coordinate for joint in mechanism.joints for coordinate in joint.coordinates)
+    if name in names.split(", "):
+        raise InputError(
+            f"{mechanism.name}: {name!r} and the other coordinates with initial values close a loop among "
+            "themselves; leave one of them out"
+        )
+    raise InputError(f"{mechanism.name} has no joint coordinate {name!r}; it has {names}")
