@@ -1,8 +1,11 @@
 """Dynamics of any mechanism with one crank, from its closed form or its loop equations. No simulator."""
 
 from mechsim.analytic.dynamics.dynamic_model import Machine, machine
+from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
+from mechsim.analytic.dynamics.equilibria import Equilibrium, equilibria, holding, modes, response
 from mechsim.analytic.dynamics.flywheel import fluctuation, flywheel_for
 from mechsim.analytic.dynamics.free_motion import free_run
+from mechsim.analytic.dynamics.linearization import Mode
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, reduced
@@ -10,16 +13,24 @@ from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
 
 __all__ = [
     "Balance",
+    "DynamicRun",
+    "Equilibrium",
     "Fluctuation",
     "FreeRun",
     "InverseDynamics",
     "Machine",
+    "Mode",
     "Reaction",
     "Reduced",
+    "equilibria",
     "fluctuation",
     "flywheel_for",
     "free_run",
+    "holding",
     "machine",
+    "modes",
     "prescribed",
     "reduced",
+    "response",
+    "run",
 ]

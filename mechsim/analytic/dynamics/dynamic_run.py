@@ -8,19 +8,23 @@ import numpy as np
 
 from mechsim import units
 from mechsim.analytic.dynamics.dynamic_model import machine
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
-from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory, stops_of
+from mechsim.analytic.dynamics.equations_of_motion import (
+    Dynamics,
+    EquationsOfMotion,
+    Kinematics,
+    equations_of_motion,
+)
+from mechsim.analytic.dynamics.forward_dynamics import Integration, StateLayout, Trajectory, stops_of
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
-from mechsim.analytic.loops.joint_motion import joint_motions, point_on
-from mechsim.analytic.loops.tree_motion import Coordinates, twists
+from mechsim.analytic.loops.kinematics import Coordinates, twists
+from mechsim.analytic.loops.record import joint_motions, point_on
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
-from mechsim.model.display import short_repr
+from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
-from mechsim.model.motion import JointMotion, LinkMotion, Motion
-from mechsim.model.outcome import Outcome
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, short_repr
 from mechsim.numerics.arrays import Array
 
 # relative error of a step: at 1e-12 and larger, steps with an accidentally vanishing estimate are too long
@@ -118,7 +122,7 @@ def run(
         >>> run = ms.dynamics.run("four_bar", initial={"A.q": "30deg"}, duration="2s")  # doctest: +SKIP
     """
     model = machine(source, forces)
-    values = _initial_values(model.mechanism, initial or {})
+    values = initial_values(model.mechanism, initial or {})
     end = _positive(units.si(duration, "s", "the duration"), "duration", "s")
     if not samples >= 1:
         raise InputError(f"samples of a run are {samples}; give at least 1")
@@ -144,24 +148,29 @@ def run(
 
 def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
     """Return a trajectory at instants (n,) in [s], each projected onto the loops."""
-    from mechsim.analytic.dynamics.forward_dynamics import StateLayout
-
     layout = StateLayout(equations)
-    rows: list[tuple[Coordinates, Array, Array, float, float, float, float]] = []
+    states: list[Kinematics] = []
+    results: list[Dynamics] = []
+    energies: list[tuple[float, float]] = []
     ends = np.array([piece.last for piece in trajectory.pieces])
     for time in times.tolist():
         piece = trajectory.pieces[min(int(np.searchsorted(ends, time)), len(ends) - 1)]
         q, rates, work, lost = layout.unpack(piece.solution(time))
-        q, rates = projected(equations, q, rates)
-        state = equations.kinematics(q, rates)
+        state = equations.kinematics(*projected(equations, q, rates))
         mode = piece.mode
-        dynamics = equations.accelerate(state, np.array([time]), mode.sliding, mode.stuck, piece.held)
-        rows.append((q, rates, dynamics.acceleration, work, lost, dynamics.kinetic[0], dynamics.potential[0]))
+        dynamics = equations.accelerate(state, np.array([time]), mode.sliding, mode.stuck, piece.contacts)
+        states.append(state)
+        results.append(dynamics)
+        energies.append((work, lost))
     q = Coordinates(
-        np.concatenate([row[0].values for row in rows], 1), np.concatenate([row[0].turns for row in rows], -1)
+        np.concatenate([state.q.values for state in states], 1),
+        np.concatenate([state.q.turns for state in states], -1),
     )
-    rates, accelerations = (np.concatenate([row[k] for row in rows], 1) for k in (1, 2))
-    work, lost, kinetic, potential = (np.array([row[k] for row in rows]) for k in (3, 4, 5, 6))
+    rates = np.concatenate([state.rates for state in states], 1)
+    accelerations = np.concatenate([dynamics.acceleration for dynamics in results], 1)
+    kinetic = np.concatenate([dynamics.kinetic for dynamics in results])
+    potential = np.concatenate([dynamics.potential for dynamics in results])
+    work, lost = np.array(energies).T
     return DynamicRun(
         motion=motion_of(equations, equations.kinematics(q, rates), accelerations, times),
         kinetic=kinetic,
@@ -258,13 +267,13 @@ def parse_event(mechanism: Any, text: str) -> Event:
     """
     quantity, sign, value = text.partition("=")
     name, _, component = quantity.strip().rpartition(".")
-    coordinates = [known for joint in mechanism.joints for known in joint.coordinates]
+    coordinates = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
     joint = name in coordinates and component in ("q", "v")
     point = name in mechanism.points and component in ("x", "y", "z", "vx", "vy", "vz")
     if not sign or not (joint or point):
         raise InputError(
-            f"event {text!r} is not QUANTITY=VALUE; give a joint's J.q or J.v ({', '.join(coordinates)}) or a "
-            f"point's P.x or P.vx ({', '.join(mechanism.points)}), as in {coordinates[0]}.q=90deg"
+            f"event {text!r} is not QUANTITY=VALUE; give J.q or J.v of a joint ({', '.join(coordinates)}) or "
+            f"P.x or P.vx of a point ({', '.join(mechanism.points)}), as in {coordinates[0]}.q=90deg"
         )
     if point and mechanism.points[name][0] == GROUND:
         raise InputError(f"event {text!r} names a point of the frame, which does not move")
@@ -276,15 +285,20 @@ def parse_event(mechanism: Any, text: str) -> Event:
     )
 
 
-def _initial_values(mechanism: Any, initial: Mapping[str, float | str]) -> InitialValues:
+def initial_values(mechanism: Any, initial: Mapping[str, float | str]) -> InitialValues:
+    """Return initial values in SI from `J.q` and `J.v`.
+
+    Raises:
+        InputError: for a name that the mechanism does not have, or a value that is not a finite number.
+    """
     coordinates, rates = dict[str, float](), dict[str, float]()
     for quantity, value in initial.items():
         name, _, component = quantity.rpartition(".")
-        known = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
-        if component not in ("q", "v") or name not in known:
+        names = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
+        if component not in ("q", "v") or name not in names:
             raise InputError(
-                f"initial value {quantity!r} is not J.q or J.v of a joint coordinate of {mechanism.name}; it has "
-                f"{', '.join(known)}"
+                f"initial value {quantity!r} is not J.q or J.v of a joint of {mechanism.name}; it has "
+                f"{', '.join(names)}"
             )
         unit = mechanism.unit(name) + ("/s" if component == "v" else "")
         number = units.si(value, unit, f"initial value {quantity}")  # pyright: ignore[reportArgumentType]

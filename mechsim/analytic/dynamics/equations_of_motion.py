@@ -14,17 +14,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.applied_forces import add_efforts, applied, dry_sizes, loads
+from mechsim.analytic.dynamics.applied_forces import add_efforts, applied, loads
 from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.loops.numerical_rank import significant
-from mechsim.analytic.loops.tree_assembly import assembled
-from mechsim.analytic.loops.tree_loops import TreeLoops
-from mechsim.analytic.loops.tree_motion import Coordinates, LinkPoses, twists, velocity_products
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
+from mechsim.analytic.loops.start import assembled
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import significant
 
 # step of the central difference for the rate of a friction direction, in units of the coordinates; its error
 # is about 1e-10 of the rate
@@ -37,7 +37,7 @@ class DryFriction:
 
     joint: Joint
     coordinate: int
-    size: float
+    magnitude: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,15 +122,13 @@ class EquationsOfMotion:
     @cached_property
     def frictions(self) -> tuple[DryFriction, ...]:
         """Every Coulomb friction above zero."""
-        found: list[DryFriction] = []
+        frictions: list[DryFriction] = []
         for friction in self.machine.forces.friction:
             joint = self.machine.mechanism.joint(friction.joint)
-            sizes = [size for _, size in friction.sizes(KINDS[joint.kind])]
-            found += [DryFriction(joint, i, size) for i, size in enumerate(sizes) if size]
-        assert len(found) == sum(
-            len(dry_sizes(self.machine.mechanism.joint(f.joint), f)) for f in self.machine.forces.friction
-        )
-        return tuple(found)
+            for i, (_, magnitude) in enumerate(friction.sizes(KINDS[joint.kind])):
+                if magnitude:
+                    frictions.append(DryFriction(joint, i, magnitude))
+        return tuple(frictions)
 
     @cached_property
     def _inertias(self) -> tuple[Array, Array, Array]:
@@ -178,7 +176,7 @@ class EquationsOfMotion:
         directions = self._friction_directions(unit, jacobians)
         rubbing = np.zeros_like(on_crank)
         for friction, direction, sign in zip(self.frictions, directions, sliding, strict=True):
-            rubbing -= friction.size * sign * direction
+            rubbing -= friction.magnitude * sign * direction
         force = (
             self._generalised(unit, jacobians, wrenches, self._inertial(state, inertia)) + on_crank + rubbing
         )
@@ -206,20 +204,24 @@ class EquationsOfMotion:
         Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), section 5.4
         (Newton's law of impact).
         """
-        mass = self._mass(self._link_jacobians(state), self._spatial_inertias(self._unit_motion(state)))
+        mass = self.mass(state)
         before = state.rates[self.free].T
         rows, _ = self._rows(state, np.zeros((len(self.frictions), 1, len(self.free))), (), hit)
-        wanted = np.concatenate([np.zeros_like(state.gamma), -restitution * state.rates[list(hit)].T], 1)
+        target = np.concatenate([np.zeros_like(state.gamma), -restitution * state.rates[list(hit)].T], 1)
         force = (mass @ before[..., None])[..., 0]
         after = np.zeros_like(state.rates)
-        after[self.free] = constrained_acceleration(mass, force, rows, -wanted)[0].T
+        after[self.free] = constrained_acceleration(mass, force, rows, -target)[0].T
         return after
 
     def kinetic_energy(self, state: Kinematics, rates: Array) -> float:
         """Return the kinetic energy of one state at other rates, (count, 1), in [J]."""
-        mass = self._mass(self._link_jacobians(state), self._spatial_inertias(self._unit_motion(state)))[0]
+        mass = self.mass(state)[0]
         free = rates[self.free, 0]
         return float(0.5 * free @ mass @ free)
+
+    def mass(self, state: Kinematics) -> Array:
+        """Return the mass matrix of the free coordinates in units, (n, free, free), with the flywheel."""
+        return self._mass(self._link_jacobians(state), self._spatial_inertias(self._unit_motion(state)))
 
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""
@@ -235,7 +237,7 @@ class EquationsOfMotion:
     def _rows(
         self, state: Kinematics, directions: Array, stuck: Sequence[int], contacts: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the Jacobian (n, rows, free) and velocity products of loops, sticking frictions and stops."""
+        """Return Jacobian (n, rows, free) and velocity products of loops, sticking frictions and stops."""
         rows, gamma, n = state.jacobian, state.gamma, len(state.q)
         if len(stuck):
             rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
@@ -247,7 +249,7 @@ class EquationsOfMotion:
         return rows, gamma
 
     def _mass(self, jacobians: Array, inertia: Array) -> Array:
-        """Return the mass matrix of the free coordinates in units, (n, free, free), with the flywheel."""
+        """Return the mass matrix from link Jacobians and spatial inertias."""
         n, columns = len(jacobians), jacobians.shape[-1]
         momentum = (inertia @ jacobians).reshape(n, -1, columns)
         mass = jacobians.reshape(n, -1, columns).transpose(0, 2, 1) @ momentum
@@ -263,7 +265,7 @@ class EquationsOfMotion:
         return int(significant(np.linalg.svd(jacobian, compute_uv=False)).sum()) if jacobian.size else 0
 
     def conditioning(self, state: Kinematics) -> float:
-        """Return the smallest singular value of one state's loop constraints up to their rank; 1 without loops."""
+        """Return the smallest singular value of one state's loop constraints; 1 without loops."""
         if not self.rank:
             return 1.0
         return float(np.linalg.svd(state.jacobian[0], compute_uv=False)[self.rank - 1])
@@ -287,7 +289,7 @@ class EquationsOfMotion:
         )
 
     def _link_jacobians(self, state: Kinematics) -> Array:
-        """Return each link's twist at the ground's origin by the free coordinates in units, (n, L, 6, free)."""
+        """Return each link's Jacobian at the ground's origin by the free coordinates, (n, L, 6, free)."""
         moved = self.loops.tree.moved_by[self.links][:, self.free]
         scaled = state.poses.unit_twists[self.free] * self.loops.units[self.free, None, None]
         return moved[None, :, None, :] * scaled.transpose(2, 1, 0)[:, None]
@@ -305,7 +307,7 @@ class EquationsOfMotion:
         return inertia
 
     def _inertial(self, state: Kinematics, inertia: Array) -> Array:
-        """Return the inertial wrenches at zero coordinate accelerations, at the ground's origin, (n, L, 6)."""
+        """Return the inertial wrenches at zero accelerations, at the ground's origin, (n, L, 6)."""
         twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
         momentum, wrench = ((inertia @ value[..., None])[..., 0] for value in (twist, bias))
         linear, angular = twist[..., :3], twist[..., 3:]
@@ -337,14 +339,14 @@ class EquationsOfMotion:
         return total
 
     def _friction_directions(self, unit: UnitMotion, jacobians: Array) -> Array:
-        """Return the generalised force of a unit effort along each friction's coordinate, (frictions, n, free)."""
+        """Return the generalised force of a unit effort of each friction, (frictions, n, free)."""
         n, columns = len(unit), jacobians.shape[-1]
         directions = np.zeros((len(self.frictions), n, columns))
         for row, friction in zip(directions, self.frictions, strict=True):
-            efforts = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
-            efforts += [np.zeros(n)] * len(friction.joint.coordinates)
+            unit_efforts = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
+            unit_efforts += [np.zeros(n)] * len(friction.joint.coordinates)
             stack = np.zeros_like(unit.twist)
-            add_efforts(unit, stack, friction.joint, efforts)
+            add_efforts(unit, stack, friction.joint, unit_efforts)
             row[:] = self._generalised(unit, jacobians, stack)
         return directions
 
@@ -372,20 +374,22 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
         Accelerations, (n, k), and the multipliers of least norm, (n, m).
     """
     if not rows.shape[1]:
-        return np.linalg.solve(mass, force[..., None])[..., 0], np.zeros_like(gamma)
-    left, values, right = np.linalg.svd(rows, full_matrices=False)
+        unconstrained: Array = np.asarray(np.linalg.solve(mass, force[..., None])[..., 0])
+        return unconstrained, np.zeros_like(gamma)
+    u, values, vh = np.linalg.svd(rows, full_matrices=False)
     kept = significant(values)
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
-    basis = right * kept[..., None]
-    along = np.swapaxes(right, 1, 2) * inverse[:, None]
-    particular = -(along @ (np.swapaxes(left, 1, 2) @ gamma[..., None]))
+    basis = vh * kept[..., None]
+    along = np.swapaxes(vh, 1, 2) * inverse[:, None]
+    particular = -(along @ (np.swapaxes(u, 1, 2) @ gamma[..., None]))
     projector = np.eye(mass.shape[1]) - np.swapaxes(basis, 1, 2) @ basis
     scale = np.trace(mass, axis1=1, axis2=2)[:, None, None] / mass.shape[1]
     reduced = projector @ mass @ projector + scale * (np.eye(mass.shape[1]) - projector)
     free = np.linalg.solve(reduced, projector @ (force[..., None] - mass @ particular))
     acceleration = projector @ free + particular
-    multipliers = left @ (inverse[..., None] * (right @ (mass @ acceleration - force[..., None])))
-    return acceleration[..., 0], multipliers[..., 0]
+    multipliers = u @ (inverse[..., None] * (vh @ (mass @ acceleration - force[..., None])))
+    result: Array = np.asarray(acceleration[..., 0])
+    return result, multipliers[..., 0]
 
 
 def equations_of_motion(

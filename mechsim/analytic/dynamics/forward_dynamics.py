@@ -1,10 +1,10 @@
 """Forward dynamics of any mechanism: its motion in time from an initial state under forces.
 
-The equations of motion are integrated by an explicit Runge-Kutta method of order 8 with dense output (DOP853).
+An explicit Runge-Kutta method of order 8 with dense output (DOP853) integrates the equations of motion.
 After every step the state is projected onto the loop constraints, so that they do not drift. Coulomb friction
 sticks and slides; stops of joints are hit with a coefficient of restitution. Events end a step exactly.
 
-Source: E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I (1993), section II.5;
+Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.5;
 E. Eich, Convergence results for a coordinate projection method applied to mechanical systems with algebraic
 constraints, SIAM Journal on Numerical Analysis 30 (1993) 1467-1482.
 """
@@ -17,10 +17,10 @@ import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
 from mechsim.analytic.dynamics.initial_state import projected
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import AssemblyError
-from mechsim.model.outcome import Outcome
+from mechsim.model.finding import Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 
@@ -39,8 +39,8 @@ BALANCED = 1e-9
 SAMPLES = 6
 
 # a configuration whose constraint Jacobian has a smallest singular value below this fraction of that at the
-# start is too near a singular one: accelerations lose eight digits there. It is crossed by extrapolation, whose
-# error is of order eight in the time it takes (validation/published/forward_dynamics.py, problem A02)
+# start is too near a singular one: accelerations lose digits there. Extrapolation crosses it; its error is of
+# order eight in the time it takes (validation/published/forward_dynamics.py, problem A02)
 SINGULAR = 1e-2
 # rates are not scaled to balance energy where the kinetic energy is below this fraction of the largest
 SLOW = 1e-2
@@ -73,13 +73,13 @@ class Mode:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A smooth piece of the solution: its instants and dense output, the mode, and coordinates held by stops."""
+    """A smooth piece of the solution: instants, dense output, mode, and coordinates contacts by stops."""
 
     first: float
     last: float
     solution: Callable[[float], Array]
     mode: Mode
-    held: list[int]
+    contacts: list[int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +151,12 @@ class Integration:
             self._choose_mode()
             while self.time < duration:
                 solver = DOP853(
-                    self._derivative, self.time, self.state, duration, rtol=self.tolerance, atol=self._atol()
+                    self._derivative,
+                    self.time,
+                    self.state,
+                    duration,
+                    rtol=self.tolerance,
+                    atol=self._atol(),  # pyright: ignore[reportArgumentType]
                 )
                 ended = self._smooth_motion(solver, until)
                 if ended is not None:
@@ -172,7 +177,7 @@ class Integration:
             self.steps += 1
             if self.blocked and self._cross():
                 return None
-            if solver.status == "failed" or not np.isfinite(solver.y).all():
+            if not np.isfinite(solver.y).all():
                 return "diverged", f"the integrator found no step at {self.time:.6g} s ({message})"
             if self.steps > MOST_STEPS:
                 return (
@@ -183,7 +188,7 @@ class Integration:
             before, after = self.time, float(solver.t)
             event = self._first_event(dense, before, after, until)
             last = after if event is None else event[0]
-            self.pieces.append(Piece(before, last, dense, self.mode, self._held()))
+            self.pieces.append(Piece(before, last, dense, self.mode, self._contact_indices()))
             self.time = last
             q, rates, work, lost = self.layout.unpack(solver.y if event is None else dense(last))
             q, rates = projected(self.equations, q, rates)
@@ -225,10 +230,10 @@ class Integration:
         return self.equations.kinematics(q, rates)
 
     def _accelerate(self, state: Kinematics, time: float, mode: Mode) -> Dynamics:
-        held = [self.stops[i].index for i in mode.contacts]
-        return self.equations.accelerate(state, np.array([time]), mode.sliding, mode.stuck, held)
+        contacts = [self.stops[i].index for i in mode.contacts]
+        return self.equations.accelerate(state, np.array([time]), mode.sliding, mode.stuck, contacts)
 
-    def _held(self) -> list[int]:
+    def _contact_indices(self) -> list[int]:
         return [self.stops[i].index for i in self.mode.contacts]
 
     def _derivative(self, time: float, state: Array) -> Array:
@@ -243,21 +248,21 @@ class Integration:
         return self.layout.derivative(state, kinematics, dynamics)
 
     def _cross(self) -> bool:
-        """Cross a singular configuration by extrapolating the last step; False where it is not near enough."""
+        """Cross a singular configuration by extrapolating the last step; False where none is near."""
         if not self.pieces:
             return False
         piece = self.pieces[-1]
-        near = self.equations.conditioning(self._kinematics(self.state))
+        conditioning = self.equations.conditioning(self._kinematics(self.state))
         before = self.equations.conditioning(self._kinematics(piece.solution(piece.first)))
-        if near > CLOSE * self.nearest or not before > near:
+        if conditioning > CLOSE * self.nearest or not before > conditioning:
             return False
-        distance = 2.0 * (piece.last - piece.first) * near / (before - near)
+        distance = 2.0 * (piece.last - piece.first) * conditioning / (before - conditioning)
         for _ in range(CROSSINGS):
             time = self.time + distance
             q, rates, work, lost = self.layout.unpack(piece.solution(time))
-            if self.equations.conditioning(self.equations.kinematics(q, rates)) > near:
+            if self.equations.conditioning(self.equations.kinematics(q, rates)) > conditioning:
                 q, rates = projected(self.equations, q, rates)
-                self.pieces.append(Piece(self.time, time, piece.solution, self.mode, self._held()))
+                self.pieces.append(Piece(self.time, time, piece.solution, self.mode, self._contact_indices()))
                 self.time, self.state = time, self.layout.pack(q, rates, work, lost)
                 return True
             distance *= 1.5
@@ -322,8 +327,8 @@ class Integration:
 
     def _reserve(self, dynamics: Dynamics, index: int) -> float:
         """Return by how much a sticking friction exceeds what it must hold, in [N m] or [N]."""
-        size = self.equations.frictions[index].size
-        return size * (1.0 + BALANCED) - abs(float(dynamics.holding[index, 0]))
+        magnitude = self.equations.frictions[index].magnitude
+        return magnitude * (1.0 + BALANCED) - abs(float(dynamics.holding[index, 0]))
 
     def _pressing(self, dynamics: Dynamics, index: int) -> float:
         """Return the force with which a stop is pressed; negative where the joint would have to be pulled."""
@@ -367,9 +372,8 @@ class Integration:
         for _ in range(MOST_CHANGES):
             dynamics = self._accelerate(state, self.time, mode)
             self.mode = mode
-            loads = {
-                i: abs(float(dynamics.holding[i, 0])) / self.equations.frictions[i].size for i in mode.stuck
-            }
+            sizes = [friction.magnitude for friction in self.equations.frictions]
+            loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
             pulled = [i for i in mode.contacts if self._pressing(dynamics, i) < 0.0]
             if slipping is not None and loads[slipping] > 1.0 + BALANCED:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
-from mechsim.analytic.loops.numerical_rank import RANK_TOLERANCE
-from mechsim.analytic.loops.tree_motion import Coordinates
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE
 
 # longest step of a coordinate towards its initial value, in [rad] or sizes of the mechanism: the linear model
 # of the loops is good for several times that
@@ -88,8 +88,8 @@ def _closed(equations: EquationsOfMotion, q: Coordinates, indices: list[int], va
     if not gap <= 100.0 * CLOSED:
         name = equations.machine.mechanism.name
         raise AssemblyError(
-            f"{name}: the loops do not close at the initial values (a gap of {gap:.3g} of the longest link is "
-            "left); give values within the range of motion, of no more coordinates than it has degrees of freedom"
+            f"{name}: the loops do not close at the initial values (a gap of {gap:.3g} of the longest link "
+            "is left); give values within the range of motion, of independent coordinates only"
         )
     return q
 
@@ -102,20 +102,20 @@ def _rates(equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, flo
     right = np.concatenate([np.zeros(loops.rows), requested])
     result = np.zeros((loops.tree.count, 1))
     result[free, 0] = np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ right
-    missed = np.abs(rows @ result[free, 0] - right).max(initial=0.0)
-    if missed > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
+    violation = np.abs(rows @ result[free, 0] - right).max(initial=0.0)
+    if violation > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
         raise InputError(
-            f"{equations.machine.mechanism.name}: the initial rates of {', '.join(rates)} contradict the loops; "
-            "give those of independent coordinates only"
+            f"{equations.machine.mechanism.name}: the initial rates of {', '.join(rates)} contradict the "
+            "loops; give those of independent coordinates only"
         )
     return result
 
 
 def _index(equations: EquationsOfMotion, name: str) -> int:
-    known = equations.loops.tree.index_of
+    index_of = equations.loops.tree.index_of
     mechanism = equations.machine.mechanism
-    if name in known and name not in mechanism.locked:
-        return known[name]
+    if name in index_of and name not in mechanism.locked:
+        return index_of[name]
     if name in mechanism.locked:
         raise InputError(f"{mechanism.name}: joint {name!r} is locked; leave its initial value out")
     names = ", ".join(coordinate for joint in mechanism.joints for coordinate in joint.coordinates)

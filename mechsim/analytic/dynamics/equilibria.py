@@ -1,0 +1,286 @@
+"""Statics of any mechanism: equilibria under its loads, and the efforts that hold a configuration."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.analytic.dynamics.dynamic_model import machine
+from mechsim.analytic.dynamics.dynamic_run import initial_values, parse_event
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
+from mechsim.analytic.dynamics.initial_state import initial_state, projected
+from mechsim.analytic.dynamics.linearization import (
+    LinearModel,
+    Mode,
+    Quantity,
+    displaced,
+    linear_model,
+    null_space,
+)
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.forces import Forces
+from mechsim.numerics.angles import TURN
+from mechsim.numerics.arrays import Array
+
+# searches from configurations reached by a random walk along the motion of the mechanism
+STARTS = 40
+# length of a step of that random walk, in [rad] or sizes of the mechanism
+RANDOM_STEP = 0.7
+# Newton steps from each start, and the longest
+NEWTON_STEPS, MAX_STEP = 60, 0.3
+# a step this short has converged
+CONVERGED = 1e-12
+# of the largest acceleration on the way: what is left at an equilibrium
+BALANCED = 1e-8
+# two equilibria whose coordinates differ by less are one, in [rad] or sizes
+SAME_EQUILIBRIUM = 1e-6
+# step of the central difference for Newton's method
+STEP = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibrium:
+    """A configuration at rest under the loads.
+
+    Attributes:
+        q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi].
+        stable: whether small motions about it do not grow.
+        potential: of gravity and springs, in [J].
+        modes: of small vibrations about it.
+        linear: the linear model about it.
+    """
+
+    q: Mapping[str, float]
+    stable: bool
+    potential: float
+    modes: tuple[Mode, ...]
+    linear: LinearModel
+
+
+def equilibria(
+    source: Any,
+    forces: Forces | None = None,
+    *,
+    initial: Mapping[str, float | str] | None = None,
+    starts: int = STARTS,
+    seed: int = 0,
+) -> tuple[Equilibrium, ...]:
+    """Return the equilibria found from a random walk along the mechanism's motion, by rising potential.
+
+    Newton's method starts at the initial configuration and at `starts` others in the same assembly. Coulomb
+    friction is left out; loads over time act as at time zero.
+
+    Args:
+        source: a mechanism, or what has one.
+        forces: what acts; None takes the forces of the source.
+        initial: coordinates `J.q` of the initial configuration.
+        starts: number of random starts; 0 searches from the initial configuration only.
+        seed: of the random walk.
+
+    Raises:
+        InputError: for values that cannot be used.
+        AssemblyError: where the loops do not close at the initial values.
+
+    Accuracy: coordinates to about 1e-11 at a regular equilibrium.
+    """
+    equations, q = _prepared(source, forces, initial or {})
+    if starts < 0:
+        raise InputError(f"starts of the search are {starts}; give 0 or more")
+    random = np.random.default_rng(seed)
+    solutions: list[Equilibrium] = []
+    for number in range(starts + 1):
+        if number:
+            q = _random_step(equations, q, random)
+        for downhill in (False, True):
+            solution = _newton(equations, q, downhill=downhill)
+            if solution is None:
+                continue
+            equilibrium = _described(equations, solution)
+            if not any(_same(equations, equilibrium.q, other.q) for other in solutions):
+                solutions.append(equilibrium)
+    return tuple(sorted(solutions, key=lambda equilibrium: equilibrium.potential))
+
+
+def modes(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
+) -> tuple[Mode, ...]:
+    """Return the modes of small vibrations about the equilibrium nearest to the initial configuration.
+
+    Raises:
+        AssemblyError: where Newton's method finds no equilibrium.
+
+    Accuracy: frequencies to about 1e-11 of their value at a regular equilibrium.
+    """
+    return nearest_equilibrium(source, forces, initial=initial).modes
+
+
+def nearest_equilibrium(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
+) -> Equilibrium:
+    """Return the equilibrium that Newton's method reaches from the initial configuration.
+
+    Raises:
+        AssemblyError: where it reaches none.
+    """
+    equations, q = _prepared(source, forces, initial or {})
+    solution = _newton(equations, q)
+    if solution is None:
+        raise AssemblyError(
+            f"{equations.machine.mechanism.name}: no equilibrium is found from the initial configuration; "
+            "give another one (--initial J.q=VALUE), or search with --statics"
+        )
+    return _described(equations, solution)
+
+
+def response(
+    source: Any,
+    load: str,
+    output: str,
+    frequencies: ArrayLike,
+    forces: Forces | None = None,
+    *,
+    initial: Mapping[str, float | str] | None = None,
+) -> NDArray[np.complex128]:
+    """Return the frequency response from a unit load to a quantity about the nearest equilibrium, (n,).
+
+    Args:
+        source: a mechanism, or what has one.
+        load: where the load acts: a joint coordinate "J" (torque or force in the joint) or a component
+            "P.x" of a point (force on it in that direction).
+        output: the quantity that responds, named likewise.
+        frequencies: (n,) in [Hz].
+        forces: what acts besides; None takes the forces of the source.
+        initial: coordinates `J.q` near the equilibrium.
+
+    Returns:
+        Output in [m] or [rad] per [N] or [N m].
+
+    Raises:
+        InputError: for a name that the mechanism does not have.
+        AssemblyError: where Newton's method finds no equilibrium.
+    """
+    linear = nearest_equilibrium(source, forces, initial=initial).linear
+    mechanism = linear.equations.machine.mechanism
+    coordinates = [name for joint in mechanism.joints for name in joint.coordinates]
+
+    def quantity(name: str) -> Quantity:
+        event = parse_event(mechanism, f"{name}.q=0" if name in coordinates else f"{name}=0")
+        return lambda state: event.function(linear.equations, state)
+
+    return linear.response(quantity(load), quantity(output), frequencies)
+
+
+def holding(
+    source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
+) -> dict[str, float]:
+    """Return the effort in each driver that holds the initial configuration at rest, in [N m] or [N].
+
+    Where drivers are redundant, the efforts of least norm.
+    """
+    equations, q = _prepared(source, forces, initial or {})
+    tree = equations.loops.tree
+    indices = [tree.index_of[name] for name in equations.machine.mechanism.drivers]
+    state = equations.kinematics(q, np.zeros((tree.count, 1)))
+    none = np.zeros(len(equations.frictions))
+    forces_held = equations.accelerate(state, np.zeros(1), none, (), indices).contact[:, 0]
+    scaled = forces_held / equations.loops.units[indices]
+    return dict(zip(equations.machine.mechanism.drivers, scaled.tolist(), strict=True))
+
+
+def _prepared(
+    source: Any, forces: Forces | None, initial: Mapping[str, float | str]
+) -> tuple[EquationsOfMotion, Coordinates]:
+    model = machine(source, forces)
+    values = initial_values(model.mechanism, initial)
+    equations = equations_of_motion(model, values.coordinates)
+    return equations, initial_state(equations, values)[0]
+
+
+def _static_acceleration(equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array) -> Array:
+    """Return the accelerations from rest along a basis at independent displacements u, (dof,)."""
+    state = displaced(equations, q, basis, u, np.zeros(len(u)))
+    none = np.zeros(len(equations.frictions))
+    acceleration = equations.accelerate(state, np.zeros(1), none).acceleration
+    return basis.T @ acceleration[equations.free, 0]
+
+
+def _newton(equations: EquationsOfMotion, q: Coordinates, *, downhill: bool = False) -> Coordinates | None:
+    """Return the equilibrium that Newton's method reaches; None where it reaches none.
+
+    Downhill steps reverse along unstable directions, so that they lead to stable equilibria.
+    """
+    largest = 0.0
+    for _ in range(NEWTON_STEPS):
+        basis = null_space(equations, q)
+        dof = basis.shape[1]
+        if not dof:
+            return q
+        zero = np.zeros(dof)
+        try:
+            value = _static_acceleration(equations, q, basis, zero)
+            columns = [
+                _static_acceleration(equations, q, basis, STEP * axis)
+                - _static_acceleration(equations, q, basis, -STEP * axis)
+                for axis in np.eye(dof)
+            ]
+            step = _newton_step(np.stack(columns, 1) / (2.0 * STEP), value, downhill)
+            length = float(np.abs(step).max())
+            if not np.isfinite(length):
+                return None
+            q = displaced(equations, q, basis, step * min(1.0, MAX_STEP / max(length, MAX_STEP)), zero).q
+        except (AssemblyError, np.linalg.LinAlgError):
+            return None
+        largest = max(largest, float(np.abs(value).max()))
+        if length < CONVERGED:
+            return q if np.abs(value).max() <= BALANCED * largest else None
+    return None
+
+
+def _newton_step(jacobian: Array, value: Array, downhill: bool) -> Array:
+    """Return -jacobian^-1 value; downhill with the real parts of all eigenvalues taken as negative."""
+    if not downhill:
+        return -np.asarray(np.linalg.lstsq(jacobian, value, rcond=1e-12)[0], np.float64)
+    values, vectors = np.linalg.eig(jacobian)
+    steep = -np.maximum(np.abs(values), 1e-6 * np.abs(values).max(initial=1e-300))
+    return np.real(-vectors @ (np.linalg.solve(vectors, value.astype(np.complex128)) / steep))
+
+
+def _described(equations: EquationsOfMotion, q: Coordinates) -> Equilibrium:
+    linear = linear_model(equations, q)
+    tree = equations.loops.tree
+    values = {
+        name: float(q.values[i, 0]) if tree.slides[i] else float((q.values[i, 0] + np.pi) % TURN - np.pi)
+        for name, i in tree.index_of.items()
+    }
+    _, potential = equations.energy(equations.kinematics(q, np.zeros((tree.count, 1))))
+    return Equilibrium(values, linear.stable, potential, linear.modes(), linear)
+
+
+def _same(equations: EquationsOfMotion, q: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    tree = equations.loops.tree
+    units = {name: equations.loops.units[i] for name, i in tree.index_of.items()}
+    slides = {name: tree.slides[i] for name, i in tree.index_of.items()}
+    for name, value in q.items():
+        difference = value - other[name]
+        if not slides[name]:
+            difference -= TURN * np.round(difference / TURN)
+        if abs(difference) > SAME_EQUILIBRIUM * units[name]:
+            return False
+    return True
+
+
+def _random_step(equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator) -> Coordinates:
+    """Return a configuration a random step along the motion away; less where the loops do not close."""
+    basis = null_space(equations, q)
+    direction = random.normal(size=basis.shape[1])
+    step = np.zeros((equations.loops.tree.count, 1))
+    step[equations.free, 0] = basis @ (RANDOM_STEP * direction / max(float(np.linalg.norm(direction)), 1e-12))
+    try:
+        for _ in range(4):
+            q, _ = projected(equations, equations.loops.displaced(q, 0.25 * step), 0.0 * step)
+    except AssemblyError:
+        return q
+    return q

@@ -1,0 +1,205 @@
+"""Linear dynamics about a configuration: natural frequencies, damping, mode shapes, frequency response.
+
+In independent coordinates u along a basis N of the constraint null space the motion is u'' = a(u, u'). Its
+derivatives are central differences of order eight of the exact accelerations on the closed loops.
+
+Source: K. Ogata, Modern Control Engineering (2010), chapter 9 (state space); B. Fornberg, Generation of
+finite difference formulas on arbitrarily spaced grids, Mathematics of Computation 51 (1988) 699-706.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.initial_state import CLOSED
+from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.errors import AssemblyError
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import significant
+
+# weights of the central difference of order eight at 1, 2, 3 and 4 steps
+WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+# its step in [rad] or sizes of the mechanism: the truncation error is about STEP**8, rounding 1e-15 / STEP
+STEP = 0.01
+# corrections of Newton's method to close the loops at a displaced configuration
+CORRECTIONS = 8
+
+Complex = NDArray[np.complex128]
+# a number that belongs to a state
+Quantity = Callable[[Kinematics], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """A mode of free vibration.
+
+    Attributes:
+        frequency: undamped natural frequency |s| / 2 pi of the eigenvalue s, in [Hz].
+        damping_ratio: -Re s / |s|; 1 for a mode that decays without oscillation.
+        eigenvalue: s in [1/s].
+        shape: joint coordinate -> complex amplitude in [m] or [rad]; the largest, in units of the mechanism's
+            size and radians, is 1.
+    """
+
+    frequency: float
+    damping_ratio: float
+    eigenvalue: complex
+    shape: Mapping[str, complex]
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """The linear equations x' = A x about a configuration, x = (u, u').
+
+    Attributes:
+        equations: of motion.
+        q: the configuration.
+        basis: null space of the loop constraints over the free coordinates in units, (free, dof).
+        matrix: A, (2 dof, 2 dof).
+        mass: reduced mass matrix, (dof, dof).
+    """
+
+    equations: EquationsOfMotion
+    q: Coordinates
+    basis: Array
+    matrix: Array
+    mass: Array
+
+    @property
+    def stable(self) -> bool:
+        """Whether no eigenvalue has a positive real part beyond rounding."""
+        values = np.linalg.eigvals(self.matrix)
+        return bool(values.real.max(initial=-np.inf) <= 1e-6 * np.abs(values).max(initial=0.0))
+
+    def modes(self) -> tuple[Mode, ...]:
+        """Return the modes by rising frequency; a complex pair of eigenvalues is one mode."""
+        values, vectors = np.linalg.eig(self.matrix)
+        dof = self.basis.shape[1]
+        modes: list[Mode] = []
+        for value, vector in sorted(zip(values, vectors.T, strict=True), key=lambda pair: abs(pair[0])):
+            if value.imag < 0.0:
+                continue
+            magnitude = abs(value)
+            scaled: Complex = self.basis @ vector[:dof]
+            scaled = scaled / scaled[np.argmax(np.abs(scaled))]
+            ratio = float(-value.real / magnitude) if magnitude > 0.0 else 0.0
+            modes.append(Mode(float(magnitude / (2.0 * np.pi)), ratio, complex(value), self._by_name(scaled)))
+        return tuple(modes)
+
+    def _by_name(self, scaled: Complex) -> dict[str, complex]:
+        loops, free = self.equations.loops, self.equations.free
+        amplitude = np.zeros(loops.tree.count, np.complex128)
+        amplitude[free] = scaled * loops.units[free]
+        return {name: complex(amplitude[i]) for name, i in loops.tree.index_of.items()}
+
+    def response(self, load: Quantity, output: Quantity, frequencies: ArrayLike) -> Complex:
+        """Return the complex frequency response from a unit load to an output, (n,).
+
+        Args:
+            load: the displacement on which the load does work: the coordinate of a joint for its torque, the
+                component of a point for a force; the load's generalised force is its gradient.
+            output: the quantity that responds.
+            frequencies: (n,) in [Hz].
+        """
+        dof = self.basis.shape[1]
+        forces, readings = (
+            gradient(self.equations, self.q, self.basis, quantity) for quantity in (load, output)
+        )
+        entry = np.concatenate([np.zeros(dof), np.linalg.solve(self.mass, forces)])
+        reading = np.concatenate([readings, np.zeros(dof)])
+        s = 2j * np.pi * np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
+        resolvent = s[:, None, None] * np.eye(2 * dof) - self.matrix
+        return np.linalg.solve(resolvent, entry.astype(np.complex128)[:, None])[..., 0] @ reading
+
+
+def linear_model(
+    equations: EquationsOfMotion, q: Coordinates, rates: Array | None = None, time: float = 0.0
+) -> LinearModel:
+    """Return the linear model about a configuration, at rest or with steady rates in units, (count, 1).
+
+    Coulomb friction is left out: it has no derivative at rest.
+    """
+    basis = null_space(equations, q)
+    dof = basis.shape[1]
+    steady = np.zeros(dof) if rates is None else basis.T @ rates[equations.free, 0]
+
+    def acceleration(u: Array, du: Array) -> Array:
+        state = displaced(equations, q, basis, u, steady + du)
+        none = np.zeros(len(equations.frictions))
+        result = equations.accelerate(state, np.array([time]), none).acceleration
+        return basis.T @ result[equations.free, 0]
+
+    rate = max(1.0, float(np.abs(steady).max(initial=0.0)))
+    matrix = np.zeros((2 * dof, 2 * dof))
+    matrix[:dof, dof:] = np.eye(dof)
+    zero = np.zeros(dof)
+    for k, axis in enumerate(np.eye(dof)):
+        matrix[dof:, k] = _difference(lambda h, axis=axis: acceleration(h * axis, zero), STEP)
+        matrix[dof:, dof + k] = _difference(lambda h, axis=axis: acceleration(zero, h * axis), STEP * rate)
+    state = equations.kinematics(q, np.zeros((equations.loops.tree.count, 1)))
+    mass = basis.T @ equations.mass(state)[0] @ basis
+    return LinearModel(equations, q, basis, matrix, mass)
+
+
+def null_space(equations: EquationsOfMotion, q: Coordinates) -> Array:
+    """Return an orthonormal basis of the free coordinates' rates that the loops allow, (free, dof)."""
+    jacobian = equations.loops.linearise(q)[1][:, equations.free, 0]
+    if not jacobian.size:
+        return np.eye(len(equations.free))
+    _, values, right = np.linalg.svd(jacobian)
+    return right[int(significant(values).sum()) :].T
+
+
+def displaced(
+    equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array, rates: Array
+) -> Kinematics:
+    """Return the closed state at independent displacements u and rates, (dof,) each, from a configuration.
+
+    Raises:
+        AssemblyError: where the loops do not close there.
+    """
+    loops, free = equations.loops, equations.free
+    step = np.zeros((loops.tree.count, 1))
+    step[free, 0] = basis @ u
+    moved = loops.displaced(q, step)
+    for _ in range(CORRECTIONS):
+        residual, jacobian, _ = loops.linearise(moved)
+        rows = np.concatenate([jacobian[:, free, 0], basis.T])
+        gap = np.concatenate([residual[:, 0], np.zeros(basis.shape[1])])
+        if not np.abs(gap).max(initial=0.0) > CLOSED:
+            break
+        step[free, 0] = -np.linalg.pinv(rows, rcond=1e-9) @ gap
+        moved = loops.displaced(moved, step)
+    else:
+        raise AssemblyError(
+            f"{equations.machine.mechanism.name}: the loops do not close next to the equilibrium"
+        )
+    right = np.concatenate([np.zeros(loops.rows), rates])
+    velocity = np.zeros((loops.tree.count, 1))
+    velocity[free, 0] = np.linalg.pinv(rows, rcond=1e-9) @ right
+    return equations.kinematics(moved, velocity)
+
+
+def gradient(equations: EquationsOfMotion, q: Coordinates, basis: Array, quantity: Quantity) -> Array:
+    """Return the derivative of a quantity of the state by the independent coordinates, (dof,)."""
+    zero = np.zeros(basis.shape[1])
+    return np.array(
+        [
+            _difference(
+                lambda h, axis=axis: np.array([quantity(displaced(equations, q, basis, h * axis, zero))]),
+                STEP,
+            )[0]
+            for axis in np.eye(basis.shape[1])
+        ]
+    )
+
+
+def _difference(function: Callable[[float], Array], step: float) -> Array:
+    total = np.zeros(0)
+    for k, weight in enumerate(WEIGHTS, start=1):
+        change = weight * (function(k * step) - function(-k * step)) / step
+        total = change if k == 1 else total + change
+    return total

@@ -1,0 +1,85 @@
+"""Equilibria, holding efforts, natural frequencies and frequency response against closed solutions."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import AssemblyError
+from mechsim.model.forces import Forces, Friction, JointSpring
+
+sys.path.insert(0, str(Path(__file__).parent))
+from test_forward_dynamics import GRAVITY, WEIGHT, double_pendulum, pendulum, slider
+
+OSCILLATOR = Forces(friction=(Friction("s", viscous=8.0),), joint_springs=(JointSpring("s", 200.0),))
+
+
+def test_a_pendulum_is_stable_below_and_unstable_above():
+    below, above = ms.dynamics.equilibria(pendulum(), WEIGHT, starts=4)
+    assert below.q["pivot"] == pytest.approx(-np.pi / 2.0, abs=1e-11)
+    assert below.stable
+    assert above.q["pivot"] == pytest.approx(np.pi / 2.0, abs=1e-11)
+    assert not above.stable
+    assert below.modes[0].frequency == pytest.approx(np.sqrt(GRAVITY) / (2.0 * np.pi), rel=1e-11)
+
+
+def test_all_four_equilibria_of_a_double_pendulum_are_found():
+    found = ms.dynamics.equilibria(double_pendulum(), WEIGHT, starts=25)
+    assert sorted(equilibrium.stable for equilibrium in found) == [False, False, False, True]
+
+
+def test_a_double_pendulum_vibrates_at_its_textbook_frequencies():
+    modes = ms.dynamics.modes(double_pendulum(), WEIGHT, initial={"A.q": "-80deg", "B.q": "5deg"})
+    exact = np.sqrt(GRAVITY * (2.0 + np.array([-1.0, 1.0]) * np.sqrt(2.0))) / (2.0 * np.pi)
+    assert [mode.frequency for mode in modes] == pytest.approx(exact, rel=1e-10)
+    # absolute amplitudes are 1 : sqrt 2 in phase, and 1 : -sqrt 2
+    for mode, ratio in zip(modes, (np.sqrt(2.0), -np.sqrt(2.0)), strict=True):
+        first, second = mode.shape["A"], mode.shape["A"] + mode.shape["B"]
+        assert (second / first).real == pytest.approx(ratio, rel=1e-8)
+
+
+def test_a_damped_oscillator_has_its_frequency_and_damping_ratio():
+    (mode,) = ms.dynamics.modes(slider(), OSCILLATOR)
+    assert mode.frequency == pytest.approx(10.0 / (2.0 * np.pi), rel=1e-11)
+    assert mode.damping_ratio == pytest.approx(8.0 / (2.0 * 2.0 * 10.0), rel=1e-9)
+
+
+def test_a_damped_oscillator_responds_as_its_transfer_function():
+    frequency = np.array([0.1, 1.5, 1.6, 5.0])
+    response = ms.dynamics.response(slider(), "s", "P.x", frequency, OSCILLATOR)
+    s = 2j * np.pi * frequency
+    assert response == pytest.approx(1.0 / (2.0 * s**2 + 8.0 * s + 200.0), rel=1e-9)
+
+
+def test_a_four_bar_has_a_stable_and_an_unstable_equilibrium():
+    form = ms.catalog.make("four_bar")
+    found = ms.dynamics.equilibria(form, WEIGHT, starts=6)
+    assert [equilibrium.stable for equilibrium in found] == [True, False]
+    for equilibrium in found:
+        torque = ms.dynamics.holding(form, WEIGHT, initial={"crank.q": equilibrium.q["crank"]})
+        assert abs(torque["crank"]) <= 1e-12
+
+
+def test_the_torque_that_holds_a_crank_is_that_of_inverse_dynamics_at_rest():
+    form = ms.catalog.make("four_bar")
+    exact = ms.dynamics.prescribed(ms.dynamics.machine(form, WEIGHT), [0.5], speed=0.0).efforts.torque[0]
+    assert ms.dynamics.holding(form, WEIGHT, initial={"crank.q": 0.5})["crank"] == pytest.approx(
+        exact, rel=1e-10
+    )
+
+
+def test_small_vibrations_of_the_nonlinear_run_have_the_linear_frequency():
+    form = ms.catalog.make("four_bar")
+    stable = ms.dynamics.equilibria(form, WEIGHT, starts=0, initial={"crank.q": "-95deg"})[0]
+    start = {"crank.q": stable.q["crank"] + 1e-4}
+    period = 1.0 / stable.modes[0].frequency
+    run = ms.dynamics.run(form, WEIGHT, initial=start, duration=period, samples=4)
+    swing = run.motion.joints["crank"].value - stable.q["crank"]
+    assert swing[[0, 2, 4]] == pytest.approx([1e-4, -1e-4, 1e-4], rel=1e-3)
+
+
+def test_without_loads_there_is_no_single_equilibrium_to_vibrate_about():
+    with pytest.raises(AssemblyError, match="no equilibrium"):
+        ms.dynamics.modes(slider(), Forces(gravity=(1.0, 0.0, 0.0)))

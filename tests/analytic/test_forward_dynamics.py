@@ -1,0 +1,206 @@
+"""Forward dynamics from any initial state against exact solutions."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mechsim as ms
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.forces import Forces, Friction, JointSpring
+from mechsim.model.links import Inertia
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "validation" / "published"))
+import a01_pendulum
+import a02_four_bars
+import a03_squeezer
+import a04_bricard
+
+GRAVITY = 9.81
+WEIGHT = Forces(gravity=(0.0, -GRAVITY, 0.0))
+
+
+def point_mass(mass=1.0, at=(1.0, 0.0, 0.0), about=1e-20):
+    return Inertia(mass, at, tuple(tuple(row) for row in about * np.eye(3)))
+
+
+def pendulum():
+    plain = a01_pendulum.pendulum()
+    return replace(plain, links=(replace(plain.links[0], inertia=point_mass()),))
+
+
+def double_pendulum():
+    far = (1.0, 0.0, 0.0)
+    links = tuple(ms.Link(name, outline=(far,), inertia=point_mass()) for name in ("first", "second"))
+    joints = (
+        ms.Joint("A", "revolute", ms.End("ground"), ms.End("first")),
+        ms.Joint("B", "revolute", ms.End("first", far), ms.End("second")),
+    )
+    points = {"P": ("first", far), "Q": ("second", far)}
+    return ms.Mechanism("double pendulum", links, joints, ("A", "B"), points)
+
+
+def slider(**more):
+    """A block of 2 kg that slides along x."""
+    block = ms.Link(
+        "block", inertia=Inertia(2.0, (0.0, 0.0, 0.0), tuple(tuple(row) for row in 0.01 * np.eye(3)))
+    )
+    rail = ms.Joint(
+        "s", "prismatic", ms.End("ground", axis=(1.0, 0.0, 0.0)), ms.End("block", axis=(1.0, 0.0, 0.0))
+    )
+    return ms.Mechanism("slider", (block,), (rail,), "s", {"P": ("block", (1.0, 0.0, 0.0))}, **more)
+
+
+def test_a_pendulum_swings_as_elliptic_functions_say():
+    run = ms.dynamics.run(pendulum(), WEIGHT, duration=2.0 * a01_pendulum.PERIOD, samples=80)
+    swing = run.motion.joints["pivot"].value + np.pi / 2.0
+    assert np.abs(swing - a01_pendulum.exact(run.time)).max() <= 2e-12
+    assert run.outcome == "done"
+    assert run.energy_error <= 5e-12
+
+
+def test_the_check_notices_a_pendulum_of_another_length():
+    longer = replace(
+        pendulum(), links=(ms.Link("arm", inertia=point_mass(at=(1.0001, 0.0, 0.0))),), points={}
+    )
+    longer = replace(longer, points={"P": ("arm", (1.0, 0.0, 0.0))})
+    run = ms.dynamics.run(longer, WEIGHT, duration=a01_pendulum.PERIOD, samples=10)
+    swing = run.motion.joints["pivot"].value + np.pi / 2.0
+    assert np.abs(swing - a01_pendulum.exact(run.time)).max() > 1e-5
+
+
+def test_a_double_pendulum_moves_as_its_textbook_equations():
+    run = ms.dynamics.run(
+        double_pendulum(), WEIGHT, initial={"A.q": 0.3, "B.q": "40deg", "B.v": 1.5}, duration=2.0, samples=40
+    )
+
+    # absolute angles from hanging down; point masses of 1 kg on rods of 1 m
+    def rates(_, y):
+        a, b, wa, wb = y
+        c, s = np.cos(a - b), np.sin(a - b)
+        mass = np.array([[2.0, c], [c, 1.0]])
+        force = [-s * wb**2 - 2.0 * GRAVITY * np.sin(a), s * wa**2 - GRAVITY * np.sin(b)]
+        return np.concatenate([[wa, wb], np.linalg.solve(mass, force)])
+
+    first = 0.3 + np.pi / 2.0
+    start = [first, first + np.deg2rad(40.0), 0.0, 1.5]
+    exact = solve_ivp(rates, (0.0, 2.0), start, "DOP853", run.time, rtol=2.3e-14, atol=1e-14).y
+    joints = run.motion.joints
+    assert np.abs(joints["A"].value + np.pi / 2.0 - exact[0]).max() <= 1e-10
+    assert np.abs(joints["A"].value + joints["B"].value + np.pi / 2.0 - exact[1]).max() <= 1e-10
+
+
+def test_a_row_of_four_bars_passes_the_pose_where_its_mobility_jumps():
+    run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.0}, duration=2.0, samples=20)
+    angle, _ = a02_four_bars.exact(2, run.time[1:])
+    assert np.abs(run.motion.points["B0"].position[1:, :2] - a02_four_bars.tip(angle)).max() <= 1e-10
+
+
+def test_andrews_squeezer_reaches_its_published_angles():
+    run = ms.dynamics.run(
+        a03_squeezer.squeezer(), a03_squeezer.forces(), duration=a03_squeezer.END, samples=2
+    )
+    angles = np.array([run.motion.joints[name].value[-1] for name in a03_squeezer.NAMES])
+    assert a03_squeezer.digits(angles) >= 9.0
+
+
+def test_bricards_overconstrained_linkage_keeps_its_energy():
+    run = ms.dynamics.run(a04_bricard.bricard(), WEIGHT, duration=0.5, samples=20)
+    assert run.outcome == "done"
+    assert run.energy_error <= 1e-10
+
+
+def test_a_crank_runs_as_by_the_reduced_equation():
+    form = ms.catalog.make("four_bar")
+    run = ms.dynamics.run(form, WEIGHT, initial={"crank.q": "30deg"}, duration=0.5, samples=25)
+    machine = ms.dynamics.machine(form, WEIGHT)
+    reduced = ms.dynamics.free_run(machine, angle=np.deg2rad(30.0), duration=0.5, times=run.time)
+    assert np.abs(reduced.angle - run.motion.joints["crank"].value).max() <= 1e-9
+
+
+def test_a_run_ends_at_its_event():
+    run = ms.dynamics.run(pendulum(), WEIGHT, duration=5.0, until="P.x=0", samples=10)
+    assert run.time[-1] == pytest.approx(a01_pendulum.PERIOD / 4.0, abs=1e-12)
+    late = ms.dynamics.run(pendulum(), WEIGHT, duration=0.1, until="P.x=0", samples=3)
+    assert late.outcome == "time over"
+    assert "P.x=0 was not reached within 0.1 s" in late.reason
+
+
+def test_a_block_bounces_off_its_stop_by_the_law_of_impact():
+    fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
+    down = Forces(gravity=(-8.0, 0.0, 0.0))
+    run = ms.dynamics.run(fall, down, duration=1.2, restitution=0.5, samples=240)
+    # 1 m in 0.5 s, then flights of 0.5, 0.25 ... s
+    assert run.events[:2] == pytest.approx([0.5, 1.0], abs=1e-9)
+    assert run.motion.joints["s"].value.min() >= -1.0 - 1e-9
+    assert run.lost[-1] == pytest.approx(16.0 * (1.0 - 0.5**4), rel=1e-9)
+
+
+def test_a_block_without_restitution_stays_on_its_stop():
+    fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
+    run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=1.0, samples=20)
+    assert run.motion.joints["s"].value[-1] == pytest.approx(-1.0, abs=1e-9)
+    assert run.outcome == "stopped"
+
+
+@pytest.mark.parametrize(("pull", "moves"), [(3.0, False), (5.0, True)])
+def test_coulomb_friction_sticks_below_its_size_and_slides_above(pull, moves):
+    friction = Forces(gravity=(pull / 2.0, 0.0, 0.0), friction=(Friction("s", coulomb=4.0),))
+    run = ms.dynamics.run(slider(), friction, duration=1.0, samples=10)
+    assert run.motion.joints["s"].value[-1] == pytest.approx(0.25 * (pull - 4.0) if moves else 0.0, abs=1e-12)
+
+
+def test_a_sliding_block_comes_to_rest_and_the_spring_holds_it_there():
+    # decelerates at 2 m/s2 from 1 m/s: 0.25 m in 0.5 s
+    run = ms.dynamics.run(
+        slider(),
+        Forces(friction=(Friction("s", coulomb=4.0),)),
+        initial={"s.v": 1.0},
+        duration=2.0,
+        samples=8,
+    )
+    assert run.outcome == "stopped"
+    assert run.time[-1] == pytest.approx(0.5, abs=1e-9)
+    assert run.motion.joints["s"].value[-1] == pytest.approx(0.25, abs=1e-9)
+
+
+def test_a_spring_and_friction_make_half_swings_that_shrink_by_the_same_length():
+    forces = Forces(friction=(Friction("s", coulomb=4.0),), joint_springs=(JointSpring("s", 200.0),))
+    half = np.pi / 10.0  # of 2 kg on 200 N/m
+    run = ms.dynamics.run(slider(), forces, initial={"s.q": 0.1}, duration=3.0, samples=2)
+    # each half swing loses 2 F / k = 0.04 m until the friction holds the spring at 0.02 m
+    assert run.time == pytest.approx([0.0, half, 2.0 * half], abs=1e-9)
+    assert run.motion.joints["s"].value == pytest.approx([0.1, -0.06, 0.02], abs=1e-8)
+    assert run.outcome == "stopped"
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"initial": {"C.q": 1.0}}, "initial value 'C.q' is not J.q or J.v"),
+        ({"initial": {"A.q": float("nan")}}, "give a finite number"),
+        ({"initial": {"A.q": "3kg"}}, "kg"),
+        ({"duration": -1.0}, "duration of a run is -1.0 s"),
+        ({"until": "R.x=0"}, "event 'R.x=0' is not QUANTITY=VALUE"),
+        ({"restitution": 2.0}, "coefficient of restitution is 2.0"),
+        ({"samples": 0}, "samples of a run are 0"),
+    ],
+)
+def test_input_that_cannot_be_used_ends_in_one_sentence(more, message):
+    with pytest.raises(InputError, match=message.replace("(", r"\(")) as error:
+        ms.dynamics.run(double_pendulum(), WEIGHT, **{"duration": 1.0, **more})
+    assert "\n" not in str(error.value)
+
+
+def test_values_beyond_the_range_of_a_linkage_do_not_assemble():
+    with pytest.raises(AssemblyError, match="do not close at the initial values"):
+        ms.dynamics.run(ms.catalog.make("four_bar"), WEIGHT, initial={"B.q": 9.0}, duration=1.0)
+
+
+def test_rates_that_contradict_the_loops_are_rejected():
+    with pytest.raises(InputError, match="contradict the loops"):
+        ms.dynamics.run(ms.catalog.make("four_bar"), initial={"crank.v": 1.0, "A.v": 50.0}, duration=1.0)
