@@ -2,13 +2,13 @@
 
 from mechsim.analytic.dynamics.dynamic_model import Machine, machine
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
-from mechsim.analytic.dynamics.equilibria import Equilibrium, equilibria, holding, modes, response
 from mechsim.analytic.dynamics.flywheel import fluctuation, flywheel_for
 from mechsim.analytic.dynamics.free_motion import free_run
 from mechsim.analytic.dynamics.linearization import Mode
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, reduced
+from mechsim.analytic.dynamics.statics import Equilibrium, equilibria, holding, modes, response
 from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
 
 __all__ = [

@@ -187,7 +187,7 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
 
 def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Array, times: Array) -> Motion:
     """Return the motion of links, joints and points at n states and their accelerations, (count, n)."""
-    tree, mechanism = equations.loops.tree, equations.machine.mechanism
+    tree, mechanism = equations.loops.tree, equations.model.mechanism
     scale = equations.loops.units[:, None]
     spatial = state.bias + twists(tree, state.poses, accelerations * scale)
     links: dict[str, LinkMotion] = {}
@@ -250,7 +250,7 @@ class Event:
             index = tree.index_of[self.name]
             values = state.q.values if self.component == "q" else state.rates * equations.loops.units[:, None]
             return float(values[index, 0]) - self.value
-        link, local = equations.machine.mechanism.points[self.name]
+        link, local = equations.model.mechanism.points[self.name]
         i, axis = tree.index[link], "xyz".index(self.component[-1])
         point = state.poses.position[i, :, 0] + state.poses.rotation[i, :, :, 0] @ np.asarray(local)
         if self.component[0] != "v":

@@ -10,6 +10,7 @@ matrix is summed over the links from their spatial inertias at the ground's orig
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,12 +95,12 @@ class EquationsOfMotion:
     """The equations of motion of a dynamic model; its drivers are free.
 
     Attributes:
-        machine: mechanism, masses and forces.
+        model: mechanism, masses and forces.
         loops: loop equations; what is locked is prescribed, nothing else.
         start: assembled coordinates.
     """
 
-    machine: Machine
+    model: Machine
     loops: TreeLoops
     start: Coordinates
 
@@ -111,20 +112,20 @@ class EquationsOfMotion:
     @cached_property
     def links(self) -> list[int]:
         """Index in the tree of each link of the mechanism."""
-        return [self.loops.tree.index[link.name] for link in self.machine.mechanism.links]
+        return [self.loops.tree.index[link.name] for link in self.model.mechanism.links]
 
     @cached_property
     def crank(self) -> int | None:
         """Index of the crank's coordinate; None without a crank."""
-        mechanism = self.machine.mechanism
+        mechanism = self.model.mechanism
         return self.loops.tree.index_of[mechanism.crank.name] if mechanism.has_crank else None
 
     @cached_property
     def frictions(self) -> tuple[DryFriction, ...]:
         """Every Coulomb friction above zero."""
         frictions: list[DryFriction] = []
-        for friction in self.machine.forces.friction:
-            joint = self.machine.mechanism.joint(friction.joint)
+        for friction in self.model.forces.friction:
+            joint = self.model.mechanism.joint(friction.joint)
             for i, (_, magnitude) in enumerate(friction.sizes(KINDS[joint.kind])):
                 if magnitude:
                     frictions.append(DryFriction(joint, i, magnitude))
@@ -133,7 +134,7 @@ class EquationsOfMotion:
     @cached_property
     def _inertias(self) -> tuple[Array, Array, Array]:
         """Masses (L,), centres (L, 3) and inertia matrices (L, 3, 3) in the links' own frames."""
-        inertias = [link.inertia for link in self.machine.mechanism.links if link.inertia is not None]
+        inertias = [link.inertia for link in self.model.mechanism.links if link.inertia is not None]
         return (
             np.array([inertia.mass for inertia in inertias]),
             np.array([inertia.centre for inertia in inertias]),
@@ -170,7 +171,7 @@ class EquationsOfMotion:
         unit, jacobians = self._unit_motion(state), self._link_jacobians(state)
         inertia = self._spatial_inertias(unit)
         mass = self._mass(jacobians, inertia)
-        acting, loaded = applied(self.machine, unit), loads(self.machine, unit, time)
+        acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
         on_crank = self._on_crank(state, loaded.crank)
         directions = self._friction_directions(unit, jacobians)
@@ -220,19 +221,19 @@ class EquationsOfMotion:
         return float(0.5 * free @ mass @ free)
 
     def mass(self, state: Kinematics) -> Array:
-        """Return the mass matrix of the free coordinates in units, (n, free, free), with the flywheel."""
+        """Return the mass matrix of the free coordinates in units, (n, free, free)."""
         return self._mass(self._link_jacobians(state), self._spatial_inertias(self._unit_motion(state)))
 
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""
         unit = self._unit_motion(state)
-        potential = float(applied(self.machine, unit).energy[0])
+        potential = float(applied(self.model, unit).energy[0])
         return self.kinetic_energy(state, state.rates), potential
 
     @property
     def steady(self) -> bool:
         """Whether no load depends on time."""
-        return not any(course.over == "time" for course in self.machine.forces.courses)
+        return not any(course.over == "time" for course in self.model.forces.courses)
 
     def _rows(
         self, state: Kinematics, directions: Array, stuck: Sequence[int], contacts: Sequence[int]
@@ -255,7 +256,7 @@ class EquationsOfMotion:
         mass = jacobians.reshape(n, -1, columns).transpose(0, 2, 1) @ momentum
         if self.crank is not None:
             column = int(np.searchsorted(self.free, self.crank))
-            mass[:, column, column] += self.machine.forces.flywheel
+            mass[:, column, column] += self.model.forces.flywheel
         return mass
 
     @cached_property
@@ -284,9 +285,7 @@ class EquationsOfMotion:
         n = len(state.q)
         angle = np.zeros(n) if self.crank is None else state.q.values[self.crank]
         none = np.zeros((*twist.shape, 0))
-        return UnitMotion(
-            self.machine.mechanism, angle, position, rotation, twist, np.zeros_like(twist), none
-        )
+        return UnitMotion(self.model.mechanism, angle, position, rotation, twist, np.zeros_like(twist), none)
 
     def _link_jacobians(self, state: Kinematics) -> Array:
         """Return each link's Jacobian at the ground's origin by the free coordinates, (n, L, 6, free)."""
@@ -335,7 +334,7 @@ class EquationsOfMotion:
         total = np.zeros((len(torque), len(self.free)))
         if self.crank is not None:
             column = int(np.searchsorted(self.free, self.crank))
-            total[:, column] = torque + self.machine.forces.motor_torque(state.rates[self.crank])
+            total[:, column] = torque + self.model.forces.motor_torque(state.rates[self.crank])
         return total
 
     def _friction_directions(self, unit: UnitMotion, jacobians: Array) -> Array:
@@ -343,10 +342,10 @@ class EquationsOfMotion:
         n, columns = len(unit), jacobians.shape[-1]
         directions = np.zeros((len(self.frictions), n, columns))
         for row, friction in zip(directions, self.frictions, strict=True):
-            unit_efforts = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
-            unit_efforts += [np.zeros(n)] * len(friction.joint.coordinates)
+            unit_forces = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
+            unit_forces += [np.zeros(n)] * len(friction.joint.coordinates)
             stack = np.zeros_like(unit.twist)
-            add_efforts(unit, stack, friction.joint, unit_efforts)
+            add_efforts(unit, stack, friction.joint, unit_forces)
             row[:] = self._generalised(unit, jacobians, stack)
         return directions
 
@@ -374,7 +373,7 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
         Accelerations, (n, k), and the multipliers of least norm, (n, m).
     """
     if not rows.shape[1]:
-        unconstrained: Array = np.asarray(np.linalg.solve(mass, force[..., None])[..., 0])
+        unconstrained: Any = np.linalg.solve(mass, force[..., None])[..., 0]
         return unconstrained, np.zeros_like(gamma)
     u, values, vh = np.linalg.svd(rows, full_matrices=False)
     kept = significant(values)
@@ -392,20 +391,18 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
     return result, multipliers[..., 0]
 
 
-def equations_of_motion(
-    machine: Machine, coordinates: Mapping[str, float] | None = None
-) -> EquationsOfMotion:
+def equations_of_motion(model: Machine, coordinates: Mapping[str, float] | None = None) -> EquationsOfMotion:
     """Return the equations of motion of a dynamic model, assembled at its guess.
 
     Args:
-        machine: mechanism, masses and forces.
+        model: mechanism, masses and forces.
         coordinates: joint coordinates that the spanning tree should keep, as those with initial values.
 
     Raises:
         AssemblyError: if the loops do not close.
     """
-    mechanism = machine.mechanism
+    mechanism = model.mechanism
     kept = {name: 0.0 for name in coordinates or {} if name not in mechanism.drivers}
     loops, start = assembled(replace(mechanism, counted={**kept, **mechanism.counted}))
     locked = tuple(loops.tree.index_of[name] for name in mechanism.locked)
-    return EquationsOfMotion(machine, replace(loops, driven=locked), start)
+    return EquationsOfMotion(model, replace(loops, driven=locked), start)

@@ -63,7 +63,7 @@ class Stop:
 
 
 @dataclass(slots=True)
-class Mode:
+class ContactMode:
     """Which frictions slide (direction) or stick, and which stops are in contact."""
 
     sliding: Array
@@ -78,7 +78,7 @@ class Piece:
     first: float
     last: float
     solution: Callable[[float], Array]
-    mode: Mode
+    mode: ContactMode
     contacts: list[int]
 
 
@@ -130,7 +130,7 @@ class Integration:
         self.stops, self.restitution = stops, restitution
         self.layout = StateLayout(equations)
         self.time, self.state = 0.0, self.layout.pack(q, rates, 0.0, 0.0)
-        self.mode = Mode(np.zeros(len(equations.frictions)))
+        self.mode = ContactMode(np.zeros(len(equations.frictions)))
         self.fastest = float(np.abs(rates).max(initial=0.0))
         self.pieces: list[Piece] = []
         self.events: list[float] = []
@@ -229,7 +229,7 @@ class Integration:
         q, rates, _, _ = self.layout.unpack(state)
         return self.equations.kinematics(q, rates)
 
-    def _accelerate(self, state: Kinematics, time: float, mode: Mode) -> Dynamics:
+    def _accelerate(self, state: Kinematics, time: float, mode: ContactMode) -> Dynamics:
         contacts = [self.stops[i].index for i in mode.contacts]
         return self.equations.accelerate(state, np.array([time]), mode.sliding, mode.stuck, contacts)
 
@@ -368,7 +368,7 @@ class Integration:
             if self._clearance(state, stop) <= 1e-9
             and abs(tree_rates[stop.index]) <= SOFT_IMPACT * max(self.fastest, 1e-9)
         ]
-        mode = Mode(sliding, [int(i) for i in np.flatnonzero(at_rest)], contacts)
+        mode = ContactMode(sliding, [int(i) for i in np.flatnonzero(at_rest)], contacts)
         for _ in range(MOST_CHANGES):
             dynamics = self._accelerate(state, self.time, mode)
             self.mode = mode
@@ -379,9 +379,9 @@ class Integration:
             if slipping is not None and loads[slipping] > 1.0 + BALANCED:
                 direction = mode.sliding.copy()
                 direction[slipping] = -np.sign(float(dynamics.holding[slipping, 0]))
-                mode = Mode(direction, [i for i in mode.stuck if i != slipping], mode.contacts)
+                mode = ContactMode(direction, [i for i in mode.stuck if i != slipping], mode.contacts)
             elif pulled:
-                mode = Mode(mode.sliding, mode.stuck, [i for i in mode.contacts if i not in pulled])
+                mode = ContactMode(mode.sliding, mode.stuck, [i for i in mode.contacts if i not in pulled])
             else:
                 return
         self.mode = mode

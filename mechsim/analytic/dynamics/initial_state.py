@@ -86,7 +86,7 @@ def _closed(equations: EquationsOfMotion, q: Coordinates, indices: list[int], va
         step[free, 0] = -np.linalg.pinv(rows[:, free], rcond=RANK_TOLERANCE) @ gaps
         q = loops.displaced(q, step)
     if not gap <= 100.0 * CLOSED:
-        name = equations.machine.mechanism.name
+        name = equations.model.mechanism.name
         raise AssemblyError(
             f"{name}: the loops do not close at the initial values (a gap of {gap:.3g} of the longest link "
             "is left); give values within the range of motion, of independent coordinates only"
@@ -105,7 +105,7 @@ def _rates(equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, flo
     violation = np.abs(rows @ result[free, 0] - right).max(initial=0.0)
     if violation > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
         raise InputError(
-            f"{equations.machine.mechanism.name}: the initial rates of {', '.join(rates)} contradict the "
+            f"{equations.model.mechanism.name}: the initial rates of {', '.join(rates)} contradict the "
             "loops; give those of independent coordinates only"
         )
     return result
@@ -113,7 +113,7 @@ def _rates(equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, flo
 
 def _index(equations: EquationsOfMotion, name: str) -> int:
     index_of = equations.loops.tree.index_of
-    mechanism = equations.machine.mechanism
+    mechanism = equations.model.mechanism
     if name in index_of and name not in mechanism.locked:
         return index_of[name]
     if name in mechanism.locked:

@@ -175,7 +175,7 @@ def displaced(
         moved = loops.displaced(moved, step)
     else:
         raise AssemblyError(
-            f"{equations.machine.mechanism.name}: the loops do not close next to the equilibrium"
+            f"{equations.model.mechanism.name}: the loops do not close next to the equilibrium"
         )
     right = np.concatenate([np.zeros(loops.rows), rates])
     velocity = np.zeros((loops.tree.count, 1))

@@ -129,7 +129,7 @@ def nearest_equilibrium(
     solution = _newton(equations, q)
     if solution is None:
         raise AssemblyError(
-            f"{equations.machine.mechanism.name}: no equilibrium is found from the initial configuration; "
+            f"{equations.model.mechanism.name}: no equilibrium is found from the initial configuration; "
             "give another one (--initial J.q=VALUE), or search with --statics"
         )
     return _described(equations, solution)
@@ -163,7 +163,7 @@ def response(
         AssemblyError: where Newton's method finds no equilibrium.
     """
     linear = nearest_equilibrium(source, forces, initial=initial).linear
-    mechanism = linear.equations.machine.mechanism
+    mechanism = linear.equations.model.mechanism
     coordinates = [name for joint in mechanism.joints for name in joint.coordinates]
 
     def quantity(name: str) -> Quantity:
@@ -182,12 +182,12 @@ def holding(
     """
     equations, q = _prepared(source, forces, initial or {})
     tree = equations.loops.tree
-    indices = [tree.index_of[name] for name in equations.machine.mechanism.drivers]
+    indices = [tree.index_of[name] for name in equations.model.mechanism.drivers]
     state = equations.kinematics(q, np.zeros((tree.count, 1)))
     none = np.zeros(len(equations.frictions))
-    forces_held = equations.accelerate(state, np.zeros(1), none, (), indices).contact[:, 0]
-    scaled = forces_held / equations.loops.units[indices]
-    return dict(zip(equations.machine.mechanism.drivers, scaled.tolist(), strict=True))
+    drive_forces = equations.accelerate(state, np.zeros(1), none, (), indices).contact[:, 0]
+    scaled = drive_forces / equations.loops.units[indices]
+    return dict(zip(equations.model.mechanism.drivers, scaled.tolist(), strict=True))
 
 
 def _prepared(

@@ -1,0 +1,71 @@
+"""Forward dynamics of mechsim's analytic side on published problems: error, energy drift and cost.
+
+A01 simple pendulum (elliptic functions), A02 two four-bars (exact reduced equation), A03 Andrews' squeezer
+(published angles), A04 Bricard and R-S-U-P slider-crank (energy). Problems: IFToMM library of computational
+multibody benchmarks; IVP test set of Bari.
+
+Run: python validation/published/forward_dynamics.py [periods of the pendulum, default 100]
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import a01_pendulum
+import a02_four_bars
+import a03_squeezer
+import a04_bricard
+import rsup
+
+import mechsim as ms
+from mechsim.model.forces import Forces
+
+WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
+
+
+def light_pendulum() -> ms.Mechanism:
+    """Return the pendulum of A01 with a point mass of 1e-20 kg m2."""
+    plain = a01_pendulum.pendulum()
+    inertia = plain.links[0].inertia
+    assert inertia is not None
+    point = tuple(tuple(1e-8 * value for value in row) for row in inertia.moments)
+    return replace(plain, links=(replace(plain.links[0], inertia=replace(inertia, moments=point)),))
+
+
+def line(name: str, run: ms.dynamics.DynamicRun, error: str, seconds: float) -> None:
+    print(f"{name:34s} {error:>10s} {run.energy_error:10.1e} {run.steps:8,d} {seconds:8.1f}", flush=True)
+
+
+def main(periods: float) -> None:
+    print(f"{'problem':34s} {'error':>10s} {'energy':>10s} {'steps':>8s} {'cpu s':>8s}")
+    begin = process_time()
+    run = ms.dynamics.run(light_pendulum(), WEIGHT, duration=periods * a01_pendulum.PERIOD, samples=400)
+    swing = run.motion.joints["pivot"].value + np.pi / 2.0
+    error = np.abs(swing - a01_pendulum.exact(run.time)).max() / (np.pi / 2.0)
+    line(f"A01 pendulum, {periods:g} periods", run, f"{error:.1e}", process_time() - begin)
+    begin = process_time()
+    run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.0}, duration=10.0, samples=2)
+    place, _ = a02_four_bars.N2_AT_10S
+    error = np.abs(run.motion.points["B0"].position[-1, :2] - place).max()
+    line("A02 two four-bars, 10 s [m]", run, f"{error:.1e}", process_time() - begin)
+    begin = process_time()
+    run = ms.dynamics.run(
+        a03_squeezer.squeezer(), a03_squeezer.forces(), duration=a03_squeezer.END, samples=2
+    )
+    angles = np.array([run.motion.joints[name].value[-1] for name in a03_squeezer.NAMES])
+    line("A03 squeezer [correct digits]", run, f"{a03_squeezer.digits(angles):.1f}", process_time() - begin)
+    begin = process_time()
+    run = ms.dynamics.run(a04_bricard.bricard(), WEIGHT, duration=10.0, samples=2)
+    line("A04 Bricard, 10 s", run, "-", process_time() - begin)
+    begin = process_time()
+    run = ms.dynamics.run(rsup.rsup(), rsup.FORCES, initial={"shaft.v": 6.0}, duration=5.0, samples=2)
+    line("R-S-U-P slider-crank, 5 s", run, "-", process_time() - begin)
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]) if len(sys.argv) > 1 else 100.0)
