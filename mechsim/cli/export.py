@@ -164,8 +164,6 @@ def _text(
     if not 0.0 < wanted < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
     with progress("export", None) as tick:
-        text, error = turning_model.kept(
-            spec, mechanism, rate, wanted, tell=lambda part, done: tick(done, part)
-        )
+        text, error = turning_model.exported_model(spec, mechanism, rate, wanted, progress=tick)
     missed = f"no MJCF file reaches {wanted:g} m here: it errs by {error:.2g} m"
     return text, "" if error <= wanted else missed

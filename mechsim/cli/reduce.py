@@ -13,8 +13,8 @@ from mechsim.cli.output import print_json, print_table
 from mechsim.cli.progress import Tick, progress
 from mechsim.cli.scene_options import SceneOptions, user_scene
 from mechsim.errors import InputError
-from mechsim.studies.reduction import By, LeftOut, ReducedErrors, Reduction, reduced, with_comment
-from mechsim.studies.scene import spec_of
+from mechsim.studies.reduction import By, LeftOut, Reduction, reduced, with_comment
+from mechsim.studies.scene import SceneErrors, spec_of
 
 UNITS: dict[By, units.Unit] = {"trajectory": "m", "torque": "N m"}
 
@@ -45,7 +45,7 @@ def reduce(
         raise InputError(f"the tolerance is {tolerance}; give one above 0, as in 10um")
     asked = replace(asked, track=tuple(one for text in asked.track for one in _points(text)))
     scene = user_scene(model, asked, held)
-    keep = {part for text in asked.track for part in text.partition("@")[0].split(",")} | set(scene.places)
+    keep = {part for text in asked.track for part in text.partition("@")[0].split(",")} | set(scene.tracked)
     with progress("reduce", 100) as tick:
         found = reduced(scene, spec_of(scene), bound, keep=keep, by=by, progress=_Told(tick))
     with files.written_beside(place) as path:
@@ -99,7 +99,7 @@ def _row(one: LeftOut, by: By) -> dict[str, Any]:
     }
 
 
-def _errors(one: ReducedErrors) -> dict[str, float]:
+def _errors(one: SceneErrors) -> dict[str, float]:
     return {"trajectory": one.trajectory, "torque": one.torque, "energy": one.energy}
 
 

@@ -90,7 +90,7 @@ def user_scene(path: str, asked: SceneOptions, held: LockOptions = NOTHING_HELD)
     return scene_of(
         form.source,
         form.mechanism,
-        drive=drive,
+        joint_laws=drive,
         ctrl=ctrl,
         duration=duration_of(asked.duration, None, states),
         points=points,
@@ -100,7 +100,7 @@ def user_scene(path: str, asked: SceneOptions, held: LockOptions = NOTHING_HELD)
 
 def expressions(scene: UserScene) -> dict[str, str]:
     """Return what prescribes joints and feeds actuators as Python expressions of t: name -> expression."""
-    return {name: _expression(state) for name, state in {**scene.drive, **scene.ctrl}.items()}
+    return {name: _expression(state) for name, state in {**scene.joint_laws, **scene.ctrl}.items()}
 
 
 def _expression(state: State) -> str:

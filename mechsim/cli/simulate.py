@@ -42,7 +42,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
 from mechsim.studies.scene import SceneErrors, SceneRun, UserScene, start_error
-from mechsim.studies.scene.errors import why_broken
+from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path
@@ -311,7 +311,7 @@ def simulate_fed(
         driven,
     )
     settings = plain_settings(asked, timestep, float(scene.model.opt.timestep))
-    bound = POSITION_TOLERANCE * scene.size if tolerance is None else tolerance
+    bound = POSITION_TOLERANCE * scene.characteristic_length if tolerance is None else tolerance
     hopeless = bool(_stands_open(scene, bound))
     run, errors, used = finer(scene, settings, bound, fixed=tolerance is None or hopeless, records=samples)
     outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= bound else "failed"
@@ -326,7 +326,7 @@ def table_of(run: SceneRun) -> dict[str, Array]:
     scene, model = run.scene, run.model
     table = {"time": run.time}
     velocities = run.velocities
-    for k, name in enumerate(scene.places):
+    for k, name in enumerate(scene.tracked):
         for axis, label in enumerate("xyz"):
             table[f"{name}.{label}"] = run.points[:, k, axis]
         for axis, label in enumerate("xyz"):
@@ -336,8 +336,8 @@ def table_of(run: SceneRun) -> dict[str, Array]:
             table[f"{joint.name}.q"] = run.qpos[:, model.jnt_qposadr[j]]
             table[f"{joint.name}.v"] = run.qvel[:, model.jnt_dofadr[j]]
     names = [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
-    for i, name in enumerate([*names, *scene.drive]):
-        table[f"effort:{name}"] = run.efforts[:, i]
+    for i, name in enumerate([*names, *scene.joint_laws]):
+        table[f"effort:{name}"] = run.forces[:, i]
     return table
 
 
@@ -362,7 +362,7 @@ def _report_run(
     output: str | None,
     as_json: bool,
 ) -> None:
-    note = why_broken(run) if run.broken else _stands_open(scene, bound)
+    note = divergence_reason(run) if run.broken else _stands_open(scene, bound)
     if as_json:
         print_json(
             {

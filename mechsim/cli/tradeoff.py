@@ -82,7 +82,7 @@ def tradeoff(
     clock = _clock(budget, drawn=drawing is not None)
     with progress("tradeoff", 100) as tick:
         subject = _subject(model, sets, speed_of(speed), clock)
-        found = measure(subject, budget=clock, seed=seed, tell=_Percent(tick))
+        found = measure(subject, budget=clock, seed=seed, progress=_Percent(tick))
     if place is not None:
         write_csv(place, found, by)
     if drawing is not None:
@@ -126,7 +126,7 @@ class _Percent:
     def __init__(self, tick: Tick):
         self.tick, self.shown = tick, 0
 
-    def __call__(self, part: float, done: str) -> None:
+    def __call__(self, done: str, part: float) -> None:
         while self.shown < min(100, int(100.0 * part)):
             self.shown += 1
             self.tick(done)
@@ -189,14 +189,14 @@ def _count(found: Tradeoff) -> str:
 
 
 def _worth(point: Any, defaults: str) -> bool:
-    return point.family.name == defaults and point.settings.steps_per_turn in (72, 720, 7200)
+    return point.method.name == defaults and point.settings.steps_per_turn in (72, 720, 7200)
 
 
 def _cells(point: Point | None) -> tuple[str, ...]:
     if point is None:
         return ("nothing measured reaches it", "", "")
     errors = (f"{error:.1e}" for error in point.errors.values())
-    return (point.family.name, str(point.settings.steps_per_turn), f"{1e3 * point.cost:.3g}", *errors)
+    return (point.method.name, str(point.settings.steps_per_turn), f"{1e3 * point.cost:.3g}", *errors)
 
 
 def print_costs(model: str, asked: SceneOptions, *, as_json: bool) -> None:

@@ -17,11 +17,19 @@ from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
 from mechsim.files import written_beside
-from mechsim.studies.scene import MEASURES, UserScene, begun_closed, errors_of, start_error, stepped
-from mechsim.studies.scene.errors import why_broken
-from mechsim.studies.scene.settings import FREEABLE, PlainSettings, settings_of
-from mechsim.studies.scene.tune import AIM, SECONDS, SceneTrial, Tuned, TuningReport, errors_at, tuned
-from mechsim.studies.scene.write_tuned import KEY, changes, feeding, python_of, tuned_text, written
+from mechsim.studies.scene import (
+    MEASURES,
+    SceneTrial,
+    UserScene,
+    errors_of,
+    start_error,
+    stepped,
+    with_assembled_start,
+)
+from mechsim.studies.scene.errors import divergence_reason
+from mechsim.studies.scene.settings import ALLOWABLE, PlainSettings, settings_of
+from mechsim.studies.scene.tune import AIM, SECONDS, Tuned, TuningReport, tuned
+from mechsim.studies.scene.write_tuned import KEY, changes, control_lines, python_of, tuned_text, written
 
 # rows of the table of what was tried
 ROWS = 14
@@ -48,7 +56,7 @@ def tune(
         str,
         typer.Option(
             metavar="KIND,...",
-            help=f"What need not stay, and may be switched off or become softer: {', '.join(FREEABLE)}.",
+            help=f"What need not stay, and may be switched off or become softer: {', '.join(ALLOWABLE)}.",
         ),
     ] = "",
     budget: Annotated[str, typer.Option(help="About how long to search.")] = f"{SECONDS:g}s",
@@ -71,13 +79,13 @@ def tune(
     wanted = _tolerance(tolerance, by)
     seconds = units.parse_time(budget, "the budget")
     scene = user_scene(model, asked, held)
-    scene = replace(scene, free=_freed(allow))
+    scene = replace(scene, allowed=_allowed(allow))
     if place.resolve() == Path(scene.path).resolve():
         raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
     if by == "closure":
         scene = _closed(scene, wanted)
     with progress("tune", None, at_least=True) as tick:
-        found = tuned(scene, wanted, by, seconds=seconds, tell=lambda part, done: tick(done, part))  # pyright: ignore[reportArgumentType]
+        found = tuned(scene, wanted, by, budget=seconds, progress=tick)  # pyright: ignore[reportArgumentType]
     _require_runnable(found)
     report, told = _written(found, place, script)
     if as_json:
@@ -87,11 +95,11 @@ def tune(
     raise typer.Exit(0 if report.reached else 1)
 
 
-def _freed(text: str) -> tuple[str, ...]:
+def _allowed(text: str) -> tuple[str, ...]:
     kinds = tuple(one.strip() for one in text.split(",") if one.strip())
     for kind in kinds:
-        if kind not in FREEABLE:
-            raise InputError(f"--allow names {kind!r}; what can be freed is {', '.join(FREEABLE)}")
+        if kind not in ALLOWABLE:
+            raise InputError(f"--allow names {kind!r}; what can be allowed is {', '.join(ALLOWABLE)}")
     return kinds
 
 
@@ -102,7 +110,7 @@ def _closed(scene: UserScene, tolerance: float) -> UserScene:
         return scene
     if gap <= tolerance and errors_of(stepped(scene, records=None)).closure <= tolerance:
         return scene
-    closed = begun_closed(scene)
+    closed = with_assembled_start(scene)
     tell(
         f"{scene.path}: its loops stand open by {gap:.2g} m where it starts; the tuned file begins closed, "
         f"in keyframe {KEY}"
@@ -115,7 +123,7 @@ def _require_runnable(found: Tuned) -> None:
     if np.isfinite(found.closest.errors.by(found.by)) or found.beyond is not None:
         return
     run = stepped(found.scene)
-    cause = why_broken(run) or "no closed pose is near its states"
+    cause = divergence_reason(run) or "no closed pose is near its states"
     raise InputError(
         f"{found.scene.path}: with all of {len(found.tried)} settings the scene comes to nothing: {cause}; "
         "change the motion or the scene"
@@ -137,7 +145,7 @@ def _tolerance(text: str, by: str) -> float:
 
 def _written(found: Tuned, place: Path, script: Path | None) -> tuple[TuningReport, dict[str, Any]]:
     """Write what was found, run it as plain MuJoCo has it, and return what there is to tell."""
-    best = found.chosen or found.closest
+    best = found.best
     scene = replace(found.scene, model=best.settings.applied(found.scene.model))
     said = expressions(scene)
     bare = tuned_text(found.scene, best.settings, [], place.parent)
@@ -145,7 +153,7 @@ def _written(found: Tuned, place: Path, script: Path | None) -> tuple[TuningRepo
 
     def finish(outside: UserScene) -> str:
         run = stepped(outside, records=None)
-        reports.append(TuningReport(found, errors_at(run, found.limit, found.by)))
+        reports.append(TuningReport(found, found.evaluator.errors(run)))
         comment = _comment(reports[0], scene, said)
         return tuned_text(found.scene, best.settings, comment, place.parent).after
 
@@ -165,18 +173,18 @@ def _written(found: Tuned, place: Path, script: Path | None) -> tuple[TuningRepo
         | {"error": report.published_error, "reached": found.satisfied},
         "tuned": {
             "error": report.error,
-            "estimate": best.errors.by(found.by) + found.bar,
+            "estimate": best.errors.by(found.by) + found.reference_error,
             "ms_per_s": 1e3 * best.seconds,
             "settings": dict(changes(found.scene, best.settings)),
             "errors": report.errors.as_dict(),
         },
         "by_python": None if found.beyond is None else _told(found, found.beyond),
         "limit": {
-            "what": found.limit.what,
-            "error": found.limit.bars[0],
-            "effort_error": found.limit.bars[1],
+            "what": found.reference.what,
+            "error": found.reference.errors[0],
+            "effort_error": found.reference.errors[1],
         },
-        "put_in": list(bare.put_in),
+        "put_in": list(bare.included),
         "diff": _diff(bare.before, after, found.scene.path, str(place)),
         "seconds": found.seconds,
         "tried": [_told(found, one) for one in found.tried],
@@ -202,8 +210,8 @@ def _comment(report: TuningReport, scene: UserScene, said: dict[str, str]) -> li
         f"mechsim tune: {first};",
         *(f"{one};" for one in rest),
         f"to be stepped {begun}, with before each step, t = data.time, h = {scene.model.opt.timestep:g}:",
-        *([f"  {line}" for line in feeding(scene, said)] or ["  nothing"]),
-        *(f"  where q({name!r}, t) = {said[name]}" for name in scene.drive),
+        *([f"  {line}" for line in control_lines(scene, said)] or ["  nothing"]),
+        *(f"  where q({name!r}, t) = {said[name]}" for name in scene.joint_laws),
     ]
 
 
@@ -211,7 +219,7 @@ def _write_script(script: Path, found: Tuned, outside: UserScene, place: Path, s
     """Write the lines that run what was found."""
     scene, changed = outside, {}
     if found.beyond is not None:
-        best = found.chosen or found.closest
+        best = found.best
         known = best.settings.as_dict()
         changed = {k: v for k, v in found.beyond.settings.as_dict().items() if known.get(k) != v}
         changed |= {
@@ -231,12 +239,12 @@ def _diff(before: str, after: str, path: str, place: str) -> str:
 
 
 def _print(report: TuningReport, told: dict[str, Any], output: str, python: str | None) -> None:
-    found, unit = report.found, report.unit
+    found, unit = report.result, report.unit
     after = replace(report.best, errors=report.errors)
     rows = [("as published", *_cells(found.published, found))]
     rows.append((f"written: {_summary(found, after)}", *_cells(after, found)))
     tried = sorted(found.tried, key=lambda one: one.seconds)
-    satisfying = [one for one in tried if one.errors.by(found.by) + found.bar <= found.tolerance]
+    satisfying = [one for one in tried if one.errors.by(found.by) + found.reference_error <= found.tolerance]
     shown = (PlainSettings(), report.best.settings)
     others = [one for one in satisfying if one.settings not in shown]
     rows += [(_summary(found, one), *_cells(one, found)) for one in others[:ROWS]]
@@ -265,7 +273,7 @@ def _summary(found: Tuned, one: SceneTrial) -> str:
 
 def _cells(one: SceneTrial, found: Tuned) -> tuple[str, str, str]:
     return (
-        f"{one.errors.by(found.by) + found.bar:.2g}",
+        f"{one.errors.by(found.by) + found.reference_error:.2g}",
         f"{one.errors.trajectory:.2g}",
         f"{1e3 * one.seconds:.3g}",
     )

@@ -1,17 +1,17 @@
-"""Time budgets: seconds left on the clock, and the expected time of the next trial."""
+"""Time budgets of studies: remaining seconds of a clock, and the expected time of the next trial."""
 
-from collections.abc import Hashable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
 from time import perf_counter, process_time
 
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.simulation import Settings
 
-# how far what comes next may be beyond what was expected of it: of trials measured before, and of others
+Clock = Callable[[], float]
+# largest ratio of actual to expected time: of trials like measured ones, and of others
 MEASURED_MARGIN, NEW_MARGIN = 1.2, 2.0
-# part of a budget by which it may be overdrawn
+# fraction of a budget by which it may be exceeded
 BEYOND = 0.2
 # weight of the latest trial in the mean of the fixed cost of a trial (reference, errors, matrices compared)
 LATEST = 0.5
@@ -19,26 +19,36 @@ LATEST = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Time on the clock that may be spent.
+    """Time that may be spent, by a clock.
 
     Attributes:
         seconds: all of it.
-        began: when it began to run, by `time.perf_counter`.
-        reserved: of it, for what comes after the measurements.
+        start: reading of the clock at which it begins; None for now.
+        reserved: seconds kept for what follows the measurements.
+        clock: wall clock in [s]; tests pass their own.
+        processor: processor time of this process in [s].
     """
 
     seconds: float
-    began: float = field(default_factory=perf_counter)
+    start: float | None = None
     reserved: float = 0.0
+    clock: Clock = field(default_factory=lambda: perf_counter)
+    processor: Clock = field(default_factory=lambda: process_time)
+
+    def __post_init__(self) -> None:
+        """Read the clock if no start is given."""
+        if self.start is None:
+            object.__setattr__(self, "start", self.clock())
 
     @property
     def spent(self) -> float:
-        """Seconds gone."""
-        return perf_counter() - self.began
+        """Seconds since the start."""
+        assert self.start is not None
+        return self.clock() - self.start
 
     @property
     def remaining(self) -> float:
-        """Seconds left for measurements; below 0 where there are none."""
+        """Seconds left for measurements; negative after the end."""
         return self.seconds - self.reserved - self.spent
 
     @property
@@ -46,11 +56,19 @@ class Budget:
         """The spent fraction, 0 to 1."""
         return min(1.0, self.spent / self.seconds)
 
+    def part(self, fraction: float) -> "Budget":
+        """Return a budget of a fraction of the seconds that begins now."""
+        return replace(self, seconds=fraction * self.seconds, start=None, reserved=0.0)
+
+    def restarted(self) -> "Budget":
+        """Return the same budget, beginning now."""
+        return replace(self, start=None)
+
     def require(self, name: str) -> None:
-        """Refuse to go on with something loaded and built for which there is no time left.
+        """Reject a budget that ends before a subject is loaded and built.
 
         Raises:
-            InputError: says what it took, and a budget that would do: trying it takes as long again.
+            InputError: states the time it took and a budget that suffices; a trial takes as long again.
         """
         if self.remaining < 0.0:
             raise InputError(
@@ -60,45 +78,49 @@ class Budget:
 
 
 class TrialTimes:
-    """What trials took so far, in processor time, and so what the next would take on the clock.
+    """Predicts the wall time of trials from the processor time of earlier ones.
 
-    Others may have their share of the machine: the clock has run so many times as fast as the processor's.
+    Other processes may use the machine: wall time is processor time divided by this process' share of it.
+
+    Args:
+        budget: its clocks are read.
     """
 
-    def __init__(self) -> None:
-        self._began = perf_counter(), process_time()
+    def __init__(self, budget: Budget) -> None:
+        self._budget, self._start = budget, (budget.clock(), budget.processor())
+        # longest run of each kind: number of steps, and seconds of each
         self._steps: dict[tuple[Hashable, str], tuple[int, float]] = {}
         self._overhead: float | None = None
         self._building = 0.0
 
     @property
-    def share(self) -> float:
-        """Seconds on the clock in which the processor worked one for us."""
-        wall, processor = perf_counter() - self._began[0], process_time() - self._began[1]
+    def wall_ratio(self) -> float:
+        """Wall time over processor time since the start."""
+        wall = self._budget.clock() - self._start[0]
+        processor = self._budget.processor() - self._start[1]
         return max(0.5, wall / processor) if processor > 0.01 else 1.0
 
-    def trial(self, build: Hashable, settings: Settings, turns: float) -> float:
-        """Return what a trial is expected to take on the clock, in [s]; with its model if that is new."""
-        key = build, settings.integrator
-        slowest = max((each for _, each in self._steps.values()), default=0.0)
-        each = self._steps[key][1] if key in self._steps else slowest
-        safety = MEASURED_MARGIN if key in self._steps else NEW_MARGIN
-        model = 0.0 if any(build == other for other, _ in self._steps) else self._building
-        return self.share * (
-            model + (self._overhead or 0.0) + safety * turns * settings.steps_per_turn * each
-        )
+    def expected(self, build: Hashable, integrator: str, steps: float) -> float:
+        """Return the expected wall time of a trial in [s], with its model if that is new."""
+        key = build, integrator
+        slowest = max((seconds for _, seconds in self._steps.values()), default=0.0)
+        seconds = self._steps[key][1] if key in self._steps else slowest
+        margin = MEASURED_MARGIN if key in self._steps else NEW_MARGIN
+        model = 0.0 if any(build == measured for measured, _ in self._steps) else self._building
+        return self.wall_ratio * (model + (self._overhead or 0.0) + margin * steps * seconds)
 
-    def built(self, seconds: float) -> None:
-        """Take note of what a model took to be built, in [s] of processor time."""
+    def add_build(self, seconds: float) -> None:
+        """Record the processor time in [s] in which a model was built."""
         self._building = max(self._building, seconds)
 
-    def learn(self, build: Hashable, settings: Settings, turns: float, stepping: float, whole: float) -> None:
-        """Take note of a trial: processor time of its steps, and of all of it, in [s]."""
-        count = round(turns * settings.steps_per_turn)
-        longest = self._steps.get((build, settings.integrator), (0, 0.0))
+    def add_trial(
+        self, build: Hashable, integrator: str, steps: float, stepping: float, total: float
+    ) -> None:
+        """Record a trial: processor time of its steps, and of all of it, in [s]."""
+        count = round(steps)
         # the fixed cost of a run counts less the longer the run is
-        if count >= longest[0]:
-            self._steps[build, settings.integrator] = count, stepping / count
-        overhead = max(0.0, whole - stepping)
+        if count >= self._steps.get((build, integrator), (0, 0.0))[0]:
+            self._steps[build, integrator] = count, stepping / count
+        overhead = max(0.0, total - stepping)
         previous = overhead if self._overhead is None else self._overhead
         self._overhead = previous + LATEST * (overhead - previous)

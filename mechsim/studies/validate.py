@@ -219,7 +219,7 @@ def _of_published(published: PublishedRun, place: Tolerance) -> Verdict:
     allowed = replace(place, reason=f"{place.reason}; the file's own settings: {published.label}")
     compared = {("loop residual", ""): published.gaps, ("position", "all points"): published.errors}
     return concluded(
-        check_of(kind, subject, error, RecordInstants(published.at, published.at_unit), allowed)
+        check_of(kind, subject, error, RecordInstants(published.instants, published.instants_unit), allowed)
         for (kind, subject), error in compared.items()
     )
 

@@ -34,7 +34,7 @@ def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
     asked = []
 
     def stopped(scene, *_, **__):
-        asked.extend(scene.places)
+        asked.extend(scene.tracked)
         raise InputError("seen")
 
     monkeypatch.setattr("mechsim.cli.reduce.reduced", stopped)

@@ -9,7 +9,7 @@ import pytest
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.simulation.source import assembled, from_mechanism
-from mechsim.studies.tradeoff import Build, Family, Point
+from mechsim.studies.tradeoff import Build, Point, SteppingMethod
 from mechsim.studies.tradeoff.work_precision import command, exporting
 from mechsim.subjects.readers import load
 
@@ -26,7 +26,7 @@ SOFT = Settings(
 
 
 def point(settings, build):
-    return Point(Family(name="one", base=settings, rank=0, build=build), settings, {})
+    return Point(SteppingMethod(name="one", base=settings, rank=0, build=build), settings, {})
 
 
 def test_a_command_has_an_option_for_every_setting(mechsim):

@@ -102,7 +102,7 @@ def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_pat
 
 def test_the_run_as_published_starts_in_the_keyframe_that_is_asked_for(tmp_path):
     first, _ = published_scene(loaded(scene(tmp_path)))
-    there = " ".join(repr(float(value)) for value in first.closure.brought(first.start[0], {"crank": 0.5}))
+    there = " ".join(repr(float(value)) for value in first.closure.moved_to(first.start[0], {"crank": 0.5}))
     key = f'<keyframe><key name="out" qpos="{there}"/></keyframe></mujoco>'
     path = scene(tmp_path, ("</mujoco>", key))
     form = ms.load(path, drive={"crank": "0.5 + 0.01*sin(2*pi*t)"}, duration=0.2, key="out")

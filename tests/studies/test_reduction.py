@@ -10,11 +10,16 @@ from mechsim.studies.reduction.candidates import bodies, stepping
 from mechsim.studies.reduction.candidates.bodies import disconnected_bodies
 from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed
 from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
-from mechsim.studies.reduction.evaluator import Evaluator
 from mechsim.studies.reduction.fit_parameters import Parameter, refit, set_in_spec
 from mechsim.studies.reduction.observations import observe
-from mechsim.studies.reduction.reduced_scene import RANGE_RATIO, motion_to_fit, normalised, second_motion
-from mechsim.studies.scene import evaluator, scene_of
+from mechsim.studies.reduction.reduced_scene import (
+    RANGE_RATIO,
+    ReducedSceneEvaluator,
+    motion_to_fit,
+    normalised,
+    second_motion,
+)
+from mechsim.studies.scene import run, scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.readers import load
 
@@ -43,7 +48,7 @@ def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0
     made = scene_of(
         form.source,
         form.mechanism,
-        drive=motion_laws,
+        joint_laws=motion_laws,
         ctrl=fed,
         duration=duration,
         points=dict(form.mechanism.points),
@@ -54,20 +59,12 @@ def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0
 def few_trials(patch):
     """Let a search try few steps and time them roughly."""
     patch.setattr(stepping, "STEP_RATIOS", (1, 2, 4))
-    patch.setattr(evaluator, "LEAST", 1e-4)
+    patch.setattr(run, "MIN_MEASURED_TIME", 1e-4)
     patch.setattr(refitting, "SECONDS", 0.0)
 
 
-def evaluator_of(user, spec):
-    full = normalised(spec)
-    named = full.copy().compile()
-    return Evaluator(user, full, {name: (named.body(b).name, at) for name, (b, at) in user.places.items()})
-
-
 def observed(evaluator):
-    return observe(
-        evaluator.spec, evaluator.full, frozenset(body for body, _ in evaluator.tracked.values()), BOUND
-    )
+    return observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, BOUND)
 
 
 def path_of(text, body, program, duration):
@@ -87,7 +84,7 @@ def path_of(text, body, program, duration):
 @pytest.fixture(scope="module")
 def cluttered(tmp_path_factory):
     user, spec = scene(tmp_path_factory.mktemp("cluttered"), CLUTTER)
-    return user, spec, evaluator_of(user, spec)
+    return user, spec, ReducedSceneEvaluator.of(user, spec)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +143,7 @@ def test_only_what_nothing_joins_is_apart(cluttered):
 
 def test_a_limit_that_is_reached_stays(tmp_path):
     text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
-    evaluator = evaluator_of(*scene(tmp_path, text))
+    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, text))
     away, reached = limits(observed(evaluator))
     assert "knuckle" in reached.what
     reduced_model = changed(evaluator.spec, away).compile()
@@ -206,7 +203,7 @@ def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
 def test_a_second_motion_starts_as_the_first_and_its_rates_are_its_own(tmp_path):
     user, _ = scene(tmp_path, FINGER, ctrl="", drive={"knuckle": "0.4*sin(7*t)+0.3*t"})
     other = second_motion(user)
-    first, two = (of.drive["knuckle"] for of in (user, other))
+    first, two = (of.joint_laws["knuckle"] for of in (user, other))
     time, h = np.linspace(0.01, 0.49, 40), 1e-6
     value, rate, acceleration = two(time)
     assert two(np.zeros(1))[0] == first(np.zeros(1))[0]
@@ -243,7 +240,7 @@ SERVO = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body na
 
 @pytest.mark.parametrize("integrator", [stepping.EULER, stepping.IMPLICITFAST])
 def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path, integrator):
-    evaluator = evaluator_of(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
+    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
     worst = {}
     for made_good in (True, False):
         spec = evaluator.spec.copy()
@@ -272,7 +269,7 @@ JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
 def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_not(tmp_path):
     user, spec = scene(tmp_path, JUMPY, ctrl="0.05*sin(2*pi*t)", duration=0.2)
     evaluator, to_fit, held_back = (
-        evaluator_of(of, spec) for of in (user, motion_to_fit(user), second_motion(user))
+        ReducedSceneEvaluator.of(of, spec) for of in (user, motion_to_fit(user), second_motion(user))
     )
     found = refit((evaluator, to_fit), observed(evaluator), 2, {})
     plain = evaluator.spec.copy()

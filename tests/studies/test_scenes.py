@@ -6,7 +6,7 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.scene import errors_of, limit_of, step_times, stepped
+from mechsim.studies.scene import compute_reference, errors_of, step_times, stepped
 from mechsim.studies.scene.converged_reference import hardened, interpolated
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
@@ -37,7 +37,7 @@ def test_a_run_is_what_a_loop_in_python_gets_of_the_file(fed):
 def test_the_closure_of_a_closed_state_is_that_state_and_of_one_that_is_open_by_a_little_as_far(fed):
     closure = fed.closure
     assert closure.drivers == ("knuckle",)
-    state = closure.brought(fed.start[0], {"knuckle": 0.4})
+    state = closure.moved_to(fed.start[0], {"knuckle": 0.4})
     run = replace(stepped(fed, records=2), qpos=state[None])
     assert closure.errors(run.qpos, run.points).max() < 1e-14
     aside = run.qpos.copy()
@@ -53,7 +53,7 @@ def test_a_state_that_no_closed_pose_is_near_is_infinitely_wrong(fed):
 
 
 def test_points_that_drivers_leave_open_belong_where_they_are(fed):
-    state = fed.closure.brought(fed.start[0], {"knuckle": 0.2})
+    state = fed.closure.moved_to(fed.start[0], {"knuckle": 0.2})
     swung = state + np.array([0.0, 0.0, 0.0, 0.7])
     run = replace(stepped(fed, records=2), qpos=swung[None])
     assert fed.closure.errors(run.qpos, run.points).max() < 1e-14
@@ -72,12 +72,12 @@ def test_a_prescribed_joint_is_where_its_program_is_and_starts_closed_with_its_r
 
 
 def test_harder_loops_and_smaller_steps_err_less_and_tend_to_the_limit(driven):
-    limit = limit_of(driven, 1e-8)
+    limit = compute_reference(driven, 1e-8)
     assert not limit.broken
-    assert limit.bars[0] < 1e-8
+    assert limit.errors[0] < 1e-8
     assert 1.5 < limit.order < 2.5
-    published = errors_of(stepped(driven), limit)
-    hard = errors_of(stepped(driven, hardened(driven.model, 1e-4, "RK4")), limit)
+    published = errors_of(stepped(driven), limit.run)
+    hard = errors_of(stepped(driven, hardened(driven.model, 1e-4, "RK4")), limit.run)
     assert hard.closure < 1e-3 * published.closure
     assert hard.trajectory < 1e-2 * published.trajectory
     assert hard.torque < 0.1 * published.torque
@@ -96,7 +96,7 @@ def test_the_torque_of_a_drive_does_the_work_that_energy_and_dampers_take(tmp_pa
         data.qpos[:], data.qvel[:] = qpos, qvel
         mujoco.mj_forward(plain, data)
         energies.append(data.energy.sum())
-    power = run.efforts[:, 0] * run.qvel[:, 0]
+    power = run.forces[:, 0] * run.qvel[:, 0]
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(run.time))])
     change = np.array(energies) - energies[0]
     assert np.abs(work - change).max() < 1e-5 * np.abs(change).max()
@@ -117,14 +117,14 @@ def test_a_tracked_point_on_a_body_is_where_mujoco_has_it(fed):
     data = mujoco.MjData(fed.model)
     data.qpos[:] = run.qpos[3]
     mujoco.mj_kinematics(fed.model, data)
-    points = dict(zip(fed.places, run.points[3], strict=True))
+    points = dict(zip(fed.tracked, run.points[3], strict=True))
     for name in ("crank", "rod", "lever", "pad"):
         assert data.body(name).xpos == pytest.approx(points[name], abs=1e-15)
 
 
 def test_where_a_loop_is_closed_is_tracked_by_itself(fed):
     run = stepped(fed, records=20)
-    points = dict(zip(fed.places, np.moveaxis(run.points, 1, 0), strict=True))
+    points = dict(zip(fed.tracked, np.moveaxis(run.points, 1, 0), strict=True))
     open_by = np.linalg.norm(points["closing@rod"] - points["closing@lever"], axis=1).max()
     assert open_by > 1e-7
     assert errors_of(run).closure > 0.4 * open_by

@@ -16,7 +16,7 @@ from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation.mjcf.alternatives import rod_of
 from mechsim.simulation.settings import INTEGRATORS, Settings
 from mechsim.simulation.source import from_spec
-from mechsim.studies import budget as clock
+from mechsim.studies.budget import TrialTimes
 from mechsim.studies.tradeoff import (
     BOUNDS,
     COMPARED,
@@ -28,13 +28,13 @@ from mechsim.studies.tradeoff import (
     Subject,
     Tradeoff,
     build_model,
-    families,
     measure,
+    stepping_methods,
     subject_of,
     subject_of_model,
     trials,
 )
-from mechsim.studies.tradeoff.setting_families import HARD, cuts_of
+from mechsim.studies.tradeoff.methods import HARD, cuts_of
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)
@@ -62,7 +62,7 @@ def main_with(words):
 
 
 def test_every_family_has_its_own_name_and_every_integrator_several():
-    names = [family.name for family in families(catalog.make("rssr").mechanism)]
+    names = [method.name for method in stepping_methods(catalog.make("rssr").mechanism)]
     assert len(set(names)) == len(names)
     for integrator in INTEGRATORS:
         assert sum(name.startswith(f"{integrator},") for name in names) >= 8
@@ -71,12 +71,12 @@ def test_every_family_has_its_own_name_and_every_integrator_several():
 
 def test_the_ladder_covers_drives_levels_and_reductions():
     subject = subject_of(catalog.make("rssr"), SPEED)
-    builds = [family.build for family in families(subject.mechanism, subject.variants)]
-    assert {build.drive for build in builds} == {"drive_inertia", "geared", "servo"}
+    builds = [method.build for method in stepping_methods(subject.mechanism, subject.variants)]
+    assert {build.crank_drive for build in builds} == {"drive_inertia", "geared", "servo"}
     assert {build.level for build in builds} == set(LEVELS)
     assert {build.rod for build in builds} == {None, "coupler"}
     assert {build.variant for build in builds} == {None, "guided"}
-    assert {build.drive for build in (family.build for family in families())} == {
+    assert {build.crank_drive for build in (method.build for method in stepping_methods())} == {
         "drive_inertia",
         "geared",
         "servo",
@@ -182,7 +182,7 @@ def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
     known = subject_of(drive, SPEED)
     assert own.stroke == pytest.approx(known.stroke, rel=1e-3)
     assert own.reference.bar["position"] < 1e-10
-    settings = families()[1].at(144, SPEED)
+    settings = stepping_methods()[1].settings(144, SPEED)
     motion, _ = known.built.motion(settings)
     for kind in COMPARED[:3]:
         gap = abs(own.errors(motion)[kind] * own.stroke / known.stroke - known.errors(motion)[kind])
@@ -197,8 +197,8 @@ def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
     spec.add_actuator(name="motor", target="rocker", trntype=trntype)
     own = subject_of_model(spec, "own", SPEED)
     for drive, lag in (("geared", 1e-12), ("servo", 0.1)):
-        built = build_model(own.source, own.built.profile, SPEED, Build(drive=drive, gain=0.5))
-        motion, _ = built.motion(families()[1].at(144, SPEED))
+        built = build_model(own.source, own.built.profile, SPEED, Build(crank_drive=drive, gain=0.5))
+        motion, _ = built.motion(stepping_methods()[1].settings(144, SPEED))
         errors = own.errors(motion)
         assert errors["drive"] < lag
         assert errors["loop"] < 1e-5
@@ -220,14 +220,14 @@ def test_a_hinge_of_any_name_is_driven_where_one_actuator_acts_on_it(acted, refu
             subject_of_model(spec, "own", SPEED)
         return
     own = subject_of_model(spec, "own", SPEED)
-    motion, _ = own.built.motion(families()[1].at(144, SPEED))
+    motion, _ = own.built.motion(stepping_methods()[1].settings(144, SPEED))
     assert own.errors(motion)["loop"] < 1e-5
 
 
 def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
     subject = subject_of(catalog.make("slider_crank"), SPEED)
     quick = measure(subject, budget=1e-6, steps=SHORT, seed=1)
-    assert {point.family.name for point in quick.points} == {HARD}
+    assert {point.method.name for point in quick.points} == {HARD}
     again = measure(subject, budget=1e-6, steps=SHORT, seed=1)
     assert [p.as_dict()["family"] for p in again.points] == [p.as_dict()["family"] for p in quick.points]
 
@@ -273,13 +273,15 @@ class Machine:
 
     def __init__(self, monkeypatch, share: float, step: float, building: float) -> None:
         self.processor, self.share, self.step, self.building = 0.0, share, step, building
-        for module in (clock, trials):
-            monkeypatch.setattr(module, "process_time", lambda: self.processor)
-        monkeypatch.setattr(clock, "perf_counter", lambda: self.share * self.processor)
         monkeypatch.setattr(BuiltModel, "motion", self.motion)
         monkeypatch.setattr(BuiltModel, "stepped", lambda _, settings: (None, Spent(self.stepped(settings))))
         monkeypatch.setattr(trials, "build_model", self.built)
         monkeypatch.setattr(Subject, "errors", lambda _, n: dict.fromkeys(COMPARED, n**-4.0))
+
+    def budget(self, seconds: float) -> Budget:
+        """Return a budget by this clock and this processor."""
+        wall, processor = (lambda: self.share * self.processor), (lambda: self.processor)
+        return Budget(seconds, start=0.0, clock=wall, processor=processor)
 
     def stepped(self, settings: Settings) -> float:
         # an implicit integrator may be dearer than the first that is tried, others are cheaper
@@ -310,10 +312,10 @@ def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_an
     machine = Machine(monkeypatch, share, step, building)
     # loading and building come first
     machine.processor = 0.2
-    found = measure(SLIDER, budget=Budget(budget, began=0.0))
+    found = measure(SLIDER, budget=machine.budget(budget))
     assert 0.8 * budget < found.seconds < 1.2 * budget
     assert len(found.points) + found.left_out + found.unbuilt == len(STEPS) * len(
-        families(SLIDER.mechanism, SLIDER.variants)
+        stepping_methods(SLIDER.mechanism, SLIDER.variants)
     )
     assert found.untried
 
@@ -324,8 +326,8 @@ def test_a_mechanism_for_which_loading_leaves_no_time_is_refused_with_a_budget_t
 
 
 def test_a_budget_that_is_long_enough_leaves_nothing_out(monkeypatch):
-    Machine(monkeypatch, 1.0, 2e-5, 0.05)
-    found = measure(SLIDER, budget=Budget(600.0, began=0.0))
+    machine = Machine(monkeypatch, 1.0, 2e-5, 0.05)
+    found = measure(SLIDER, budget=machine.budget(600.0))
     assert (found.left_out, found.untried) == (0, ())
     assert found.seconds < 300.0
 
@@ -334,15 +336,12 @@ def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_noth
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(
-        clock.TrialTimes, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn
-    )
-    monkeypatch.setattr(clock, "perf_counter", lambda: 0.0)
+    monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-3 * steps)
     # 25.2 s for the finest, and 12 s to be had
-    own = subject_of_model(spec, "own", SPEED, Budget(30.0, began=0.0))
+    own = subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, clock=lambda: 0.0))
     assert own.reference.what == "a run of 2880 steps a turn"
     monkeypatch.undo()
-    monkeypatch.setattr(trials, "families", lambda *_: families()[:4])
+    monkeypatch.setattr(trials, "stepping_methods", lambda *_: stepping_methods()[:4])
     found = measure(own, budget=90.0, steps=(72, 1440, 2880))
     assert {point.settings.steps_per_turn for point in found.points} == {72, 1440}
     assert found.left_out > 0
@@ -376,14 +375,14 @@ def stiff_beside_a_four_bar():
     ],
 )
 def test_a_reference_that_diverges_says_at_which_steps_and_what_may_help(monkeypatch, budget, advice):
-    monkeypatch.setattr(
-        clock.TrialTimes, "trial", lambda _, build, settings, turns: 1e-5 * settings.steps_per_turn
-    )
-    monkeypatch.setattr(clock, "perf_counter", lambda: 0.0)
+    monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-5 * steps)
     most = "14,400" if budget is None else "7,200"
     with pytest.raises(InputError, match=rf"own diverges at {most} steps a turn with RK4, so .* {advice}"):
         subject_of_model(
-            stiff_beside_a_four_bar(), "own", SPEED, None if budget is None else Budget(budget, began=0.0)
+            stiff_beside_a_four_bar(),
+            "own",
+            SPEED,
+            None if budget is None else Budget(budget, start=0.0, clock=lambda: 0.0),
         )
 
 
@@ -391,10 +390,7 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
-    monkeypatch.setattr(
-        clock.TrialTimes, "trial", lambda _, build, settings, turns: 1e-3 * settings.steps_per_turn
-    )
-    monkeypatch.setattr(clock, "perf_counter", lambda: 0.0)
+    monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-3 * steps)
     whole = BuiltModel.motion
     monkeypatch.setattr(
         BuiltModel, "motion", lambda self, s: (None, 0.1) if s.steps_per_turn == 1440 else whole(self, s)
@@ -402,7 +398,7 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
     # 25.2 s are the part of about 63 s that is the reference's
     told = r"at 1,440 steps a turn with RK4, though not at 2,880, .* --budget 6[34]s has time for .*"
     with pytest.raises(InputError, match=told):
-        subject_of_model(spec, "own", SPEED, Budget(30.0, began=0.0))
+        subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, clock=lambda: 0.0))
 
 
 @pytest.mark.parametrize(("reading", "trials_made"), [(41.0, 0), (20.0, 1)])
@@ -421,12 +417,11 @@ def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials
 
         return slow
 
-    monkeypatch.setattr(clock, "perf_counter", lambda: now[0])
     monkeypatch.setattr(Build, "made", taking(reading, [], Build.made))
     monkeypatch.setattr(models, "from_spec", taking(5.0, compiled, from_spec))
     monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):
-        subject_of_model(spec, "own", SPEED, Budget(40.0, began=0.0))
+        subject_of_model(spec, "own", SPEED, Budget(40.0, start=0.0, clock=lambda: now[0]))
     assert (len(made), bool(compiled)) == (trials_made, reading < 40.0)
     assert now[0] <= 1.2 * 40.0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.simulation import Settings
-from mechsim.studies.tradeoff import Build, Family, Point, build_model
+from mechsim.studies.tradeoff import Build, Point, SteppingMethod, build_model
 from mechsim.studies.tradeoff.work_precision import advice, fragment, snippet
 from mechsim.subjects.readers import load
 
@@ -22,13 +22,13 @@ SOFT = Settings(
 
 
 def point(settings, build=None):
-    family = Family(name="one", base=settings, rank=0, build=build or Build())
-    return Point(family, settings, {})
+    method = SteppingMethod(name="one", base=settings, rank=0, build=build or Build())
+    return Point(method, settings, {})
 
 
 @pytest.mark.parametrize(
     ("settings", "build"),
-    [(HARD, None), (SOFT, None), (HARD, Build(cut=("slide",))), (HARD, Build(drive="servo", gain=0.5))],
+    [(HARD, None), (SOFT, None), (HARD, Build(cut=("slide",))), (HARD, Build(crank_drive="servo", gain=0.5))],
 )
 def test_a_snippet_runs_and_gives_what_was_measured(settings, build):
     lines = snippet(point(settings, build), "slider_crank", SPEED)
@@ -53,7 +53,7 @@ def test_a_fragment_is_mjcf_that_says_the_settings():
 
 def test_what_no_file_or_option_can_say_is_not_said():
     assert fragment(point(HARD), SPEED) is None
-    told = advice(point(HARD, Build(drive="servo")), "slider_crank", SPEED)
+    told = advice(point(HARD, Build(crank_drive="servo")), "slider_crank", SPEED)
     assert told["command"] is None
     assert told["export"] is None
     assert told["xml"] is None

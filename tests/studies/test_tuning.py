@@ -9,7 +9,7 @@ from scene_texts import FINGER, scene
 from mechsim.errors import InputError
 from mechsim.studies.scene import errors_of, stepped
 from mechsim.studies.scene.settings import PlainSettings, settings_of
-from mechsim.studies.scene.step_sizes import freed, quickest, steps_of
+from mechsim.studies.scene.step_sizes import disabled, shortest_time_constant, steps_of
 from mechsim.studies.scene.tune import AIM, tuned
 from mechsim.studies.scene.write_tuned import KEY, differing, python_of, tuned_text, written
 
@@ -38,13 +38,13 @@ def test_settings_are_what_a_model_has_and_those_it_has_are_idle(fed):
     model = HARD.applied(fed.model)
     told = settings_of(model)
     assert {name: getattr(told, name) for name in HARD.as_dict()} == HARD.as_dict()
-    assert HARD.without_idle(model) == PlainSettings()
+    assert HARD.changes_to(model) == PlainSettings()
     assert fed.model.opt.timestep == 0.002  # the copy alone is changed
 
 
 def test_a_search_whose_time_is_up_tries_nothing_more(driven):
     # what keeps no tolerance is looked for among loops harder than a file can say, as long as there is time
-    found = tuned(replace(driven, duration=0.05), 1e-14, seconds=1e-3)
+    found = tuned(replace(driven, duration=0.05), 1e-14, budget=1e-3)
     assert found.chosen is None
     assert len(found.tried) == 1
 
@@ -97,9 +97,9 @@ def test_no_step_is_so_long_that_a_limit_gets_softer(tmp_path):
     limited = FINGER.replace('<joint name="swing"', '<joint name="swing" range="-1 1" solreflimit="0.006 1"')
     limited = limited.replace("<option", '<compiler angle="radian" autolimits="true"/><option')
     one = scene(tmp_path, ctrl=FED, text=limited)
-    assert quickest(one.model) == 0.006
+    assert shortest_time_constant(one.model) == 0.006
     assert steps_of(one)[0] <= 0.003
-    assert quickest(mujoco.MjModel.from_xml_string(FINGER)) == np.inf
+    assert shortest_time_constant(mujoco.MjModel.from_xml_string(FINGER)) == np.inf
 
 
 LIMITED = FINGER.replace(
@@ -111,21 +111,21 @@ LIMITED = FINGER.replace(
 @pytest.mark.parametrize(("most", "same"), [(60, True), (5, False)])
 def test_a_limit_that_is_freed_is_switched_off_only_where_it_is_not_met(tmp_path, most, same):
     one = scene(tmp_path, ctrl=FED, text=LIMITED.replace("{most}", str(most)), duration=0.2)
-    one = replace(one, free=("limits",))
+    one = replace(one, allowed=("limits",))
     assert steps_of(one)[0] > 0.003  # it may become softer
-    found = tuned(one, 1e-4, seconds=60.0)
+    found = tuned(one, 1e-4, budget=60.0)
     off = [trial for trial in found.tried if trial.settings.limit is False]
     assert off
     assert any(trial.errors.trajectory < 1e-3 for trial in off) == same
     assert same or found.chosen.settings.limit is None
     text = tuned_text(one, off[0].settings, [], tmp_path).after
     assert 'limit="disable"' in text
-    assert not freed(replace(one, free=()))
+    assert not disabled(replace(one, allowed=()))
 
 
 @pytest.mark.slow
 def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
-    found = tuned(replace(driven, duration=0.1), 5e-6, seconds=60.0)
+    found = tuned(replace(driven, duration=0.1), 5e-6, budget=60.0)
     assert found.published.errors.closure > 5e-6
     assert found.chosen.errors.closure <= AIM * 5e-6
     assert found.chosen.settings.in_file
@@ -137,7 +137,7 @@ def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
 @pytest.mark.slow
 def test_settings_that_fail_at_every_step_do_not_hide_others_that_stand(tmp_path):
     # the cheapest two dozen satisfy 5 um at 400 instants, but not at every step of a longer motion
-    found = tuned(scene(tmp_path, ctrl=FED, duration=0.5), 5e-6, seconds=8.0)
+    found = tuned(scene(tmp_path, ctrl=FED, duration=0.5), 5e-6, budget=8.0)
     assert found.chosen is not None
     assert not found.satisfied
     assert found.chosen.seconds < 0.5 * found.closest.seconds

@@ -38,7 +38,7 @@ def place_error(model, form, turns=3.0):
 def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_says():
     form = catalog.make("four_bar")
     spec = exported(form.mechanism, Scene())
-    text, said = turning_model.kept(spec, form.mechanism, SPEED, 1e-5, seconds=2.0)
+    text, said = turning_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
     assert "keeps 1e-05 m at 60 rad/s" in text
     assert "keyframe turning" in text
     model = mujoco.MjModel.from_xml_string(text)
@@ -92,7 +92,9 @@ def test_a_driver_that_is_not_called_crank_turns_too(scene):
 
 def test_the_tolerance_of_such_a_model_is_kept():
     mechanism = load("planetary_gear").mechanism
-    text, error = turning_model.kept(exported(mechanism, Scene()), mechanism, SPEED, 1e-5, seconds=1.0)
+    text, error = turning_model.exported_model(
+        exported(mechanism, Scene()), mechanism, SPEED, 1e-5, budget=1.0
+    )
     assert error <= 1e-5
     assert "keeps 1e-05 m" in text
 

@@ -6,7 +6,7 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.studies.scene import stepped
-from mechsim.studies.scene.errors import why_broken
+from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import finer
 
@@ -18,7 +18,7 @@ def broken(folder, text=FINGER, settings=RINGING, **motion):
     one = scene(folder, text=text, **(motion or {"ctrl": FED}))
     run = stepped(one, settings.applied(one.model))
     assert run.broken
-    return why_broken(run)
+    return divergence_reason(run)
 
 
 STIFF = {
@@ -60,7 +60,7 @@ def test_a_joint_at_the_end_of_its_range_is_a_limit(tmp_path):
 
 
 def test_a_run_that_is_one_has_no_cause(tmp_path):
-    assert why_broken(stepped(scene(tmp_path, ctrl=FED))) == ""
+    assert divergence_reason(stepped(scene(tmp_path, ctrl=FED))) == ""
 
 
 def test_a_run_that_diverges_is_followed_by_finer_ones(tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from scene_texts import scene
 
-from mechsim.studies.scene import errors_of, limit_of, stepped
+from mechsim.studies.scene import compute_reference, errors_of, stepped
 from mechsim.studies.scene.converged_reference import HARDEST
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, written
@@ -34,15 +34,17 @@ def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_
     one, path = tuned_script
     known = errors_of(stepped(one, HARD.applied(one.model), records=None)).closure
     script = judge.script_of(path)
-    found = judge.closure_error(script, one.duration, one.places, one.closure.drivers)
+    found = judge.closure_error(script, one.duration, one.tracked, one.closure.drivers)
     assert found == pytest.approx(known, rel=1e-6)
     script.model.eq_solref[:], script.model.eq_solimp[:] = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
-    assert judge.closure_error(script, one.duration, one.places, one.closure.drivers) > 100.0 * known
+    assert judge.closure_error(script, one.duration, one.tracked, one.closure.drivers) > 100.0 * known
 
 
 def test_a_run_of_small_steps_tells_a_trajectory_as_the_limit_of_the_scene_does(judge, tuned_script):
     one, path = tuned_script
-    known = errors_of(stepped(one, HARD.applied(one.model), records=None), limit_of(one, 1e-9)).trajectory
-    found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.places)
+    known = errors_of(
+        stepped(one, HARD.applied(one.model), records=None), compute_reference(one, 1e-9).run
+    ).trajectory
+    found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.tracked)
     assert own < 0.2 * found  # of steps sixteen times smaller a sixteenth is left
     assert found == pytest.approx(known, rel=0.15)

@@ -18,7 +18,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.source import assembled
-from mechsim.studies.tradeoff.setting_families import cuts_of
+from mechsim.studies.tradeoff.methods import cuts_of
 
 SPEED = 20.0 * np.pi
 TURNS = 2.0

@@ -73,7 +73,11 @@ def main():
             cells = (f"{error:9.2g} {ratio:7.3f}" for error, ratio in zip(errors, ratios[-1], strict=True))
             print(f"{name:22}", *cells, flush=True)
             exact, own = errors[:2]
-            worse += [name] if own > exact + ROUNDING * scene.size or ratios[-1][1] > LONGER else []
+            worse += (
+                [name]
+                if own > exact + ROUNDING * scene.characteristic_length or ratios[-1][1] > LONGER
+                else []
+            )
     for name, part in zip(SETTINGS, np.median(ratios, axis=0), strict=True):
         print(f"time over that of tolerance 0, {name}: {part:.3f} in the median")
     print(f"errs more or takes longer: {', '.join(worse) or 'none'}")

@@ -30,7 +30,7 @@ from mechsim.simulation import Settings, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recording import States, evaluate
-from mechsim.studies.tradeoff import Subject, build_model, families, subject_of
+from mechsim.studies.tradeoff import Subject, build_model, stepping_methods, subject_of
 from mechsim.studies.tradeoff.models import SAMPLES
 
 SPEED = 20.0 * np.pi
@@ -65,7 +65,7 @@ def extrapolated(subject: Subject, steps: int) -> Point:
     coarse, fine = (subject.built.motion(settings)[0] for settings in both)
     assert coarse is not None
     assert fine is not None
-    exact = subject.reference.at(fine)
+    exact = subject.reference.exact(fine)
 
     def apart(kind: str) -> float:
         gaps = (
@@ -166,15 +166,15 @@ def cheapest(drive: ClosedForm, subject: Subject) -> Point:
         drive.mechanism, within_range(drive.mechanism, drive.crank_range(), SPEED, TURNS), SPEED
     )
     good: list[tuple[float, str, Settings, dict[str, float]]] = []
-    for family in families():
-        if family.build != built.build:
+    for method in stepping_methods():
+        if method.build != built.build:
             continue
         for steps in FEW:
-            settings = family.at(steps, SPEED)
+            settings = method.settings(steps, SPEED)
             motion, seconds = built.motion(settings)
             errors = subject.errors(motion)
             if errors["position"] <= PART:
-                good.append((seconds, family.name, settings, errors))
+                good.append((seconds, method.name, settings, errors))
                 break
     good.sort(key=lambda one: one[0])
     near = good[:6]

@@ -27,8 +27,7 @@ from reduced_cases import Case, prepared
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.reduction import reduced
-from mechsim.studies.reduction.evaluator import Evaluator
-from mechsim.studies.reduction.reduced_scene import normalised, other_motion
+from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator, other_motion
 from mechsim.studies.scene import UserScene
 
 Array = NDArray[np.float64]
@@ -39,14 +38,11 @@ REACH, UNEVEN = 0.75, 0.2
 
 def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
     """Return how far a reduced scene is from the full one over a third motion, in [m]."""
-    moved, full = other_motion(scene, REACH, UNEVEN), normalised(spec)
-    named = full.copy().compile()
-    tracked = {name: (named.body(body).name, place) for name, (body, place) in scene.places.items()}
-    if scene.drive:
-        evaluator = Evaluator(moved, full, tracked)
-        return evaluator.errors(
-            evaluator.scene(mujoco.MjSpec.from_string(text)), compare_forces=False
-        ).trajectory
+    evaluator = ReducedSceneEvaluator.of(other_motion(scene, REACH, UNEVEN), spec)
+    moved, named, tracked = evaluator.motion, evaluator.named, dict(evaluator.tracked)
+    if scene.joint_laws:
+        lean = evaluator.scene(mujoco.MjSpec.from_string(text))
+        return evaluator.errors(lean, compare_forces=False).trajectory
     lean = mujoco.MjModel.from_xml_string(text)
     stride = round(float(lean.opt.timestep / named.opt.timestep))
     far, near = (_looped(moved, model, tracked) for model in (named, lean))
@@ -71,7 +67,7 @@ def _looped(scene: UserScene, model: mujoco.MjModel, tracked: dict[str, tuple[st
 def row(name: str, case: Case, folder: Path) -> dict[str, object]:
     """Return what came of a scene."""
     scene, began = case.scene(folder), process_time()
-    bound, spec = PART * scene.size, parse_file(scene.path)[0]
+    bound, spec = PART * scene.characteristic_length, parse_file(scene.path)[0]
     found = reduced(scene, spec, bound, keep=case.keep)
     first, second = found.errors
     third = outside(scene, spec, found.text)

@@ -24,7 +24,7 @@ from mechsim import simulation, units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.motion_laws import constant
 from mechsim.simulation import Settings, driven_run, mjcf
-from mechsim.studies.tradeoff import STEPS, BuiltModel, Subject, build_model, families, subject_of
+from mechsim.studies.tradeoff import STEPS, BuiltModel, Subject, build_model, stepping_methods, subject_of
 
 TURNS = 10.0
 RPM, PART = (1.0, 20_000.0), (1e-3, 1e-8)
@@ -57,16 +57,16 @@ def counted() -> Iterator[list[float]]:
 
 
 def keeping(subject: Subject, built: BuiltModel, part: float) -> list[Settings]:
-    """Return of each family the settings with the fewest steps that keep an error, in strokes.
+    """Return of each method the settings with the fewest steps that keep an error, in strokes.
 
     What takes twice the time of another, and more, is left out.
     """
     found: list[tuple[float, Settings]] = []
-    for family in families():
-        if family.name not in LADDER:
+    for method in stepping_methods():
+        if method.name not in LADDER:
             continue
         for steps in STEPS:
-            settings = family.at(steps, subject.speed)
+            settings = method.settings(steps, subject.speed)
             motion, seconds = built.motion(settings)
             if seconds > 2.0 * min((time for time, _ in found), default=np.inf):
                 break

@@ -14,7 +14,7 @@ import numpy as np
 from mechsim.studies.scene import SceneRun, UserScene, errors_of, step_times, stepped
 from mechsim.studies.scene.converged_reference import HARDEST
 from mechsim.studies.scene.settings import PlainSettings
-from mechsim.studies.scene.step_sizes import quickest
+from mechsim.studies.scene.step_sizes import shortest_time_constant
 
 # steps in those of the file's own, each so many times shorter than the one before
 LONGEST, SHORTER, SHORTEST = 20.0, 1.2, 0.01
@@ -53,7 +53,7 @@ def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, fl
 
 
 def _first(scene: UserScene, tolerance: float) -> list[Found]:
-    own, safe = float(scene.model.opt.timestep), 0.5 * quickest(scene.model)
+    own, safe = float(scene.model.opt.timestep), 0.5 * shortest_time_constant(scene.model)
     longest = max(own, min(safe, scene.duration / FEWEST))
     step, found = LONGEST * own, list[Found]()
     while step >= SHORTEST * own:
@@ -68,7 +68,7 @@ def _first(scene: UserScene, tolerance: float) -> list[Found]:
                 solref=None if constant is None else (constant * step, 1.0),
                 solimp=HARDEST if hard else None,
                 refsafe=False if constant == 1.5 else None,
-                tolerance=max(float(scene.model.opt.tolerance), scene.usual_tolerance),
+                tolerance=max(float(scene.model.opt.tolerance), scene.solver_tolerance),
             )
             run = stepped(scene, settings.applied(scene.model))
             tried += [] if run.broken else [run.seconds_per_second]
@@ -80,7 +80,7 @@ def _first(scene: UserScene, tolerance: float) -> list[Found]:
 
 
 def _second(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:
-    usual = scene.usual_tolerance
+    usual = scene.solver_tolerance
     for solver, iterations, tolerance, jacobian, island in itertools.product(
         SOLVERS, ITERATIONS, TOLERANCES, JACOBIANS, (True, False)
     ):

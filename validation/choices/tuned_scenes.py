@@ -29,11 +29,11 @@ from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.scene import (
     UserScene,
-    begun_closed,
     converged_reference,
     search,
     start_error,
     step_times,
+    with_assembled_start,
 )
 from mechsim.studies.scene.tune import SECONDS, SceneTrial, Tuned, tuned
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, written
@@ -65,9 +65,9 @@ def outside(scene: UserScene, found: Tuned, best: SceneTrial, work: Path) -> tup
     changed = {} if best.settings.in_file else {"compliance": best.settings.compliance}
     script.write_text(python_of(stands, file, expressions(scene), changed=changed))
     if found.by == "trajectory":
-        return trajectory_error(script_of(script), scene.duration, scene.places)
+        return trajectory_error(script_of(script), scene.duration, scene.tracked)
     drivers = scene.closure.drivers
-    return closure_error(script_of(script), LONGER * scene.duration, scene.places, drivers), 0.0
+    return closure_error(script_of(script), LONGER * scene.duration, scene.tracked, drivers), 0.0
 
 
 def judged(
@@ -76,10 +76,10 @@ def judged(
     """Tune one scene for one of its cases, run what was written from outside, count and return the row."""
     by, part, rate = CASES[number]
     scene = user_scene(str(one.path), one.motion(rate))
-    tolerance = float(f"{part * scene.size:.2g}")
+    tolerance = float(f"{part * scene.characteristic_length:.2g}")
     if by == "closure" and start_error(scene) > search.AIM * tolerance:
-        scene = begun_closed(scene)
-    found = tuned(scene, tolerance, by, seconds=budget)
+        scene = with_assembled_start(scene)
+    found = tuned(scene, tolerance, by, budget=budget)
     count.slow += found.seconds > SLOWEST
     before = found.published
     row = [by, tolerance, before.errors.by(by), 1e3 * before.seconds]

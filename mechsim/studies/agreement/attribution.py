@@ -18,9 +18,9 @@ from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.misfit import Scales, errors
 from mechsim.studies.motion_source import profile_of, simulated
 from mechsim.studies.quantities import Quantity
-from mechsim.studies.scene.converged_reference import interpolated
-from mechsim.studies.scene.evaluator import SceneRun, stepped
+from mechsim.studies.scene.errors import interpolated
 from mechsim.studies.scene.published_run import published_scene
+from mechsim.studies.scene.run import SceneRun, stepped
 from mechsim.studies.scene.scene import UserScene
 from mechsim.subjects.mjcf_source import MjcfForm
 
@@ -153,7 +153,7 @@ def _at_instants(
     }
     record = replace(evaluation.motion, joints={**evaluation.motion.joints, **drivers})
     exact = replace(evaluation, solved=solver.solve_as(record))
-    positions = dict(zip(scene.places, np.moveaxis(recorded.points, 1, 0), strict=True))
+    positions = dict(zip(scene.tracked, np.moveaxis(recorded.points, 1, 0), strict=True))
     values: list[Array] = []
     for compared in quantity:
         if compared.kind == "position":

@@ -26,10 +26,10 @@ from mechsim.studies.reduction.candidates.stepping import (
     LONGER_STEPS,
     set_longer_steps,
 )
-from mechsim.studies.reduction.evaluator import Evaluator
 from mechsim.studies.reduction.observations import Evidence
-from mechsim.studies.reduction.reduced_scene import ReducedScene
-from mechsim.studies.scene.evaluator import stepped
+from mechsim.studies.reduction.reduced_scene import ReducedScene, ReducedSceneEvaluator
+from mechsim.studies.scene.errors import deviation
+from mechsim.studies.scene.run import stepped
 
 SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -67,7 +67,7 @@ def parameters_of(spec: mujoco.MjSpec, scene: ReducedScene, limited: frozenset[s
     free = [
         model.joint(j).name
         for j in range(model.njnt)
-        if int(model.jnt_type[j]) in SINGLE and model.joint(j).name not in scene.drive
+        if int(model.jnt_type[j]) in SINGLE and model.joint(j).name not in scene.joint_laws
     ]
     joint_inertia = lambda name: float(inertia[int(model.joint(name).dofadr[0])])  # noqa: E731
     for names in _groups(free, lambda name: _joint_signature(model, name, joint_inertia(name))):
@@ -218,7 +218,10 @@ class Refit:
 
 @quiet()
 def refit(
-    evaluators: Sequence[Evaluator], observed: Evidence, times: int, start: Mapping[Parameter, float]
+    evaluators: Sequence[ReducedSceneEvaluator],
+    observed: Evidence,
+    times: int,
+    start: Mapping[Parameter, float],
 ) -> Refit | None:
     """Return longer steps for a scene with parameters fitted so that the motion stays the same.
 
@@ -264,7 +267,7 @@ class _Fit:
 
     def __init__(
         self,
-        evaluators: Sequence[Evaluator],
+        evaluators: Sequence[ReducedSceneEvaluator],
         spec: mujoco.MjSpec,
         observed: Evidence,
         start: Mapping[Parameter, float],
@@ -305,14 +308,14 @@ class _Fit:
         """Return deviations of tracked points from the full scene's, in tolerances, flat."""
         return np.concatenate([self._deviation(evaluator, scene, values) for evaluator, scene in self.runs])
 
-    def _deviation(self, evaluator: Evaluator, scene: ReducedScene, values: Array) -> Array:
+    def _deviation(self, evaluator: ReducedSceneEvaluator, scene: ReducedScene, values: Array) -> Array:
         run = stepped(
             replace(scene, model=with_parameters(scene.model, self.parameters, values)), records=None
         )
         if run.broken:
             steps = int(np.ceil(scene.duration / float(scene.model.opt.timestep) - 1e-6))
-            return np.full(3 * len(scene.places) * (steps + 1), DIVERGED_RESIDUAL)
-        return (evaluator.deviation(run) / self.tolerance).ravel()
+            return np.full(3 * len(scene.tracked) * (steps + 1), DIVERGED_RESIDUAL)
+        return (deviation(run, evaluator.run) / self.tolerance).ravel()
 
     def _worst(self, values: Array) -> float:
         return float(np.linalg.norm(self.residuals(values).reshape(-1, 3), axis=1).max())

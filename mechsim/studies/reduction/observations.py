@@ -10,7 +10,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.reduced_scene import ReducedScene
-from mechsim.studies.scene.evaluator import stepped
+from mechsim.studies.scene.run import stepped
 
 # number of instants observed, evenly over the motion
 SAMPLES = 600
@@ -62,7 +62,7 @@ class Evidence:
     @property
     def length(self) -> float:
         """Characteristic length of the full scene, in [m]."""
-        return self.scene.size
+        return self.scene.characteristic_length
 
     def values(self, joint: str) -> Array:
         """Return a hinge's or slide's coordinate over the motion, (n,) in [rad] or [m]."""

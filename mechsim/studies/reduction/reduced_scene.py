@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.model.motion_laws import State
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
-from mechsim.studies.scene.scene import UserScene, as_exact
+from mechsim.studies.scene.errors import SceneErrors
+from mechsim.studies.scene.evaluator import SceneEvaluator
+from mechsim.studies.scene.run import SceneRun, step_times, stepped
+from mechsim.studies.scene.scene import UserScene, with_scaled_tolerance
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class ReducedScene(UserScene):
     @cached_property
     def driven_joints(self) -> dict[str, int]:
         """Prescribed joint -> its index in the model."""
-        return {name: int(self.model.joint(name).id) for name in self.drive}
+        return {name: int(self.model.joint(name).id) for name in self.joint_laws}
 
     @cached_property
     def driven_dofs(self) -> NDArray[np.intp]:
@@ -49,13 +52,13 @@ def reduced_scene(
     spec = spec.copy()
     plain = plainly_compiled(spec)
     inertias: dict[str, tuple[float, float]] = {}
-    for name in full.drive:
+    for name in full.joint_laws:
         joint = spec.joint(name)
         if joint is None:
             raise ValueError(f"joint {name} is prescribed and cannot be removed")
-        inertias[name] = full.wheels[name][0], float(joint.armature)
-        joint.armature = full.wheels[name][0]
-    model = as_exact(plain, plainly_compiled(spec), spec) if inertias else plain
+        inertias[name] = full.drive_inertias[name][0], float(joint.armature)
+        joint.armature = full.drive_inertias[name][0]
+    model = with_scaled_tolerance(plain, plainly_compiled(spec), spec) if inertias else plain
     actuators = {model.actuator(i).name for i in range(model.nu)}
     if missing := [name for name in full.ctrl if name not in actuators]:
         raise ValueError(f"actuator {missing[0]} has a motion law and cannot be removed")
@@ -71,11 +74,79 @@ def reduced_scene(
         full.duration,
         full.closure,
         positions,
-        full.drive,
+        full.joint_laws,
         full.ctrl,
         inertias,
         full.key,
     )
+
+
+@dataclass(frozen=True)
+class ReducedSceneEvaluator:
+    """Makes reduced scenes and evaluates them against the full scene over one motion.
+
+    Attributes:
+        motion: the full scene as tune and simulate run it.
+        spec: of the full scene, normalised.
+        tracked: point -> name of its body, position in its frame in [m].
+    """
+
+    motion: UserScene
+    spec: mujoco.MjSpec
+    tracked: Mapping[str, tuple[str, Array]]
+
+    @classmethod
+    def of(cls, scene: UserScene, spec: mujoco.MjSpec) -> "ReducedSceneEvaluator":
+        """Return the evaluator of a scene over its motion, with the specification of its file."""
+        full = normalised(spec)
+        named = plainly_compiled(full.copy())
+        tracked = {name: (named.body(body).name, local) for name, (body, local) in scene.tracked.items()}
+        return cls(scene, full, tracked)
+
+    @cached_property
+    def full(self) -> ReducedScene:
+        """The full scene."""
+        return self.scene(self.spec)
+
+    @cached_property
+    def named(self) -> mujoco.MjModel:
+        """The full scene's model, all elements named."""
+        return plainly_compiled(self.spec.copy())
+
+    @cached_property
+    def run(self) -> SceneRun:
+        """The full scene's run, every step of it."""
+        return stepped(self.full, records=None)
+
+    @property
+    def tracked_bodies(self) -> frozenset[str]:
+        """Names of the bodies that carry tracked points."""
+        return frozenset(body for body, _ in self.tracked.values())
+
+    @property
+    def displacement_range(self) -> float:
+        """Largest distance of a tracked point from its initial position, in [m]."""
+        return worst(np.linalg.norm(self.run.points - self.run.points[0], axis=2))
+
+    def scene(self, spec: mujoco.MjSpec) -> ReducedScene:
+        """Return the scene of a specification over the same motion, with the full scene's initial state."""
+        return reduced_scene(self.motion, spec, self.tracked, self.named)
+
+    def errors(self, scene: ReducedScene, *, compare_forces: bool = True) -> SceneErrors:
+        """Return the errors of a scene against the full scene.
+
+        Args:
+            scene: as `scene` returns it.
+            compare_forces: whether forces and energies are compared too; otherwise they are NaN.
+        """
+        evaluator = SceneEvaluator(self.run, closure=False, forces=compare_forces, energy=compare_forces)
+        return evaluator.evaluate(scene).errors
+
+
+def time_ratios(full: ReducedScene, others: Sequence[ReducedScene], rounds: int = 3) -> Array:
+    """Return the processor times of scenes relative to the full scene's, (others,)."""
+    times = step_times([(scene, scene.model) for scene in (full, *others)], rounds)
+    return times[1:] / times[0]
 
 
 def initial_state(
@@ -203,21 +274,21 @@ def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -
         range_ratio: range relative to that of the motion.
         speed_variation: largest relative change of the speed.
     """
-    count = len(scene.drive)
+    count = len(scene.joint_laws)
     motion_laws = [
         {
             name: _warped_law(state, scene.duration, number, range_ratio, speed_variation)
             for number, (name, state) in enumerate(states.items(), first)
         }
-        for states, first in ((scene.drive, 0), (scene.ctrl, count))
+        for states, first in ((scene.joint_laws, 0), (scene.ctrl, count))
     ]
     qpos, qvel = scene.start
     # rates that keep loops closed are proportional to the driver speeds
     return replace(
         scene,
-        drive=motion_laws[0],
+        joint_laws=motion_laws[0],
         ctrl=motion_laws[1],
-        start=(qpos, range_ratio * qvel if scene.drive else qvel),
+        start=(qpos, range_ratio * qvel if scene.joint_laws else qvel),
     )
 
 

@@ -1,6 +1,5 @@
 """What each thing in a user's scene costs: turned on or off alone, timed, and how the motion changes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -8,12 +7,12 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.reduction.candidates import VISUAL_ONLY
 from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed, count_text
-from mechsim.studies.reduction.evaluator import Evaluator
 from mechsim.studies.reduction.observations import Evidence, observe
-from mechsim.studies.reduction.reduced_scene import normalised
+from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator
 from mechsim.studies.scene import UserScene, step_times
 
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
@@ -48,7 +47,7 @@ def scene_costs(
     scene: UserScene,
     spec: mujoco.MjSpec,
     rounds: int = ROUNDS,
-    progress: Callable[[float], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> list[SceneCost]:
     """Return what each thing in a scene costs over its motion, the scene as it is first.
 
@@ -56,22 +55,19 @@ def scene_costs(
         scene: and its motion.
         spec: of its file; not changed.
         rounds: of timing; each runs everything once.
-        progress: called with the finished fraction of the timing.
+        progress: called after each round of timing.
 
     Raises:
         InputError: for a scene that diverges.
     """
-    full = normalised(spec)
-    named = plainly_compiled(full.copy())
-    tracked = {name: (named.body(body).name, position) for name, (body, position) in scene.places.items()}
-    evaluator = Evaluator(scene, full, tracked)
+    evaluator = ReducedSceneEvaluator.of(scene, spec)
     if evaluator.run.broken:
         raise InputError(f"{scene.path} diverges: {evaluator.run.broken}; repair the scene, or ask for less")
-    observed = observe(full, evaluator.full, frozenset(body for body, _ in tracked.values()), 0.0)
+    observed = observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, 0.0)
     tried = {"as it is": evaluator.full}
     for candidate in _candidates(observed):
         try:
-            tried[candidate.what] = evaluator.scene(changed(full, candidate))
+            tried[candidate.what] = evaluator.scene(changed(evaluator.spec, candidate))
         except (NotApplicable, ValueError):
             continue
     times = step_times([(candidate, candidate.model) for candidate in tried.values()], rounds, progress)

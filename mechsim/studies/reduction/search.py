@@ -9,15 +9,21 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
-from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.candidates import CATEGORIES
 from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed
 from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps
-from mechsim.studies.reduction.evaluator import DIVERGED, Evaluator, ReducedErrors, time_ratios
 from mechsim.studies.reduction.fit_parameters import Parameter, refit
 from mechsim.studies.reduction.observations import Evidence, observe
-from mechsim.studies.reduction.reduced_scene import ReducedScene, motion_to_fit, normalised, second_motion
-from mechsim.studies.scene import UserScene
+from mechsim.studies.reduction.reduced_scene import (
+    ReducedScene,
+    ReducedSceneEvaluator,
+    motion_to_fit,
+    second_motion,
+    time_ratios,
+)
+from mechsim.studies.scene import SceneErrors, UserScene
+from mechsim.studies.scene.errors import DIVERGED
 
 By = Literal["trajectory", "torque"]
 # fraction of the tolerance that the reduced scene may use on the user's motion
@@ -48,7 +54,7 @@ class LeftOut:
     """
 
     candidate: Candidate
-    alone_errors: ReducedErrors
+    alone_errors: SceneErrors
     time_ratio: float
     error: float
 
@@ -70,7 +76,7 @@ class Reduction:
 
     text: str
     left_out: Sequence[LeftOut]
-    errors: tuple[ReducedErrors, ReducedErrors]
+    errors: tuple[SceneErrors, SceneErrors]
     speedup: float
     time: float
     tried: int
@@ -105,11 +111,9 @@ def reduced(
     Raises:
         InputError: if the full scene diverges or has no tracked point.
     """
-    full = normalised(spec)
-    named = plainly_compiled(full.copy())
-    tracked = {name: (named.body(body).name, position) for name, (body, position) in scene.places.items()}
-    first, second = (Evaluator(motion, full, tracked) for motion in (scene, second_motion(scene)))
-    if not tracked:
+    first = ReducedSceneEvaluator.of(scene, spec)
+    second = replace(first, motion=second_motion(scene))
+    if not scene.tracked:
         raise InputError(f"nothing of {scene.path} is tracked; name a site or a body by --track")
     for evaluator, motion_name in ((first, "its motion"), (second, "a second motion")):
         if evaluator.run.broken:
@@ -124,7 +128,7 @@ def reduced(
             "--track P,BODY@x,y,z does"
         )
     search = _Search(first, tolerance, by, progress)
-    search.bodies |= {name for name in keep if full.body(name) is not None}
+    search.bodies |= {name for name in keep if first.spec.body(name) is not None}
     search.run()
     return search.verified(second)
 
@@ -137,7 +141,7 @@ _State = tuple[mujoco.MjSpec, float, tuple[LeftOut, ...], tuple[_Steps, ...]]
 class _Search:
     """The state of a search."""
 
-    def __init__(self, evaluator: Evaluator, tolerance: float, by: By, progress: Progress):
+    def __init__(self, evaluator: ReducedSceneEvaluator, tolerance: float, by: By, progress: Progress):
         self.evaluator, self.tolerance, self.progress = evaluator, tolerance, progress
         self.by: By = by
         self.spec, self.error, self.tried = evaluator.spec, 0.0, 0
@@ -145,7 +149,7 @@ class _Search:
         # time ratio, candidate and error of other steps within the tolerance
         self.steps: list[_Steps] = []
         self.costly, self.fraction = False, SEARCH_FRACTION
-        self.bodies = frozenset(body for body, _ in evaluator.tracked.values())
+        self.bodies = evaluator.tracked_bodies
 
     def observe(self, spec: mujoco.MjSpec) -> Evidence:
         return observe(spec, self.evaluator.scene(spec), self.bodies, self.tolerance)
@@ -268,7 +272,7 @@ class _Search:
         Each fit starts from the previous values; without them fits of long steps rarely converge.
         """
         evaluator, kept = self.evaluator, list[_Kept]()
-        to_fit = Evaluator(motion_to_fit(evaluator.motion), evaluator.spec, evaluator.tracked)
+        to_fit = replace(evaluator, motion=motion_to_fit(evaluator.motion))
         observed, values = self.observe(self.spec), dict[Parameter, float]()
         step = float(self.spec.option.timestep)
         for times in (times for times in STEP_RATIOS if times > 1 and times * step >= longest):
@@ -294,7 +298,7 @@ class _Search:
             _, candidate, error = self.steps.pop(0)
             self.take(candidate, changed(self.spec, candidate), error)
 
-    def verified(self, second: Evaluator) -> Reduction:
+    def verified(self, second: ReducedSceneEvaluator) -> Reduction:
         """Return the reduced scene; take candidates back until both motions satisfy the tolerance."""
         undone: list[str] = []
         while True:
@@ -352,7 +356,7 @@ class _Search:
     def error_of(self, scene: ReducedScene) -> float:
         return self.evaluator.errors(scene, compare_forces=self.by == "torque").by(self.by)
 
-    def errors(self, evaluator: Evaluator, spec: mujoco.MjSpec) -> ReducedErrors:
+    def errors(self, evaluator: ReducedSceneEvaluator, spec: mujoco.MjSpec) -> SceneErrors:
         try:
             return evaluator.errors(evaluator.scene(spec))
         except ValueError:

@@ -1,26 +1,29 @@
-"""A user's own MJCF scene in plain MuJoCo, over its own motion: runs, exact closure, limit, errors, time."""
+"""Custom MJCF scenes in plain MuJoCo: motion, runs, exact closure, errors, cost, tuned settings."""
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
-from mechsim.studies.scene.converged_reference import SceneLimit, limit_of
+from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
 from mechsim.studies.scene.errors import MEASURES, By, SceneErrors, errors_of, start_error
-from mechsim.studies.scene.evaluator import SceneRun, step_times, stepped
+from mechsim.studies.scene.evaluator import SceneEvaluator, SceneTrial
 from mechsim.studies.scene.exact_closure import ExactClosure
-from mechsim.studies.scene.scene import UserScene, begun_closed, scene_of, spec_of
+from mechsim.studies.scene.run import SceneRun, step_times, stepped
+from mechsim.studies.scene.scene import UserScene, scene_of, spec_of, with_assembled_start
 
 __all__ = [
     "MEASURES",
     "By",
+    "ConvergedReference",
     "ExactClosure",
     "SceneErrors",
-    "SceneLimit",
+    "SceneEvaluator",
     "SceneRun",
+    "SceneTrial",
     "UserScene",
-    "begun_closed",
+    "compute_reference",
     "errors_of",
-    "limit_of",
     "scene_of",
     "spec_of",
     "start_error",
     "step_times",
     "stepped",
+    "with_assembled_start",
 ]

@@ -1,4 +1,4 @@
-"""How far a run of a user's scene errs: by closure, by trajectory, by torque."""
+"""Errors of a run of a scene by closure, trajectory, torque and energy, and why a run diverged."""
 
 import copy
 from dataclasses import dataclass
@@ -6,120 +6,159 @@ from typing import Literal
 
 import numpy as np
 
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.divergence import limit_or_contact, near_singular, stiffness_cause
-from mechsim.studies.scene.converged_reference import SceneLimit
-from mechsim.studies.scene.evaluator import SceneRun, stepped
+from mechsim.studies.scene.run import SceneRun, stepped
 from mechsim.studies.scene.scene import UserScene
 
 By = Literal["closure", "trajectory", "torque"]
 MEASURES: dict[By, str] = {
     "closure": "worst distance of a tracked point from the exact closure at the run's own drivers, in m",
     "trajectory": "worst distance of a tracked point from the scene's own limit at the same time, in m",
-    "torque": "worst difference of an actuator's or drive's effort from the scene's own limit, in N m or N",
+    "torque": "worst difference of an actuator's or drive's force from the scene's own limit, in N m or N",
 }
+# number of instants at which energies are compared
+ENERGY_SAMPLES = 100
+# factor by which the step is reduced to test whether stiffness caused a divergence
+FINER = 8.0
+# relative singular value of the loop Jacobian below which a direction is not constrained
+RANK_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class SceneErrors:
-    """Worst errors of a run; infinite where it broke, NaN where there is no limit to judge by.
+    """Largest errors of a run over its records; infinite if it broke, NaN if not measured.
 
     Attributes:
-        closure: in [m].
-        trajectory: in [m].
-        torque: in [N m] or [N].
-        drive: how far a prescribed joint is from its program, in [rad] or [m].
+        closure: distance of a tracked point from the exact closure, in [m].
+        trajectory: distance of a tracked point from the reference, in [m].
+        torque: difference of an actuator or drive force from the reference, in [N m] or [N].
+        drive: distance of a prescribed joint from its motion law, in [rad] or [m].
+        energy: difference of the energy change from the reference, in [J].
     """
 
-    closure: float
+    closure: float = np.nan
     trajectory: float = np.nan
     torque: float = np.nan
     drive: float = 0.0
+    energy: float = np.nan
 
     def by(self, measure: By) -> float:
-        """Return one of them."""
+        """Return the error by a measure."""
         return float(getattr(self, measure))
 
     def as_dict(self) -> dict[str, float]:
-        """Return them by name."""
+        """Return the errors that `mechsim tune` reports, by name."""
         return {name: getattr(self, name) for name in ("closure", "trajectory", "torque", "drive")}
 
 
-def errors_of(run: SceneRun, limit: SceneLimit | None = None, *, torque: bool = True) -> SceneErrors:
-    """Return how far a run errs.
+DIVERGED = SceneErrors(np.inf, np.inf, np.inf, np.inf, np.inf)
+
+
+def errors_of(
+    run: SceneRun,
+    reference: SceneRun | None = None,
+    *,
+    closure: bool = True,
+    forces: bool = True,
+    energy: bool = False,
+) -> SceneErrors:
+    """Return the errors of a run.
 
     Args:
         run: the run.
-        limit: of its scene; None leaves trajectory and torque unknown.
-        torque: whether efforts are compared, which costs an evaluation in Python for each record.
+        reference: run that gives the true points, forces and energies over time; None compares none.
+        closure: whether points are compared with the exact closure.
+        forces: whether forces are compared, which costs an evaluation in Python for each record.
+        energy: likewise energies.
     """
     if run.broken:
-        return SceneErrors(np.inf, np.inf, np.inf, np.inf)
-    closure = worst_distance(run.scene.closure.errors(run.qpos, run.points))
-    if limit is None or limit.broken:
-        return SceneErrors(closure, drive=drive_error(run))
-    trajectory = worst_distance(np.linalg.norm(run.points - limit.points(run.time), axis=2))
-    effort = worst_distance(np.abs(run.efforts - limit.efforts(run.time))) if torque else np.nan
-    return SceneErrors(closure, trajectory, effort, drive_error(run))
+        return DIVERGED
+    closed = worst(run.scene.closure.errors(run.qpos, run.points)) if closure else np.nan
+    if reference is None:
+        return SceneErrors(closed, drive=drive_error(run))
+    trajectory = worst(np.linalg.norm(deviation(run, reference), axis=2))
+    torque = _force_error(run, reference.nodes) if forces else np.nan
+    change = np.nan
+    if energy:
+        sampled, nodes = run.every(len(run.time) // ENERGY_SAMPLES), reference.nodes
+        change = worst(sampled.energies - interpolated(nodes.time, nodes.energies, sampled.time))
+    return SceneErrors(closed, trajectory, torque, drive_error(run), change)
 
 
-def worst_distance(errors: Array) -> float:
-    """Return the largest of errors, infinity where one is not a number."""
-    largest = float(np.max(errors, initial=0.0))
-    return largest if np.isfinite(largest) else np.inf
+def deviation(run: SceneRun, reference: SceneRun) -> Array:
+    """Return the displacements of a run's tracked points from those of another, (n, k, 3) in [m]."""
+    return run.points - interpolated(reference.time, reference.points, run.time)
 
 
 def drive_error(run: SceneRun) -> float:
-    """Return how far the prescribed joints are from their programs, in [rad] or [m]."""
+    """Return the largest distance of a prescribed joint from its motion law, in [rad] or [m]."""
     scene = run.scene
-    places = scene.model.jnt_qposadr[[*scene.driven_joints.values()]]
-    gaps = [
-        run.qpos[:, place] - state(run.time)[0]
-        for place, state in zip(places, scene.drive.values(), strict=True)
-    ]
-    return max((worst_distance(np.abs(gap)) for gap in gaps), default=0.0)
+    addresses = scene.model.jnt_qposadr[[*scene.driven_joints.values()]]
+    return worst(
+        [
+            worst(run.qpos[:, address] - law(run.time)[0])
+            for address, law in zip(addresses, scene.joint_laws.values(), strict=True)
+        ]
+    )
+
+
+def interpolated(nodes: Array, values: Array, time: Array) -> Array:
+    """Return values (n, ...) at rising nodes (n,), interpolated by cubics through four neighbours."""
+    if len(nodes) < 4:
+        return values[np.searchsorted(nodes, time).clip(0, len(nodes) - 1)]
+    first = np.clip(np.searchsorted(nodes, time) - 2, 0, len(nodes) - 4)
+    x = nodes[first[:, None] + np.arange(4)]  # (m, 4)
+    result = np.zeros((len(time), *values.shape[1:]))
+    for i in range(4):
+        others = [j for j in range(4) if j != i]
+        weight = np.prod((time[:, None] - x[:, others]) / (x[:, [i]] - x[:, others]), axis=1)
+        result += weight.reshape(-1, *(1,) * (values.ndim - 1)) * values[first + i]
+    return result
 
 
 def start_error(scene: UserScene) -> float:
-    """Return the worst distance of a tracked point from the exact closure at time zero, in [m]."""
+    """Return the largest distance of a tracked point from the exact closure at time zero, in [m]."""
     run = stepped(scene, records=2, duration=float(scene.model.opt.timestep))
-    return worst_distance(scene.closure.errors(run.qpos[:1], run.points[:1]))
+    return worst(scene.closure.errors(run.qpos[:1], run.points[:1]))
 
 
-# a step that many times smaller tells whether stiffness broke it
-FINER = 8.0
-
-
-def why_broken(run: SceneRun) -> str:
-    """Return in one clause what made a run diverge, with where that was seen; empty where it did not."""
+def divergence_reason(run: SceneRun) -> str:
+    """Return in one clause why a run diverged, and where; empty if it did not."""
     if not run.broken:
         return ""
-    again = stepped(run.scene, run.model, records=None)
-    seen = near_singular(again.time, _distance(again)) or limit_or_contact(
-        run.model, again.time, again.qpos, again.qvel
+    full = stepped(run.scene, run.model, records=None)
+    cause = near_singular(full.time, _singularity_distance(full)) or limit_or_contact(
+        run.model, full.time, full.qpos, full.qvel
     )
-    if seen:
-        return seen
-    stiff = stiffness_cause(run.model)
-    if stiff:
-        return stiff
+    if cause := cause or stiffness_cause(run.model):
+        return cause
     fine = copy.copy(run.model)
     fine.opt.timestep /= FINER
     if not stepped(run.scene, fine, records=2).broken:
         return f"stiffness: a step {FINER:g} times smaller does not diverge"
-    return f"what a step {FINER:g} times smaller does not mend either, as of loops that contradict each other"
+    return f"a step {FINER:g} times smaller diverges too, as with loops that contradict each other"
 
 
-def _distance(run: SceneRun) -> Array:
-    """Return how far each state of a run is from a singular pose, (n,), 1 where nothing can be singular."""
+def _force_error(run: SceneRun, reference: SceneRun) -> float:
+    """Return the largest difference of the forces that both runs have, in [N m] or [N]."""
+    references, error = reference.forces_by_name, 0.0
+    for name, values in run.forces_by_name.items():
+        if name in references:
+            error = max(error, worst(values - interpolated(reference.time, references[name], run.time)))
+    return error
+
+
+def _singularity_distance(run: SceneRun) -> Array:
+    """Return the smallest relative singular value of the loops at each record, (n,); 1 without loops."""
     loops = run.scene.closure.loops
     if not loops.rows or not len(loops.unknown):
         return np.ones(len(run.qpos))
     with np.errstate(all="ignore"):
-        slope = loops.linearise(run.scene.closure.coordinates(run.qpos))[1]
-    matrix = np.moveaxis(slope[:, loops.unknown], -1, 0)
-    good = np.asarray(np.isfinite(matrix).all((1, 2)), dtype=np.bool_).reshape(len(matrix))
-    values = np.linalg.svd(np.where(good[:, None, None], matrix, 0.0), compute_uv=False)
-    rank = int((values[0] > 1e-9 * values[0, 0]).sum())
-    least = values[:, rank - 1] / values[0, rank - 1] if rank else np.ones(len(good))
-    return np.where(good, least, 1.0)
+        jacobian = loops.linearise(run.scene.closure.coordinates_of(run.qpos))[1]
+    matrix = np.moveaxis(jacobian[:, loops.unknown], -1, 0)
+    valid = np.isfinite(matrix).all(axis=(1, 2))
+    values = np.linalg.svd(np.where(valid[:, None, None], matrix, 0.0), compute_uv=False)
+    rank = int((values[0] > RANK_TOLERANCE * values[0, 0]).sum())
+    least = values[:, rank - 1] / values[0, rank - 1] if rank else np.ones(len(valid))
+    return np.where(valid, least, 1.0)

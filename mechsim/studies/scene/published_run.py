@@ -10,10 +10,9 @@ import numpy as np
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.model.motion_laws import CrankProfile, State, steady
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.studies.scene.errors import worst_distance
-from mechsim.studies.scene.evaluator import SceneRun, stepped
+from mechsim.studies.scene.run import SceneRun, stepped
 from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.studies.scene.settings import settings_of
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -35,8 +34,8 @@ class PublishedRun:
         path: of the file.
         settings: time step in [s], integrator, solver, `solref` of the loops (None where they differ).
         driven: how the drivers were moved, in words.
-        at: crank angle in [rad] at each record, or time in [s] where motion laws drive, (n,).
-        at_unit: of it, "rad" or "s".
+        instants: crank angle in [rad] at each record, or time in [s] where motion laws drive, (n,).
+        instants_unit: of them, "rad" or "s".
         gaps: largest distance between the two sides of a connect or weld then, (n,) in [m].
         errors: largest distance of a tracked point from the exact closure at the run's own drivers, (n,).
         note: why there is no run or no finite figure; empty otherwise.
@@ -46,8 +45,8 @@ class PublishedRun:
     path: str
     settings: Mapping[str, Any]
     driven: str = ""
-    at: Array = field(default_factory=lambda: np.zeros(0))
-    at_unit: Literal["rad", "s"] = "rad"
+    instants: Array = field(default_factory=lambda: np.zeros(0))
+    instants_unit: Literal["rad", "s"] = "rad"
     gaps: Array = field(default_factory=lambda: np.zeros(0))
     errors: Array = field(default_factory=lambda: np.zeros(0))
     note: str = ""
@@ -66,7 +65,7 @@ class PublishedRun:
     def _worst(self, values: Array) -> float:
         if not len(values):
             return np.inf if self.run else np.nan
-        return worst_distance(values)
+        return worst(values)
 
     @property
     def label(self) -> str:
@@ -127,9 +126,9 @@ def published_run(form: MjcfForm, profile: CrankProfile) -> PublishedRun:
         return known
     errors = scene.closure.errors(run.qpos, run.points).max(1, initial=0.0)
     if form.motion_laws is None:
-        known = replace(known, at=profile.state(run.time)[0])
+        known = replace(known, instants=profile.state(run.time)[0])
     else:
-        known = replace(known, at=run.time, at_unit="s")
+        known = replace(known, instants=run.time, instants_unit="s")
     return replace(known, gaps=loop_gaps(run), errors=errors)
 
 
@@ -158,11 +157,11 @@ def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tupl
     scene = scene_of(
         form.source,
         form.mechanism,
-        drive=drive,
+        joint_laws=drive,
         ctrl=ctrl,
         duration=_duration(form, profile),
         points=form.mechanism.points,
-        begin=form.source.qpos,
+        qpos=form.source.qpos,
     )
     return scene, f"{', '.join(ctrl)} fed" if ctrl else "its drivers carried by flywheels"
 

@@ -1,4 +1,4 @@
-"""What plain MuJoCo is told of a scene beside its parts: step, integrator, solver, softness of equalities."""
+"""Settings of plain MuJoCo for a scene: step, integrator, solver, flags, compliance of the loops."""
 
 import copy
 from dataclasses import dataclass, fields
@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.simulation.settings import INTEGRATORS, SOLVERS
 
 JACOBIANS = ("dense", "sparse", "auto")
-# flag of MJCF -> its bit, and whether the bit stands for off
+# flag of MJCF -> its bit, and whether the bit disables
 FLAGS = {
     "refsafe": (int(mujoco.mjtDisableBit.mjDSBL_REFSAFE), True),
     "eulerdamp": (int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP), True),
@@ -23,8 +23,8 @@ FLAGS = {
     "actuation": (int(mujoco.mjtDisableBit.mjDSBL_ACTUATION), True),
     "spring": (int(mujoco.mjtDisableBit.mjDSBL_SPRING), True),
 }
-# what a user may free, so that it need not stay as it is -> the flag that switches it off
-FREEABLE = {
+# kind of element that `--allow` permits to disable -> its flag
+ALLOWABLE = {
     "contacts": "contact",
     "limits": "limit",
     "friction": "frictionloss",
@@ -32,37 +32,40 @@ FREEABLE = {
     "springs": "spring",
 }
 OPTIONS = ("timestep", "integrator", "solver", "iterations", "ls_iterations", "tolerance", "jacobian")
-_WORDS: dict[str, tuple[str, Any, tuple[str, ...]]] = {
+# option with named values -> prefix, enumeration and names
+_ENUMERATIONS: dict[str, tuple[str, Any, tuple[str, ...]]] = {
     "integrator": ("mjINT_", mujoco.mjtIntegrator, INTEGRATORS),
     "solver": ("mjSOL_", mujoco.mjtSolver, SOLVERS),
     "jacobian": ("mjJAC_", mujoco.mjtJacobian, JACOBIANS),
 }
+# MuJoCo's hardest impedance
+HARDEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainSettings:
-    """Settings that an MJCF file can say; None leaves what the file has.
+    """Settings of a scene; None keeps the file's own.
 
     Attributes:
         timestep: in [s].
         integrator: one of `settings.INTEGRATORS`.
         solver: one of `SOLVERS`.
-        iterations: of the solver, at most.
-        ls_iterations: of its line search, at most.
-        tolerance: at which it stops.
+        iterations: largest number of iterations of the solver.
+        ls_iterations: likewise of its line search.
+        tolerance: at which the solver stops.
         jacobian: one of `JACOBIANS`.
         solref: of all equality constraints.
         solimp: likewise.
-        refsafe: whether time constants are kept at two steps or more.
-        eulerdamp: whether Euler takes joint damping implicitly.
+        refsafe: whether time constants are at least two steps.
+        eulerdamp: whether Euler integrates joint damping implicitly.
         island: whether constraints are solved island by island.
         diagexact: whether the diagonal of the constraint inertia is exact.
-        contact: whether there are contacts.
-        limit: whether joints and tendons have ends.
-        frictionloss: whether anything rubs dry.
+        contact: whether contacts act.
+        limit: whether limits of joints and tendons act.
+        frictionloss: whether Coulomb friction acts.
         actuation: whether actuators act.
         spring: whether springs of joints and tendons act.
-        compliance: factor on the inverse weights that scale softness, after compiling: no file states it.
+        compliance: factor on the inverse weights that scale compliance, after compiling; not part of MJCF.
     """
 
     timestep: float | None = None
@@ -87,7 +90,7 @@ class PlainSettings:
 
     @property
     def in_file(self) -> bool:
-        """Whether a file can say all of it."""
+        """Whether an MJCF file can state all of them."""
         return self.compliance is None
 
     def applied(self, model: mujoco.MjModel) -> mujoco.MjModel:
@@ -111,7 +114,7 @@ class PlainSettings:
         """Change a specification to these settings.
 
         Raises:
-            InputError: for a compliance, which no file can say.
+            InputError: for a compliance, which no file can state.
         """
         if self.compliance not in (None, 1.0):
             raise InputError(
@@ -123,31 +126,34 @@ class PlainSettings:
             if value is not None:
                 setattr(spec.option, name, _number(name, value))
         _set_flags(spec.option, self)
-        for one in spec.equalities:
-            one.solref = one.solref if self.solref is None else self.solref
-            one.solimp = one.solimp if self.solimp is None else self.solimp
+        for equality in spec.equalities:
+            equality.solref = equality.solref if self.solref is None else self.solref
+            equality.solimp = equality.solimp if self.solimp is None else self.solimp
 
-    def without_idle(self, model: mujoco.MjModel) -> "PlainSettings":
-        """Return the same without what a compiled model has already."""
-        has = settings_of(model)
+    def changes_to(self, model: mujoco.MjModel) -> "PlainSettings":
+        """Return the settings in which these differ from a compiled model."""
+        own = settings_of(model)
         return PlainSettings(
-            **{name: value for name, value in self.as_dict().items() if value != getattr(has, name)}
+            **{name: value for name, value in self.as_dict().items() if value != getattr(own, name)}
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what is not left to the file."""
-        told = {one.name: getattr(self, one.name) for one in fields(self)}
-        return {name: value for name, value in told.items() if value is not None}
+        """Return the settings that are not None."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+UNCHANGED = PlainSettings()
 
 
 def settings_of(model: mujoco.MjModel) -> PlainSettings:
-    """Return what a compiled model has; of equalities only what all have."""
-    told: dict[str, Any] = {name: _text(name, getattr(model.opt, name)) for name in OPTIONS}
+    """Return the settings of a compiled model; those of equalities only if all agree."""
+    settings: dict[str, Any] = {name: _text(name, getattr(model.opt, name)) for name in OPTIONS}
     for name, (bit, off) in FLAGS.items():
-        told[name] = bool((model.opt.disableflags if off else model.opt.enableflags) & bit) != off
+        settings[name] = bool((model.opt.disableflags if off else model.opt.enableflags) & bit) != off
     for name, values in (("solref", model.eq_solref), ("solimp", model.eq_solimp)):
-        told[name] = tuple(values[0].tolist()) if len(values) and (values == values[0]).all() else None
-    return PlainSettings(**told)
+        settings[name] = tuple(values[0].tolist()) if len(values) and (values == values[0]).all() else None
+    return PlainSettings(**settings)
 
 
 def _set_flags(option: Any, settings: PlainSettings) -> None:
@@ -160,14 +166,14 @@ def _set_flags(option: Any, settings: PlainSettings) -> None:
 
 
 def _number(name: str, value: Any) -> Any:
-    if name not in _WORDS:
+    if name not in _ENUMERATIONS:
         return value
-    prefix, kind, _ = _WORDS[name]
+    prefix, kind, _ = _ENUMERATIONS[name]
     return int(getattr(kind, prefix + str(value).upper()))
 
 
 def _text(name: str, value: Any) -> Any:
-    if name not in _WORDS:
+    if name not in _ENUMERATIONS:
         return int(value) if isinstance(value, int | np.integer) else float(value)
-    prefix, kind, words = _WORDS[name]
+    prefix, kind, words = _ENUMERATIONS[name]
     return next(word for word in words if int(getattr(kind, prefix + word.upper())) == int(value))

@@ -1,91 +1,74 @@
-"""The search for the cheapest settings that keep a tolerance, by trial runs of the scene itself."""
+"""Search for the cheapest settings with which plain MuJoCo satisfies a tolerance on a scene."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from time import perf_counter
 
 import numpy as np
 
 from mechsim.numerics.convergence import half_extent
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.studies.scene import (
-    By,
-    SceneErrors,
-    SceneLimit,
-    SceneRun,
-    UserScene,
-    errors_of,
-    limit_of,
-    step_times,
-    stepped,
-)
-from mechsim.studies.scene.settings import PlainSettings
+from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.studies.budget import Budget
+from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
+from mechsim.studies.scene.errors import By, SceneErrors
+from mechsim.studies.scene.evaluator import SceneEvaluator, SceneTrial
+from mechsim.studies.scene.run import step_times
+from mechsim.studies.scene.scene import UserScene
+from mechsim.studies.scene.settings import UNCHANGED, PlainSettings
 from mechsim.studies.scene.step_sizes import (
     COSTS,
-    cheap,
-    dear,
-    fourth,
-    harder,
-    hardest,
+    fourth_order,
+    fourth_order_probes,
+    low_compliance,
+    low_compliance_probes,
     probes,
+    single_stage,
     steps_of,
     variants,
 )
 
-# part of the tolerance aimed at: what is left is for another phase of the motion, another machine's rounding,
-# and instants between records (measured in validation/choices/tuned_scenes.py)
+# fraction of the tolerance at which the search aims: the rest is a reserve for another phase of the motion,
+# rounding of other machines and instants between records (validation/choices/tuned_scenes.py)
 AIM = 0.8
-# so many steps of the ladder, each longer than the longest that keeps the tolerance with a few settings, are
-# tried with all
-LONGER = 3
-# part of a step that makes a shorter one clearly dearer
-CLEARLY = 0.85
-# by closure or torque a scene's motion must stay the same: within this part of its extent of its limit
-SAME = 0.05
-# the search's time in [s], and what of it is for the limit of the scene, for trials and for timing
-SECONDS, TRIALS = 50.0, 0.75
-# settings refined, how often what is then best is refined again, and settings timed again
-REFINED, AGAIN, TIMED = 3, 3, 12
-# rounds of timing, and where there is no time left
-ROUNDS, LATE = 5, 2
-# times that differ by less are the same: then fewer changes are better
-ALIKE = 0.05
-Tell = Callable[[float, str], None]
-Few = Callable[[UserScene, float], Iterable[PlainSettings]]
-
-
-@dataclass(frozen=True, slots=True)
-class SceneTrial:
-    """Settings that were tried.
-
-    Attributes:
-        settings: tried.
-        errors: of the run.
-        seconds: processor time of a simulated second, in [s].
-    """
-
-    settings: PlainSettings
-    errors: SceneErrors
-    seconds: float
+# number of steps, each longer than the longest that satisfies the tolerance, that are tried with all settings
+LONGER_STEPS = 3
+# factor on the duration over which a choice by closure is verified
+LONGER_MOTION = 3
+# ratio of two steps at which the shorter one is clearly more expensive
+CLEARLY_SHORTER = 0.85
+# largest trajectory error by closure or torque, relative to the extent of the motion
+TRAJECTORY_TOLERANCE = 0.05
+# time of a search in [s]; fractions of it for the reference motion and, in total, until the trials end
+SECONDS, REFERENCE_FRACTION, TRIALS_FRACTION = 50.0, 0.2, 0.75
+# best settings that are varied, number of repetitions, and settings timed again
+VARIED, REPETITIONS, TIMED = 3, 3, 12
+# rounds of timing, and after the end of the budget
+ROUNDS, LATE_ROUNDS = 5, 2
+# relative difference of times that counts as none: fewer changes are preferred
+TIME_TOLERANCE = 0.05
+# ratio to the published trajectory error above which the report names it
+WORSE_TRAJECTORY = 1.1
+UNITS = {"closure": "m", "trajectory": "m", "torque": "N m"}
+Proposal = Callable[[UserScene, float], Iterable[PlainSettings]]
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """What a search found.
+    """The result of a search.
 
     Attributes:
-        scene: that was tuned.
+        scene: the scene.
         by: the measure.
-        tolerance: asked for.
-        published: the file as it is, its errors measured at every step.
-        satisfied: whether the file as it is satisfies the tolerance.
-        chosen: the cheapest that satisfies the tolerance; the published settings where they do and nothing
-            tried is cheaper; None where no file can.
-        closest: that errs least of all that a file can say.
-        beyond: the cheapest that keeps it by what no file can say; None where a file can, or nothing does.
-        tried: all, in order.
-        limit: of the scene.
-        seconds: that the search took.
+        tolerance: requested.
+        published: the file's own settings, their errors measured at every step.
+        satisfied: whether the file's own settings satisfy the tolerance.
+        chosen: the cheapest that satisfy the tolerance; the published settings if they do and nothing is
+            cheaper; None if no file can.
+        closest: the settings of least error that a file can state.
+        beyond: the cheapest that satisfy it and that no file can state; None if a file can, or nothing does.
+        tried: all trials, in order.
+        reference: converged motion of the scene.
+        seconds: duration of the search.
     """
 
     scene: UserScene
@@ -97,13 +80,23 @@ class Tuned:
     closest: SceneTrial
     beyond: SceneTrial | None
     tried: Sequence[SceneTrial]
-    limit: SceneLimit
+    reference: ConvergedReference
     seconds: float
 
     @property
-    def bar(self) -> float:
-        """The error of the limit by which the measure judges, in its unit."""
-        return bar_of(self.by, self.limit)
+    def reference_error(self) -> float:
+        """Error of the converged motion by the measure, in its unit."""
+        return self.reference.error(self.by)
+
+    @property
+    def best(self) -> SceneTrial:
+        """The settings that are written."""
+        return self.chosen or self.closest
+
+    @property
+    def evaluator(self) -> SceneEvaluator:
+        """Measures the errors of other runs of the scene."""
+        return _evaluator(self.reference, self.by)
 
 
 @dataclass
@@ -111,74 +104,60 @@ class _SettingSearch:
     scene: UserScene
     by: By
     tolerance: float
-    limit: SceneLimit
-    allowed: float
-    tell: Tell
-    seconds: float
-    began: float = field(default_factory=perf_counter)
+    reference: ConvergedReference
+    progress: Progress
+    budget: Budget
+    # largest trajectory error of settings chosen by another measure, in [m]
+    max_trajectory_error: float = np.inf
+    fraction: float = TRIALS_FRACTION
     tried: dict[PlainSettings, SceneTrial] = field(default_factory=dict[PlainSettings, SceneTrial])
-    extra: bool = False
 
     @property
-    def spent(self) -> float:
-        return (perf_counter() - self.began) / self.seconds
+    def evaluator(self) -> SceneEvaluator:
+        return _evaluator(self.reference, self.by)
 
     @property
-    def part(self) -> float:
-        return min(1.0, self.spent)
-
-    @property
-    def late(self) -> bool:
-        return self.spent > (1.0 if self.extra else TRIALS)
+    def ended(self) -> bool:
+        return self.budget.spent > self.fraction * self.budget.seconds
 
     def trial(self, settings: PlainSettings) -> SceneTrial:
-        """Return what settings give, run once."""
-        settings = settings.without_idle(self.scene.model)
+        """Return the trial of settings, run once."""
+        settings = settings.changes_to(self.scene.model)
         if settings not in self.tried:
-            run = stepped(self.scene, settings.applied(self.scene.model))
-            errors = errors_at(run, self.limit, self.by)
-            self.tried[settings] = SceneTrial(settings, errors, run.seconds_per_second)
-            self.tell(self.part, f"{len(self.tried)} settings tried")
+            self.tried[settings] = self.evaluator.evaluate(self.scene, settings)
+            self.progress(f"{len(self.tried)} settings tried", self.budget.fraction)
         return self.tried[settings]
 
     def error(self, trial: SceneTrial) -> float:
-        """Return a trial's error, what is not known of the limit added."""
-        return trial.errors.by(self.by) + bar_of(self.by, self.limit)
+        """Return the error of a trial plus that of the converged motion."""
+        return trial.errors.by(self.by) + self.reference.error(self.by)
 
-    def at_every_step(self, trial: SceneTrial) -> SceneTrial:
-        """Return a trial with its errors at every step of the motion."""
-        run = stepped(self.scene, trial.settings.applied(self.scene.model), records=None)
-        return replace(trial, errors=errors_at(run, self.limit, self.by))
+    def satisfies(self, trial: SceneTrial) -> bool:
+        """Return whether a trial satisfies the tolerance with a reserve, and its motion is the scene's."""
+        similar = self.by == "trajectory" or not trial.errors.trajectory > self.max_trajectory_error
+        return similar and self.error(trial) <= AIM * self.tolerance
 
-    def kept(self, trial: SceneTrial) -> bool:
-        """Whether a trial keeps the tolerance, with what is left for what it did not see, and the motion."""
-        same = self.by == "trajectory" or not trial.errors.trajectory > self.allowed
-        return same and self.error(trial) <= AIM * self.tolerance
-
-    def passing(self, settings: Iterable[PlainSettings]) -> list[SceneTrial]:
-        """Return those that keep the tolerance, as long as there is time."""
-        found: list[SceneTrial] = []
-        for one in settings:
-            if self.late:
+    def satisfying(self, proposals: Iterable[PlainSettings]) -> list[SceneTrial]:
+        """Return the trials that satisfy the tolerance; ends with the budget."""
+        trials: list[SceneTrial] = []
+        for settings in proposals:
+            if self.ended:
                 break
-            trial = self.trial(one)
-            found += [trial] if self.kept(trial) else []
-        return found
+            trials.append(self.trial(settings))
+        return [trial for trial in trials if self.satisfies(trial)]
 
     def cheapest(self, in_file: bool = True) -> list[SceneTrial]:
-        """Return what keeps the tolerance, the cheapest first."""
-        found = [one for one in self.tried.values() if self.kept(one) and one.settings.in_file == in_file]
-        return sorted(found, key=lambda one: one.seconds)
+        """Return the trials that satisfy the tolerance, the cheapest first."""
+        trials = [
+            trial
+            for trial in self.tried.values()
+            if self.satisfies(trial) and trial.settings.in_file == in_file
+        ]
+        return sorted(trials, key=lambda trial: trial.seconds)
 
 
-def bar_of(by: By, limit: SceneLimit) -> float:
-    """Return the error of the limit by which a measure judges, in its unit."""
-    return {"closure": 0.0, "trajectory": limit.bars[0], "torque": limit.bars[1]}[by]
-
-
-def errors_at(run: SceneRun, limit: SceneLimit, by: By) -> SceneErrors:
-    """Return the errors of a run as a measure needs them."""
-    return errors_of(run, None if limit.broken else limit, torque=by == "torque")
+def _evaluator(reference: ConvergedReference, by: By) -> SceneEvaluator:
+    return SceneEvaluator(reference.converged_run, forces=by == "torque")
 
 
 @quiet()
@@ -187,38 +166,35 @@ def tuned(
     tolerance: float,
     by: By = "closure",
     *,
-    seconds: float = SECONDS,
-    tell: Tell = lambda _part, _done: None,
+    budget: float | Budget = SECONDS,
+    progress: Progress = no_progress,
 ) -> Tuned:
-    """Return the cheapest settings with which plain MuJoCo keeps a tolerance on a scene.
+    """Return the cheapest settings with which plain MuJoCo satisfies a tolerance on a scene.
 
     Args:
         scene: the scene and its motion.
         tolerance: in [m], of torque in [N m] or [N].
-        by: measure that counts.
-        seconds: about which the search takes.
-        tell: told what part is done, and what.
+        by: the measure.
+        budget: of the search, in [s]; about that long.
+        progress: called after each trial.
     """
-    began = perf_counter()
+    budget = budget if isinstance(budget, Budget) else Budget(budget)
     goal = 0.1 * tolerance if by != "closure" else tolerance
-    limit = limit_of(scene, goal, seconds=0.2 * seconds, tell=lambda said: tell(0.0, said))
-    search = _SettingSearch(scene, by, tolerance, limit, np.inf, tell, seconds, began)
-    published = search.at_every_step(search.trial(PlainSettings()))
+    reference = compute_reference(scene, goal, budget=budget.part(REFERENCE_FRACTION), progress=progress)
+    search = _SettingSearch(scene, by, tolerance, reference, progress, budget)
+    search.trial(UNCHANGED)
+    published = search.evaluator.evaluate(scene, records=None)
     satisfied = search.error(published) <= tolerance
-    extent = 0.0 if limit.broken else half_extent([limit.run.points[:, k] for k in range(len(scene.places))])
-    before = published.errors.trajectory
-    search.allowed = max(SAME * extent, tolerance, before if np.isfinite(before) else 0.0)
+    search.max_trajectory_error = _max_trajectory_error(reference, published.errors, tolerance)
     _climb(search)
     chosen = _refined(search)
     beyond = None if chosen is not None or satisfied else _beyond(search)
-    in_file = [one for one in search.tried.values() if one.settings.in_file]
+    in_file = [trial for trial in search.tried.values() if trial.settings.in_file]
     closest = min(in_file, key=search.error)
-    timed = [one for one in (chosen, beyond, None if chosen else closest) if one is not None]
-    fair = _timed(search, [published, *timed])
-    published = fair[0]
-    again = dict(zip((id(one) for one in timed), fair[1:], strict=True))
-    chosen = None if chosen is None else again[id(chosen)]
-    if satisfied and (chosen is None or chosen.seconds > (1.0 - ALIKE) * published.seconds):
+    timed = _timed(search, [published, chosen or closest, *([beyond] if beyond else [])])
+    published = timed[0]
+    chosen, closest = (None, timed[1]) if chosen is None else (timed[1], closest)
+    if satisfied and (chosen is None or chosen.seconds > (1.0 - TIME_TOLERANCE) * published.seconds):
         chosen = published
     return Tuned(
         scene,
@@ -227,186 +203,170 @@ def tuned(
         published,
         satisfied,
         chosen,
-        again.get(id(closest), closest),
-        None if beyond is None else again[id(beyond)],
+        closest,
+        timed[2] if beyond else None,
         [*search.tried.values()],
-        limit,
-        perf_counter() - began,
+        reference,
+        budget.spent,
     )
+
+
+def _max_trajectory_error(reference: ConvergedReference, published: SceneErrors, tolerance: float) -> float:
+    """Return the trajectory error up to which the motion counts as the scene's own, in [m]."""
+    extent = 0.0 if reference.broken else half_extent(np.moveaxis(reference.run.points, 1, 0))
+    own = published.trajectory if np.isfinite(published.trajectory) else 0.0
+    return max(TRAJECTORY_TOLERANCE * extent, tolerance, own)
 
 
 def _climb(search: _SettingSearch) -> None:
-    """Try the settings of the longest steps that keep the tolerance, and of some that are longer still."""
+    """Try the settings of the longest steps that satisfy the tolerance, and of some longer ones."""
     steps = steps_of(search.scene)
     best: float | None = None
-    for step in _near(search, steps, probes):
-        if search.passing(cheap(search.scene, step)) and best is None:
+    for step in _longest(search, steps, probes):
+        if search.satisfying(single_stage(search.scene, step)) and best is None:
             best = step
-        if best is not None and step < CLEARLY * best:
+        if best is not None and step < CLEARLY_SHORTER * best:
             break
-    # a step of fourth order is worth it where it is so many times longer
-    worth = [step for step in steps if best is None or step >= CLEARLY * COSTS["RK4"] * best]
-    for step in _near(search, worth, fourth):
-        if search.passing(dear(search.scene, step)):
+    # a step of RK4 pays if it is longer by the ratio of the costs
+    longer = [step for step in steps if best is None or step >= CLEARLY_SHORTER * COSTS["RK4"] * best]
+    for step in _longest(search, longer, fourth_order_probes):
+        if search.satisfying(fourth_order(search.scene, step)):
             break
 
 
-def _near(search: _SettingSearch, steps: Sequence[float], few: Few) -> list[float]:
-    """Return steps, longest first, from some too long for a few settings to the longest that is not.
+def _longest(search: _SettingSearch, steps: Sequence[float], proposal: Proposal) -> list[float]:
+    """Return steps, the longest first, around the longest with which some proposal satisfies the tolerance.
 
-    That errors fall with the step is believed; where none is short enough, the last are returned.
+    The bisection assumes that errors decrease with the step; if none is short enough, the last are returned.
     """
     low, high = 0, len(steps)
-    while low < high and not search.late:
+    while low < high and not search.ended:
         middle = (low + high) // 2
-        probed = few(search.scene, steps[middle])
-        kept = any(not search.late and search.kept(search.trial(one)) for one in probed)
-        low, high = (low, middle) if kept else (middle + 1, high)
-    return [*steps[max(0, low - LONGER) : low + 2]]
+        proposals = proposal(search.scene, steps[middle])
+        satisfied = any(
+            not search.ended and search.satisfies(search.trial(settings)) for settings in proposals
+        )
+        low, high = (low, middle) if satisfied else (middle + 1, high)
+    return [*steps[max(0, low - LONGER_STEPS) : low + 2]]
 
 
 def _refined(search: _SettingSearch) -> SceneTrial | None:
-    """Return the cheapest that keeps the tolerance, after a look at what lies near the best."""
-    around: set[PlainSettings] = set()
-    for _ in range(AGAIN):
-        near = [one.settings for one in search.cheapest()[:REFINED] if one.settings not in around]
-        for settings in near:
-            search.passing(variants(search.scene, settings))
-        around |= {*near}
-    best = _standing(search)
-    if not best:
-        return None
-    fair = _timed(search, best)
-    least = min(one.seconds for one in fair)
-    near = [one for one in fair if one.seconds <= (1.0 + ALIKE) * least]
-    return min(near, key=lambda one: (len(one.settings.as_dict()), search.error(one)))
+    """Return the cheapest trial that satisfies the tolerance, after variations of the best."""
+    varied: set[PlainSettings] = set()
+    for _ in range(REPETITIONS):
+        best = [trial.settings for trial in search.cheapest()[:VARIED] if trial.settings not in varied]
+        for settings in best:
+            search.satisfying(variants(search.scene, settings))
+        varied |= {*best}
+    verified = _timed(search, _verified(search))
+    least = min((trial.seconds for trial in verified), default=np.inf)
+    equal = [trial for trial in verified if trial.seconds <= (1.0 + TIME_TOLERANCE) * least]
+    return min(equal, key=lambda trial: (len(trial.settings.as_dict()), search.error(trial)), default=None)
 
 
-def _standing(search: _SettingSearch) -> list[SceneTrial]:
-    """Return the cheapest that satisfy the tolerance at every step, as many as are timed."""
-    found: list[SceneTrial] = []
-    for number, one in enumerate(search.cheapest()):
-        enough = number >= 2 * TIMED and (found or search.part >= 1.0)
-        if enough or len(found) == TIMED:
+def _verified(search: _SettingSearch) -> list[SceneTrial]:
+    """Return the cheapest trials that satisfy the tolerance at every step, as many as are timed."""
+    trials: list[SceneTrial] = []
+    for number, trial in enumerate(search.cheapest()):
+        late = number >= 2 * TIMED and (trials or search.budget.fraction >= 1.0)
+        if late or len(trials) == TIMED:
             break
-        found += [one] if _stands(search, one) else []
-    return found
+        trials += [trial] if _holds_at_every_step(search, trial) else []
+    return trials
 
 
-def _stands(search: _SettingSearch, trial: SceneTrial) -> bool:
-    """Whether a trial keeps the tolerance at every step, by closure also over a motion that goes on longer.
+def _holds_at_every_step(search: _SettingSearch, trial: SceneTrial) -> bool:
+    """Return whether a trial satisfies the tolerance at every step; by closure also over a longer motion.
 
-    What grows slowly, as steps at the edge of stability do, is seen in this way.
+    The longer motion shows errors that grow slowly, as with steps at the edge of stability.
     """
-    scene, model = search.scene, trial.settings.applied(search.scene.model)
-    motion_laws = [*scene.drive.values(), *scene.ctrl.values()]
-    longer = (
-        LONGER
-        if search.by == "closure" and not any(getattr(one, "end_time", 0.0) for one in motion_laws)
-        else 1.0
-    )
-    run = stepped(scene, model, records=None, duration=longer * scene.duration)
-    limit = None if search.by == "closure" or search.limit.broken else search.limit
-    errors = errors_of(run, limit, torque=search.by == "torque")
+    scene, evaluator, duration = search.scene, search.evaluator, search.scene.duration
+    if search.by == "closure":
+        evaluator = replace(evaluator, reference=None)
+        laws = [*scene.joint_laws.values(), *scene.ctrl.values()]
+        if not any(getattr(law, "end_time", 0.0) for law in laws):
+            duration *= LONGER_MOTION
+    again = evaluator.evaluate(scene, trial.settings, records=None, duration=duration)
     if search.by != "trajectory":
-        errors = replace(errors, trajectory=trial.errors.trajectory)
-    return search.kept(replace(trial, errors=errors))
+        again = replace(again, errors=replace(again.errors, trajectory=trial.errors.trajectory))
+    return search.satisfies(again)
 
 
 def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTrial]:
-    """Return trials with their times measured side by side; where the search is late, in fewer rounds."""
-    model = search.scene.model
-    rounds = ROUNDS if search.part < 1.0 else LATE
-    times = step_times([(search.scene, one.settings.applied(model)) for one in trials], rounds)
-    return [replace(one, seconds=float(each)) for one, each in zip(trials, times, strict=True)]
+    """Return trials with their times measured in the same rounds; in fewer after the end of the budget."""
+    scene = search.scene
+    rounds = ROUNDS if search.budget.fraction < 1.0 else LATE_ROUNDS
+    runs = [(scene, trial.settings.applied(scene.model)) for trial in trials]
+    times = step_times(runs, rounds) if runs else []
+    return [replace(trial, seconds=float(time)) for trial, time in zip(trials, times, strict=True)]
 
 
 def _beyond(search: _SettingSearch) -> SceneTrial | None:
-    """Return the cheapest that keeps the tolerance with loops harder than a file can say."""
-    search.extra = True
-    for step in _near(search, steps_of(search.scene), hardest):
-        search.passing(harder(search.scene, step))
-    found = search.cheapest(in_file=False)
-    return found[0] if found else None
-
-
-# a trajectory that is farther from the limit by less than this factor is as good as before
-WORSE = 1.1
-UNITS = {"closure": "m", "trajectory": "m", "torque": "N m"}
+    """Return the cheapest trial that satisfies the tolerance with a compliance that no file can state."""
+    search.fraction = 1.0
+    for step in _longest(search, steps_of(search.scene), low_compliance_probes):
+        search.satisfying(low_compliance(search.scene, step))
+    return next(iter(search.cheapest(in_file=False)), None)
 
 
 @dataclass(frozen=True)
 class TuningReport:
-    """What a search came to, measured at every step of the written file.
+    """The result of a search, measured at every step of the written file.
 
     Attributes:
-        found: the search.
+        result: of the search.
         errors: of the written file.
     """
 
-    found: Tuned
+    result: Tuned
     errors: SceneErrors
 
     @property
     def best(self) -> SceneTrial:
         """The settings that are written."""
-        return self.found.chosen or self.found.closest
+        return self.result.best
 
     @property
     def unit(self) -> str:
         """The unit of the tolerance."""
-        return UNITS[self.found.by]
-
-    @property
-    def bar(self) -> float:
-        """The error of the limit by which the measure judges."""
-        return self.found.bar
+        return UNITS[self.result.by]
 
     @property
     def error(self) -> float:
-        """The error of the written file, that of the limit included."""
-        return self.errors.by(self.found.by) + self.bar
+        """The error of the written file plus that of the converged motion."""
+        return self.errors.by(self.result.by) + self.result.reference_error
 
     @property
     def published_error(self) -> float:
-        """The error of the file as published, that of the limit included."""
-        return self.found.published.errors.by(self.found.by) + self.bar
+        """The error of the file as published plus that of the converged motion."""
+        return self.result.published.errors.by(self.result.by) + self.result.reference_error
 
     @property
     def reached(self) -> bool:
         """Whether the written file satisfies the tolerance."""
-        return self.error <= self.found.tolerance
-
-    @property
-    def unchanged(self) -> bool:
-        """Whether the written file has the settings of the published one."""
-        return not self.best.settings.without_idle(self.found.scene.model).as_dict()
+        return self.error <= self.result.tolerance
 
     @property
     def sentences(self) -> list[str]:
         """The result in sentences: the file as published first, then what is written."""
-        found, published = self.found, self.found.published
-        tolerance = f"{found.tolerance:g} {self.unit} by {found.by} over {found.scene.duration:g} s"
+        result, published = self.result, self.result.published
+        tolerance = f"{result.tolerance:g} {self.unit} by {result.by} over {result.scene.duration:g} s"
         if np.isfinite(self.published_error):
-            satisfies = "satisfies" if found.satisfied else "does not satisfy"
-            figures = self._figures(self.published_error, published)
+            satisfies = "satisfies" if result.satisfied else "does not satisfy"
+            figures = _figures(self.published_error, published)
             first = f"as published the file {satisfies} {tolerance}: {figures}"
         else:
             first = f"as published the file does not satisfy {tolerance}: it diverges"
-        satisfies = "satisfies" if self.reached else "does not satisfy"
-        figures = self._figures(self.error, self.best)
-        if self.unchanged:
+        if not self.best.settings.changes_to(result.scene.model).as_dict():
             cheaper = "; no cheaper settings satisfy it" if self.reached else ""
             return [first, f"the settings stay as published{cheaper}"]
+        satisfies = "satisfies" if self.reached else "does not satisfy"
+        figures = _figures(self.error, self.best)
         return [first, f"the tuned file {satisfies} it: {figures}{self._cost}", *self._trajectory]
-
-    @staticmethod
-    def _figures(error: float, trial: SceneTrial) -> str:
-        return f"error {error:.2g}, {1e3 * trial.seconds:.3g} ms a simulated second"
 
     @property
     def _cost(self) -> str:
-        ratio = self.best.seconds / self.found.published.seconds
+        ratio = self.best.seconds / self.result.published.seconds
         if not np.isfinite(ratio) or ratio <= 0.0:
             return ""
         return f", {ratio:.2g} times slower" if ratio > 1.0 else f", {1.0 / ratio:.2g} times faster"
@@ -414,15 +374,16 @@ class TuningReport:
     @property
     def _trajectory(self) -> list[str]:
         """State a trajectory that is worse than that of the published file."""
-        after, before = self.errors.trajectory, self.found.published.errors.trajectory
-        if (
-            self.found.by == "trajectory"
-            or not after > WORSE * before
-            or not after > self.found.limit.bars[0]
-        ):
+        after, before = self.errors.trajectory, self.result.published.errors.trajectory
+        worse = after > WORSE_TRAJECTORY * before and after > self.result.reference.errors[0]
+        if self.result.by == "trajectory" or not worse:
             return []
         times = f", {after / before:.2g} times as far" if before > 0.0 else ""
         return [
             f"its trajectory is worse: up to {after:.2g} m from the scene's limit, as published "
             f"{before:.2g} m{times}; tuning by trajectory bounds it"
         ]
+
+
+def _figures(error: float, trial: SceneTrial) -> str:
+    return f"error {error:.2g}, {1e3 * trial.seconds:.3g} ms a simulated second"

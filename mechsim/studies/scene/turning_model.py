@@ -1,4 +1,4 @@
-"""A mechanism as an MJCF file that turns by itself in plain MuJoCo, and keeps a tolerance while it does."""
+"""A mechanism as an MJCF file whose motor turns it in plain MuJoCo within a tolerance."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,15 +17,17 @@ from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_text.edited_text import EditedText, put_comment
 from mechsim.simulation.source import from_mechanism
+from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.studies.budget import Budget
 from mechsim.studies.scene import errors_of, scene_of, stepped
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.tune import SECONDS, Tell, tuned
+from mechsim.studies.scene.tune import SECONDS, tuned
 from mechsim.studies.scene.write_tuned import plain_model, tuned_text
 
 MOTOR, KEY = "motor", "turning"
-# turns over which a tolerance is kept by the search, which runs what it chooses over twice as many
+# revolutions over which the search satisfies a tolerance; it verifies its choice over three times as many
 TURNS = 2.0
-# a servo brings a crank without a flywheel to its speed in a tenth of a radian, beside the links' inertia
+# inertia of the servo relative to that of the links: it accelerates the crank within 0.1 rad
 STIFF = 10.0
 
 
@@ -58,49 +60,47 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
 
 
 def turning_scene(path: str, mechanism: Mechanism, speed: float) -> UserScene:
-    """Return the scene of a file written of `turning`, whose points are tracked over whole turns."""
+    """Return the scene of a file made by `turning`, whose points are tracked over whole revolutions."""
     read = read_model(path, drivers=[CRANK], key=KEY)
     duration = TURNS * TURN / abs(speed)
-    points = {name: place for name, place in mechanism.points.items() if name in read.mechanism.points}
+    points = {name: point for name, point in mechanism.points.items() if name in read.mechanism.points}
     return scene_of(read, read.mechanism, duration=duration, points=points or None, key=KEY)
 
 
 @quiet()
-def kept(
+def exported_model(
     spec: mujoco.MjSpec,
     mechanism: Mechanism,
     speed: float,
     tolerance: float,
     *,
-    seconds: float = SECONDS,
-    tell: Tell = lambda _part, _done: None,
+    budget: float | Budget = SECONDS,
+    progress: Progress = no_progress,
 ) -> tuple[str, float]:
-    """Return the text of a model that turns and keeps a tolerance, and its error as read back.
+    """Return the text of a model that turns within a tolerance, and its error as read back.
 
     Args:
         spec: as of `turning`.
         mechanism: as of `turning`.
         speed: of the crank, in [rad/s].
-        tolerance: on tracked points beside the exact closure at the crank's own angle, in [m].
-        seconds: about which the search takes.
-        tell: told what part is done, and what.
+        tolerance: of tracked points from the exact closure at the crank's own angle, in [m].
+        budget: of the search, in [s].
+        progress: called after each trial.
     """
     with TemporaryDirectory() as folder:
         path = Path(folder, f"{stem_of(mechanism.name)}.xml")
         path.write_text(to_xml(turning(spec, mechanism, speed)))
-        found = tuned(
-            turning_scene(str(path), mechanism, speed), tolerance, "closure", seconds=seconds, tell=tell
-        )
-        best = found.chosen or found.closest
-        text = tuned_text(found.scene, best.settings, [], path.parent).after
+        scene = turning_scene(str(path), mechanism, speed)
+        result = tuned(scene, tolerance, "closure", budget=budget, progress=progress)
+        text = tuned_text(scene, result.best.settings, [], path.parent).after
         path.write_text(text)
-        outside = replace(found.scene, model=plain_model(str(path)))
-        error = errors_of(stepped(outside, records=None), None).closure
-        said = [
+        written_scene = replace(scene, model=plain_model(str(path)))
+        error = errors_of(stepped(written_scene, records=None)).closure
+        edited = EditedText(text)
+        comment = [
             f"mechsim export: {'keeps' if error <= tolerance else 'does not keep'} {tolerance:g} m at "
             f"{speed:g} rad/s over {TURNS:g} turns, errs by {error:.2g};",
             f"to be stepped from keyframe {KEY} (mj_resetDataKeyframe(model, data, 0)), nothing else.",
         ]
-        edited = EditedText(text)
-        put_comment(edited, said)
+        put_comment(edited, comment)
     return edited.result, error

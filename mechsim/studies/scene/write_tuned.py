@@ -1,4 +1,4 @@
-"""A user's scene written with other settings into its own text, and read back as plain MuJoCo reads it."""
+"""Writes tuned settings into the text of a scene, and a script that runs it; reads the file back."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,6 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.files import written_beside
-from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
@@ -26,14 +25,67 @@ from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, wit
 from mechsim.studies.scene.scene import RK4, UserScene
 from mechsim.studies.scene.settings import FLAGS, OPTIONS, PlainSettings
 
-# keyframe in which a prescribed motion begins
+# keyframe at which a prescribed motion starts
 KEY = "mechsim_start"
-# what a file read back may differ by from what was meant, of each number
-SAME = 1e-12
+# largest relative difference of a number read back
+READ_TOLERANCE = 1e-12
 WHOLE = "write it out whole first (mujoco.MjSpec.from_file(...).to_xml()) and tune that"
-# what no run depends on
+# fields on which no run depends
 _APART = ("key", "name", "text", "bvh", "oct_", "paths", "stat", "vis", "tex", "mat_")
 _SIZES = ("nbuffer", "nkey", "nnames", "npaths", "nnames_map", "signature")
+
+
+# option -> prefix of its names in MuJoCo's Python
+ENUMERATIONS = {
+    "integrator": "mujoco.mjtIntegrator.mjINT_",
+    "solver": "mujoco.mjtSolver.mjSOL_",
+    "jacobian": "mujoco.mjtJacobian.mjJAC_",
+}
+SCRIPT = '''"""{heading}"""
+
+from math import acos, asin, atan, atan2, cos, exp, log, pi, sin, sqrt, tan  # noqa: F401
+from pathlib import Path
+
+import mujoco
+{imports}
+model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("{file}")))
+{settings}{functions}
+
+def steps(duration={duration!r}):
+    """Yield MuJoCo's data after every step."""
+    data, h = mujoco.MjData(model), model.opt.timestep
+{reset}    for step in range(round(duration / h)):
+        t = step * h
+{controls}        mujoco.mj_step(model, data)
+        yield data
+
+
+if __name__ == "__main__":
+    for data in steps():
+        pass
+    print(data.time, data.qpos)
+'''
+TABLE_IMPORTS = "import numpy as np\nfrom scipy.interpolate import make_interp_spline\n"
+TABLE = '''
+
+def table(path):
+    """Return a function of t from the columns of a file."""
+    columns = np.genfromtxt(path, delimiter=",", names=True)
+    value = next(name for name in columns.dtype.names if name not in ("t", "time"))
+    return make_interp_spline(columns[columns.dtype.names[0]], columns[value], k=5)
+'''
+POSITIONS = '''
+
+def q(joint, t):
+    """Where a prescribed joint is."""
+{laws}    raise KeyError(joint)
+'''
+RATES = '''
+
+def rate(joint, t, d=1e-4):
+    """How fast it is there."""
+    return (8 * (q(joint, t + d) - q(joint, t - d)) - q(joint, t + 2 * d) + q(joint, t - 2 * d)) / (12 * d)
+'''
 
 
 @dataclass(frozen=True)
@@ -41,106 +93,105 @@ class TunedText:
     """The text of a scene with other settings.
 
     Attributes:
-        before: the user's own, with the files put in that had to be changed.
-        after: what is to be written.
-        put_in: the included files that were put in.
+        before: the original text, with the included files that change.
+        after: the text to be written.
+        included: names of these files.
     """
 
     before: str
     after: str
-    put_in: tuple[str, ...]
+    included: tuple[str, ...]
 
 
-def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str], place: Path) -> TunedText:
-    """Return the text of a scene with settings, and with what its prescribed joints need.
+def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str], folder: Path) -> TunedText:
+    """Return the text of a scene with settings, virtual drive inertia and initial keyframe.
 
     Args:
         scene: the scene.
-        settings: that a file can say.
-        comment: lines to say at its beginning.
-        place: the folder in which it will lie.
+        settings: that a file can state.
+        comment: lines for a comment at its beginning.
+        folder: in which it will be written.
 
     Raises:
-        InputError: where a row or joint that is to change stands in no text, as of an attached model.
+        InputError: if an equality or joint to change has no text, as of an attached model.
     """
-    folder = Path(scene.path).resolve().parent
-    told = settings.as_dict()
-    softness = {name: _numbers(told[name]) for name in ("solref", "solimp") if name in told}
-    options = {name: _word(told[name]) for name in OPTIONS if name in told}
-    flags = {name: told[name] for name in FLAGS if name in told}
-    if scene.drive:
+    source = Path(scene.path).resolve().parent
+    values = settings.as_dict()
+    compliance = {name: _numbers(values[name]) for name in ("solref", "solimp") if name in values}
+    options = {name: _word(values[name]) for name in OPTIONS if name in values}
+    flags = {name: values[name] for name in FLAGS if name in values}
+    if scene.joint_laws:
         options.setdefault("tolerance", _word(float(scene.model.opt.tolerance)))
 
     def concerned(root: Element) -> bool:
-        sections = {one.tag for one in root.children}
-        joints = {one.attributes.get("name") for one in root.every("joint")}
+        sections = {child.tag for child in root.children}
+        joints = {joint.attributes.get("name") for joint in root.every("joint")}
         return bool(
-            (softness and sections & {"equality"})
+            (compliance and sections & {"equality"})
             or ((options or flags) and "option" in sections)
-            or joints & {*scene.drive}
-            or (scene.still and ("keyframe" in sections or _bodies(root, scene.still.poses)))
+            or joints & {*scene.joint_laws}
+            or (scene.fixed_bodies and ("keyframe" in sections or _bodies(root, scene.fixed_bodies.poses)))
         )
 
-    before, put_in = with_included(read_text(scene.path), folder, concerned)
-    before = moved_to(before, folder, place)
+    before, included = with_included(read_text(scene.path), source, concerned)
+    before = moved_to(before, source, folder)
     edited = EditedText(before)
-    if softness:
+    if compliance:
         if len(equality_elements(edited.root)) != scene.model.neq:
             raise InputError(
                 f"{scene.path}: {scene.model.neq - len(equality_elements(edited.root))} of its "
                 f"equality constraints stand in no text of its own, as those of attached models; {WHOLE}"
             )
-        set_compliance(edited, softness)
+        set_compliance(edited, compliance)
     set_options(edited, options, flags)
-    if scene.still is not None:
-        _hold_still(scene, edited, scene.still)
-    for name, (inertia, _) in scene.wheels.items():
+    if scene.fixed_bodies is not None:
+        _fix_bodies(scene, edited, scene.fixed_bodies)
+    for name, (inertia, _) in scene.drive_inertias.items():
         edited.set(_joint(scene, edited.root, name), "armature", _word(inertia))
     if scene.own_start:
         state = dict(zip(("qpos", "qvel"), scene.start, strict=True))
-        beside = scene.standing if scene.key is not None else {}
-        told = {
-            name: _numbers(value.tolist()) for name, value in (state | dict(beside)).items() if len(value)
+        keyframe = scene.keyframe_values if scene.key is not None else {}
+        values = {
+            name: _numbers(value.tolist()) for name, value in (state | dict(keyframe)).items() if len(value)
         }
-        put_key(edited, KEY, told)
+        put_key(edited, KEY, values)
     if comment:
         put_comment(edited, comment)
-    return TunedText(before, edited.result, put_in)
+    return TunedText(before, edited.result, included)
 
 
 def _joint(scene: UserScene, root: Element, name: str) -> Element:
-    for one in root.every("joint"):
-        if one.attributes.get("name") == name and one.within("worldbody") is not None:
-            return one
+    for joint in root.every("joint"):
+        if joint.attributes.get("name") == name and joint.within("worldbody") is not None:
+            return joint
     raise InputError(
         f"{scene.path}: no joint in its text is called {name!r}; give the driven joint a name there"
     )
 
 
 def _bodies(root: Element, names: Collection[str]) -> list[Element]:
-    return [one for one in root.every("body") if one.attributes.get("name") in names]
+    return [body for body in root.every("body") if body.attributes.get("name") in names]
 
 
-def _hold_still(scene: UserScene, edited: EditedText, still: FixedBodies) -> None:
-    """Take away the balls and free joints that are held, and what keyframes say of them."""
-    for body in _bodies(edited.root, still.poses):
+def _fix_bodies(scene: UserScene, edited: EditedText, fixed: FixedBodies) -> None:
+    """Remove the joints of fixed bodies, and their coordinates in keyframes."""
+    for body in _bodies(edited.root, fixed.poses):
         name = body.attributes["name"]
-        joints = [one for one in body.children if one.tag in ("joint", "freejoint")]
-        if not still.order[name] < len(joints):
+        joints = [child for child in body.children if child.tag in ("joint", "freejoint")]
+        if not fixed.order[name] < len(joints):
             raise InputError(f"{scene.path}: the text of {name} does not hold its own joints; {WHOLE}")
-        edited.take_away(joints[still.order[name]])
-        if name in still.moved:
-            turned = {"euler", "axisangle", "xyaxes", "zaxis"} & {*body.attributes}
-            if turned or still.order[name] or body.within("frame") is not None:
+        edited.take_away(joints[fixed.order[name]])
+        if name in fixed.moved:
+            rotated = {"euler", "axisangle", "xyaxes", "zaxis"} & {*body.attributes}
+            if rotated or fixed.order[name] or body.within("frame") is not None:
                 raise InputError(f"{scene.path}: {name} cannot be put elsewhere in its text; {WHOLE}")
-            edited.set(body, "pos", _numbers(still.poses[name][:3].tolist()))
-            edited.set(body, "quat", _numbers(still.poses[name][3:].tolist()))
-    for section in edited.root.children:
-        for one in section.children if section.tag == "keyframe" else ():
-            for what, kept in (("qpos", still.qpos), ("qvel", still.qvel)):
-                if what in one.attributes:
-                    values = np.array(one.attributes[what].split(), dtype=np.float64)
-                    edited.set(one, what, _numbers(values[kept].tolist()))
+            edited.set(body, "pos", _numbers(fixed.poses[name][:3].tolist()))
+            edited.set(body, "quat", _numbers(fixed.poses[name][3:].tolist()))
+    for key in edited.root.every("key"):
+        for attribute, kept in (("qpos", fixed.qpos), ("qvel", fixed.qvel)):
+            if attribute in key.attributes:
+                values = np.array(key.attributes[attribute].split(), dtype=np.float64)
+                edited.set(key, attribute, _numbers(values[kept].tolist()))
 
 
 def _numbers(values: Sequence[float]) -> str:
@@ -159,7 +210,7 @@ def written(
     scene: UserScene,
     settings: PlainSettings,
     text: str,
-    place: Path,
+    path: Path,
     finish: Callable[[UserScene], str] | None = None,
 ) -> UserScene:
     """Write a text and return its scene, as plain MuJoCo loads the file.
@@ -167,35 +218,32 @@ def written(
     Args:
         scene: the scene.
         settings: that the text has.
-        text: what is read back.
-        place: where it is written.
-        finish: returns the text that stays, the same with a comment on what a run of the file gave.
+        text: that is read back.
+        path: of the file.
+        finish: returns the final text, the same with a comment on the result of a run of the file.
 
     Raises:
-        InputError: where MuJoCo refuses what was written, or reads something else than was meant.
-        OutputError: where it cannot be written.
+        InputError: if MuJoCo rejects the file, or reads other values than were written.
+        OutputError: if it cannot be written.
     """
-    with written_beside(place) as beside:
-        beside.write_text(text, encoding="utf-8", newline="")
+    with written_beside(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
         try:
-            model = plain_model(str(beside))
+            model = plain_model(str(temporary))
         except MechsimError as error:
             raise InputError(
-                f"{scene.path}: the tuned text is refused: {error}; tune it beside its file"
+                f"{scene.path}: MuJoCo rejects the tuned text: {error}; write it to the folder of the scene"
             ) from None
-        other = differing(settings.applied(scene.model), model)
-        if other:
+        differences = differing(settings.applied(scene.model), model)
+        if differences:
             raise InputError(
-                f"{scene.path}: read back, the tuned text differs in {', '.join(other[:3])}; {WHOLE}"
+                f"{scene.path}: read back, the tuned text differs in {', '.join(differences[:3])}; {WHOLE}"
             )
-        outside = _outside(scene, model, place)
+        key = KEY if scene.own_start else scene.key
+        written_scene = replace(scene, path=str(path), model=model, fixed_bodies=None, key=key)
         if finish is not None:
-            beside.write_text(finish(outside), encoding="utf-8", newline="")
-    return outside
-
-
-def _outside(scene: UserScene, model: mujoco.MjModel, place: Path) -> UserScene:
-    return replace(scene, path=str(place), model=model, still=None, key=KEY if scene.own_start else scene.key)
+            temporary.write_text(finish(written_scene), encoding="utf-8", newline="")
+    return written_scene
 
 
 @quiet()
@@ -207,72 +255,66 @@ def plain_model(path: str) -> mujoco.MjModel:
         return plainly_compiled(parse_file(path)[0])
 
 
-def differing(meant: mujoco.MjModel, found: mujoco.MjModel) -> list[str]:
-    """Return the names of what differs between two models in a way that a run may feel."""
-    out: list[str] = []
-    for name in dir(meant):
-        if name.startswith(("_", *_APART)) or name in _SIZES or name.endswith("pathadr"):
-            continue
-        out += [name] if _unlike(getattr(meant, name), getattr(found, name)) else []
-    for name in dir(meant.opt):
-        if not name.startswith("_") and _unlike(getattr(meant.opt, name), getattr(found.opt, name)):
-            out.append(f"option {name}")
-    return out
+def differing(expected: mujoco.MjModel, actual: mujoco.MjModel) -> list[str]:
+    """Return the names of the fields and options that differ between two models and can affect a run."""
+    fields = [
+        name
+        for name in dir(expected)
+        if not name.startswith(("_", *_APART)) and name not in _SIZES and not name.endswith("pathadr")
+    ]
+    names = [name for name in fields if _differ(getattr(expected, name), getattr(actual, name))]
+    for name in dir(expected.opt):
+        if not name.startswith("_") and _differ(getattr(expected.opt, name), getattr(actual.opt, name)):
+            names.append(f"option {name}")
+    return names
 
 
-def _unlike(a: object, b: object) -> bool:
-    if isinstance(a, int | float):
-        return not _close(np.array([float(a)]), np.array([float(b)]))  # pyright: ignore[reportArgumentType]
-    if isinstance(a, np.ndarray) and a.dtype.kind in "fiub":
-        assert isinstance(b, np.ndarray)
-        return a.shape != b.shape or not _close(a.astype(np.float64), b.astype(np.float64))
-    return False
-
-
-def _close(a: Array, b: Array) -> bool:
-    return bool(np.all(np.abs(a - b) <= SAME * np.maximum(1.0, np.abs(a)))) or bool(np.array_equal(a, b))
+def _differ(a: object, b: object) -> bool:
+    if not isinstance(a, int | float) and not (isinstance(a, np.ndarray) and a.dtype.kind in "fiub"):
+        return False
+    first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    if first.shape != second.shape:
+        return True
+    near = np.abs(first - second) <= READ_TOLERANCE * np.maximum(1.0, np.abs(first))
+    return not (near.all() or np.array_equal(first, second))
 
 
 def changes(scene: UserScene, settings: PlainSettings) -> Mapping[str, str]:
-    """Return what settings change of a scene, setting -> value in words."""
-    told = settings.without_idle(scene.model).as_dict()
+    """Return what settings change of a scene, setting -> value as text."""
+    values = settings.changes_to(scene.model).as_dict()
     return {
-        name: _numbers(value) if isinstance(value, tuple) else _word(value) for name, value in told.items()
+        name: _numbers(value) if isinstance(value, tuple) else _word(value) for name, value in values.items()
     }
 
 
-FUNCTIONS = "acos, asin, atan, atan2, cos, exp, log, pi, sin, sqrt, tan"
-# option -> its value as MuJoCo's Python has it
-NUMBERS: dict[str, Callable[[object], str]] = {
-    "integrator": lambda value: f"mujoco.mjtIntegrator.mjINT_{str(value).upper()}",
-    "solver": lambda value: f"mujoco.mjtSolver.mjSOL_{str(value).upper()}",
-    "jacobian": lambda value: f"mujoco.mjtJacobian.mjJAC_{str(value).upper()}",
-}
-
-
-def feeding(scene: UserScene, said: Mapping[str, str]) -> list[str]:
-    """Return the lines that give MuJoCo its inputs before each step, t being the time and h the step.
+def control_lines(scene: UserScene, expressions: Mapping[str, str]) -> list[str]:
+    """Return the lines of Python that set MuJoCo's inputs before each step; t is the time, h the step.
 
     Args:
-        scene: the scene, its model with the settings by which it is stepped.
-        said: joint or actuator -> its program as an expression of t.
+        scene: the scene, its model with the settings of the run.
+        expressions: joint or actuator -> its motion law as an expression of t.
     """
     model = scene.model
-    lines = [f"data.ctrl[{of}] = {said[name]}" for name, of in zip(scene.ctrl, scene.fed, strict=True)]
-    for name, dof in zip(scene.drive, scene.driven_dofs, strict=True):
-        force = f"data.qfrc_applied[{dof}] = {scene.wheels[name][0]!r}"
+    lines = [
+        f"data.ctrl[{index}] = {expressions[name]}"
+        for name, index in zip(scene.ctrl, scene.controlled, strict=True)
+    ]
+    for name, dof in zip(scene.joint_laws, scene.driven_dofs, strict=True):
+        force = f"data.qfrc_applied[{dof}] = {scene.drive_inertias[name][0]!r}"
         if model.opt.integrator == RK4:
             lines.append(f"{force} * (rate({name!r}, t + h) - rate({name!r}, t)) / h")
         else:
-            place = int(model.jnt_qposadr[scene.driven_joints[name]])
-            lines.append(f"{force} * ((q({name!r}, t + h) - data.qpos[{place}]) / h - data.qvel[{dof}]) / h")
+            address = int(model.jnt_qposadr[scene.driven_joints[name]])
+            lines.append(
+                f"{force} * ((q({name!r}, t + h) - data.qpos[{address}]) / h - data.qvel[{dof}]) / h"
+            )
     return lines
 
 
 def python_of(
     scene: UserScene,
     file: Path,
-    said: Mapping[str, str],
+    expressions: Mapping[str, str],
     *,
     changed: Mapping[str, object] | None = None,
     heading: str = "Runs a tuned scene in plain MuJoCo.",
@@ -280,37 +322,35 @@ def python_of(
     """Return a script that runs a tuned file in plain MuJoCo; its `steps()` yields the data after every step.
 
     Args:
-        scene: the scene of the file, its model with the settings by which it is stepped.
-        file: its path; the script lies beside it.
-        said: joint or actuator -> its program as an expression of t.
-        changed: settings that differ from the file's, as `PlainSettings` has them.
+        scene: the scene of the file, its model with the settings of the run.
+        file: its path; the script is written to the same folder.
+        expressions: joint or actuator -> its motion law as an expression of t.
+        changed: settings that differ from the file's, as fields of `PlainSettings`.
         heading: its docstring.
     """
-    lines = [f'"""{heading}"""', "", f"from math import {FUNCTIONS}  # noqa: F401"]
-    lines += ["from pathlib import Path", "", "import mujoco"]
-    tables = any("table(" in one for one in said.values())
-    lines += ["import numpy as np", "from scipy.interpolate import make_interp_spline"] if tables else []
-    lines += ["", f'model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("{file.name}")))']
-    lines += _changed(changed or {})
-    if tables:
-        lines += _table_lines()
-    if scene.drive:
-        lines += _program_lines(scene, said)
-    lines += ["", "", f"def steps(duration={scene.duration!r}):"]
-    lines += ['    """Yield MuJoCo\'s data after every step."""']
-    lines += ["    data, h = mujoco.MjData(model), model.opt.timestep"]
-    if scene.key is not None:
-        lines.append(f"    mujoco.mj_resetDataKeyframe(model, data, model.key({scene.key!r}).id)")
-    lines += ["    for step in range(round(duration / h)):", "        t = step * h"]
-    lines += [f"        {line}" for line in feeding(scene, said)]
-    lines += ["        mujoco.mj_step(model, data)", "        yield data", "", ""]
-    lines += ['if __name__ == "__main__":', "    for data in steps():", "        pass"]
-    lines += ["    print(data.time, data.qpos)", ""]
-    return "\n".join(lines)
+    tables = any("table(" in expression for expression in expressions.values())
+    functions = TABLE if tables else ""
+    if scene.joint_laws:
+        laws = [
+            f"    if joint == {name!r}:\n        return {expressions[name]}\n" for name in scene.joint_laws
+        ]
+        functions += POSITIONS.format(laws="".join(laws))
+        functions += RATES if scene.model.opt.integrator == RK4 else ""
+    reset = f"    mujoco.mj_resetDataKeyframe(model, data, model.key({scene.key!r}).id)\n"
+    return SCRIPT.format(
+        heading=heading,
+        imports=TABLE_IMPORTS if tables else "",
+        file=file.name,
+        settings="".join(f"{line}\n" for line in _setting_lines(changed or {})),
+        functions=functions,
+        duration=scene.duration,
+        reset="" if scene.key is None else reset,
+        controls="".join(f"        {line}\n" for line in control_lines(scene, expressions)),
+    )
 
 
-def _changed(settings: Mapping[str, object]) -> list[str]:
-    """Return the lines that change settings of a loaded model."""
+def _setting_lines(settings: Mapping[str, object]) -> list[str]:
+    """Return the lines of Python that change settings of a loaded model."""
     lines: list[str] = []
     for name, value in settings.items():
         if name in FLAGS:
@@ -321,36 +361,11 @@ def _changed(settings: Mapping[str, object]) -> list[str]:
             lines.append(f"model.eq_{name}[:] = {value!r}")
         elif name == "compliance":
             lines += [
-                "# softness is scaled by these weights, and no file can say them",
+                "# these weights scale the compliance; no file can state them",
                 f"model.body_invweight0[:] *= {value:g}",
                 f"model.dof_invweight0[:] *= {value:g}",
             ]
         else:
-            number = NUMBERS[name](value) if name in NUMBERS else repr(value)
+            number = ENUMERATIONS[name] + str(value).upper() if name in ENUMERATIONS else repr(value)
             lines.append(f"model.opt.{name} = {number}")
     return lines
-
-
-def _program_lines(scene: UserScene, said: Mapping[str, str]) -> list[str]:
-    """Return the functions that say where prescribed joints are, and how fast."""
-    lines = ["", "", "def q(joint, t):", '    """Where a prescribed joint is."""']
-    lines += [f"    if joint == {name!r}:\n        return {said[name]}" for name in scene.drive]
-    lines += ["    raise KeyError(joint)"]
-    if scene.model.opt.integrator == RK4:
-        near = "8 * (q(joint, t + d) - q(joint, t - d)) - q(joint, t + 2 * d) + q(joint, t - 2 * d)"
-        lines += ["", "", "def rate(joint, t, d=1e-4):", '    """How fast it is there."""']
-        lines += [f"    return ({near}) / (12 * d)"]
-    return lines
-
-
-def _table_lines() -> list[str]:
-    """Return the function that reads a program from a table of t and value, joined as mechsim joins it."""
-    return [
-        "",
-        "",
-        "def table(path):",
-        '    """Return a function of t from the columns of a file."""',
-        '    columns = np.genfromtxt(path, delimiter=",", names=True)',
-        '    value = next(name for name in columns.dtype.names if name not in ("t", "time"))',
-        "    return make_interp_spline(columns[columns.dtype.names[0]], columns[value], k=5)",
-    ]

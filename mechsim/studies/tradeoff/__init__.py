@@ -2,8 +2,8 @@
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.studies.budget import Budget
+from mechsim.studies.tradeoff.methods import DEFAULTS, STEPS, Build, SteppingMethod, stepping_methods
 from mechsim.studies.tradeoff.models import BuiltModel, build_model
-from mechsim.studies.tradeoff.setting_families import DEFAULTS, STEPS, Build, Family, families
 from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
 from mechsim.studies.tradeoff.trials import measure
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff, write_csv
@@ -16,13 +16,13 @@ __all__ = [
     "Budget",
     "Build",
     "BuiltModel",
-    "Family",
     "Point",
+    "SteppingMethod",
     "Subject",
     "Tradeoff",
     "build_model",
-    "families",
     "measure",
+    "stepping_methods",
     "subject_of",
     "subject_of_model",
     "write_csv",

@@ -1,7 +1,7 @@
-"""A model made in one of the ways that are compared, stepped once through its crank motion for each trial."""
+"""Models that are compared, stepped once through the crank motion in each trial."""
 
 import copy
-import time as clock
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -22,17 +22,17 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import evaluate
 from mechsim.simulation.source import CRANK, Model, from_spec, tracked_points
 from mechsim.simulation.stepping import Steps, step
-from mechsim.studies.tradeoff.setting_families import Build
+from mechsim.studies.tradeoff.methods import Build
 
 SAMPLES = 72
-# inertia left on a crank that no flywheel drives, in [kg m2]: nothing beside the links'
-NO_FLYWHEEL = 1e-12
+# inertia of a crank without virtual drive inertia in [kg m2], negligible next to the links
+NO_DRIVE_INERTIA = 1e-12
 NO_VARIANTS: Mapping[str, Mechanism] = {}
 
 
 @dataclass(frozen=True, slots=True)
 class Servo:
-    """A velocity servo on the crank: torque = inertia x gain / step x (speed wanted - speed)."""
+    """A velocity servo on the crank: torque = inertia x gain / step x (target speed - speed)."""
 
     actuator: int
     inertia: float
@@ -45,14 +45,14 @@ class Servo:
 
 @dataclass(frozen=True, slots=True)
 class BuiltModel:
-    """A model made in one of the ways that are compared, and the crank motion it is put through.
+    """A model with one of the compared builds, and its crank motion.
 
     Attributes:
-        build: how it was made.
+        build: of the model.
         closed: the model; stepped as a copy in each trial.
         profile: of the crank.
         start: state and rates at time zero, (nq,) and (nv,).
-        servo: what turns the crank; None for a flywheel.
+        servo: on the crank; None for virtual drive inertia.
         seconds: processor time of building it.
     """
 
@@ -67,23 +67,23 @@ class BuiltModel:
         """Step through the crank motion once."""
         loops = replace(self.closed.loops, model=copy.copy(self.closed.loops.model))
         samples = min(SAMPLES, settings.steps_per_turn)
-        stride = max(1, settings.steps_per_turn // samples)
-        total = max(1, round(self.profile.turns * samples)) * stride
+        interval = max(1, settings.steps_per_turn // samples)
+        total = max(1, round(self.profile.turns * samples)) * interval
         controls = None
         if self.build.rod is not None:
             loops.model.eq_active0[:] = 1
             loops.model.tendon_invweight0[:] *= settings.compliance_used
-        if self.build.drive != "drive_inertia":
-            settings = replace(settings, drive_inertia=NO_FLYWHEEL)
+        if self.build.crank_drive != "drive_inertia":
+            settings = replace(settings, drive_inertia=NO_DRIVE_INERTIA)
         if self.servo is not None:
             timestep = self.profile.duration / total
             gain = float(self.servo.torque(np.ones(1), timestep)[0])
             loops.model.actuator_gainprm[self.servo.actuator, 0] = gain
             loops.model.actuator_biasprm[self.servo.actuator, 2] = -gain
-            # held over a step: right in its middle
+            # constant over a step: exact in its middle
             controls = np.zeros((total, loops.model.nu))
             controls[:, self.servo.actuator] = self.profile.state(timestep * np.arange(0.5, total))[1]
-        return loops, step(loops, settings, self.profile, self.start, total, stride, controls)
+        return loops, step(loops, settings, self.profile, self.start, total, interval, controls)
 
     def motion(self, settings: Settings) -> tuple[Motion | None, float]:
         """Return the motion, None if it diverged, and the processor time of stepping in [s]."""
@@ -92,15 +92,15 @@ class BuiltModel:
             return None, steps.processor
         states, force = steps.states, steps.force
         if self.servo is not None:
-            # where the motion is evaluated no control is given
+            # the evaluated motion has no control
             force = self.servo.torque(self.profile.state(states.time)[1], steps.timestep)
         motion = evaluate(loops, self.closed.track, states, "step", force=force)
         if self.build.rod is not None:
-            motion = replace(motion, closure=self._stretched(loops, states.qpos))
+            motion = replace(motion, closure=self._length_errors(loops, states.qpos))
         return motion, steps.processor
 
-    def _stretched(self, loops: ModelLoops, qpos: Array) -> Array:
-        """Return by how much a rod that is only a length is longer or shorter than it was, (n,) in [m]."""
+    def _length_errors(self, loops: ModelLoops, qpos: Array) -> Array:
+        """Return the change of length of a rod that is a distance constraint, (n,) in [m]."""
         ends = [i for i in range(self.closed.model.nsite) if self.closed.model.site(i).name.endswith(LENGTH)]
         first, second = np.moveaxis(
             loops.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0
@@ -115,42 +115,42 @@ def build_model(
     speed: float,
     build: Build | None = None,
     variants: Mapping[str, Mechanism] = NO_VARIANTS,
-    going_on: Callable[[], None] = lambda: None,
+    require_time: Callable[[], None] = lambda: None,
 ) -> BuiltModel:
     """Generate or load a model and close its loops.
 
     Args:
-        source: mechanism, or a model of one's own.
+        source: mechanism, or a custom model.
         profile: of the crank; None makes one turn at the speed.
         speed: in [rad/s].
-        build: how the model is made.
+        build: of the model.
         variants: of the mechanism, by name.
-        going_on: called between reading the model, compiling it and starting it; may raise.
+        require_time: called between the steps of the work; raises once there is no time left.
 
     Raises:
-        AssemblyError: where the crank cannot make all of its motion.
+        AssemblyError: if the crank cannot make all of its motion.
     """
-    began = clock.process_time()
+    start_time = time.process_time()
     build = build or Build()
     spec = build.made(source, variants)
-    going_on()
+    require_time()
     points = tracked_points(source, spec)
     closed = from_spec(spec, points, _crank(source, spec))
-    going_on()
+    require_time()
     profile = profile or constant(speed, 1.0, closed.angle)
     if build.rod is None:
         start = first_state(closed, profile)
     else:
-        start = _started_as(build_model(source, profile, speed), closed)
-    servo = _servo(closed, start, build.gain) if build.drive == "servo" else None
-    return BuiltModel(build, closed, profile, start, servo, clock.process_time() - began)
+        start = _start_of_whole(build_model(source, profile, speed), closed)
+    servo = _servo(closed, start, build.gain) if build.crank_drive == "servo" else None
+    return BuiltModel(build, closed, profile, start, servo, time.process_time() - start_time)
 
 
 def _crank(source: Model, spec: mujoco.MjSpec) -> str:
     """Return the driven hinge of a model.
 
     Raises:
-        InputError: for a model of one's own in which several joints are driven.
+        InputError: for a custom model with several driven joints.
     """
     if isinstance(source, Mechanism):
         return CRANK
@@ -165,7 +165,7 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
     return next(iter(names))
 
 
-def _started_as(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:
+def _start_of_whole(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:
     """Return state and rates at time zero by those of the same joints of the model with every body."""
     model = closed.model
     qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
@@ -174,8 +174,8 @@ def _started_as(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:
         same = whole.closed.model.joint(joint.name)
         for state, index, other in ((qpos, "qposadr", 0), (qvel, "dofadr", 1)):
             count = len(joint.qpos0) if other == 0 else len(joint.damping)
-            here, there = int(getattr(joint, index)[0]), int(getattr(same, index)[0])
-            state[here : here + count] = whole.start[other][there : there + count]
+            own, others = int(getattr(joint, index)[0]), int(getattr(same, index)[0])
+            state[own : own + count] = whole.start[other][others : others + count]
     return qpos, qvel
 
 

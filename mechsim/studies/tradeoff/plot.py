@@ -1,5 +1,6 @@
-"""Work-precision plots: error over cost on logarithmic axes, a curve for each way of stepping."""
+"""Work-precision plots: error over cost on logarithmic axes, a curve for each integrator."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,56 +15,47 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GREY, FRONT = "#b4bac2", "#222831"
-# points that err by a stroke or more are not drawn
-LOST = 1.0
+# error in strokes from which points are not drawn
+MAX_ERROR = 1.0
 
 
 @styled()
-def work_precision(found: Tradeoff, quantity: str = "position") -> "Figure":
+def work_precision(result: Tradeoff, quantity: str = "position") -> "Figure":
     """Draw every point, the best curve of each integrator with its observed order, and the Pareto front.
 
     Args:
-        found: what was measured.
+        result: of the measurement.
         quantity: whose error to draw; a key of `Point.errors`.
     """
     figure, axes = blank(1, 1, (7.6, 4.4))
     ax: Axes = axes[0, 0]
     ax.set_xscale("log")
     ax.set_yscale("log")
-    cost, error = _places(list(found.points), quantity)
-    ax.plot(cost, error, "o", ms=1.8, color=GREY, label="every setting")
-    for i, (name, curve) in enumerate(found.best_curves(quantity).items()):
-        cost, error = _places(curve, quantity)
-        label = f"{name}: {_order(found.order(curve, quantity))}"
-        ax.plot(cost, error, marker="s" if name == DEFAULTS else "o", ms=4, color=COLOURS[i % 6], label=label)
-    cost, error = _places(found.front(quantity), quantity)
+    ax.plot(*_costs_and_errors(result.points, quantity), "o", ms=1.8, color=GREY, label="every setting")
+    for i, (name, curve) in enumerate(result.best_curves(quantity).items()):
+        label, marker = f"{name}: {_order(result.order(curve, quantity))}", "s" if name == DEFAULTS else "o"
+        ax.plot(*_costs_and_errors(curve, quantity), marker=marker, ms=4, color=COLOURS[i % 6], label=label)
+    cost, error = _costs_and_errors(result.front(quantity), quantity)
     ax.step(cost, error, where="post", lw=0.9, color=FRONT, label="Pareto front")
-    bar = found.subject.reference.bar.get(quantity)
+    bar = result.subject.reference.bar.get(quantity)
     if bar:
         ax.axhline(bar, color="#b00020", lw=1.0, ls="--", label="error of the reference")
-    _dress(ax, quantity)
-    ax.set_title(f"{found.subject.name} against {found.subject.reference.what}")
+    decades(ax.yaxis)
+    round_numbers(ax.xaxis)
+    low, high = ax.get_ylim()
+    ax.set_yticks([tick for tick in (1.0, *BOUNDS, 1e-11, 1e-13) if low <= tick <= high])
+    ax.set_xlabel("processor time of one turn [ms]")
+    row = QUANTITIES[quantity]
+    ax.set_ylabel(f"worst {row.title} [{row.scale}]")
+    ax.set_title(f"{result.subject.name} against {result.subject.reference.what}")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
-def _dress(ax: "Axes", quantity: str) -> None:
-    decades(ax.yaxis)
-    round_numbers(ax.xaxis)
-    ax.set_yticks([bound for bound in (1.0, *BOUNDS, 1e-11, 1e-13) if _within(bound, ax.get_ylim())])
-    ax.set_xlabel("processor time of one turn [ms]")
-    row = QUANTITIES[quantity]
-    ax.set_ylabel(f"worst {row.title} [{row.scale}]")
-
-
-def _within(value: float, limits: tuple[float, float]) -> bool:
-    return limits[0] <= value <= limits[1]
-
-
-def _places(points: list[Point], quantity: str) -> tuple[list[float], list[float]]:
-    """Return costs in [ms] and errors of the points that are no worse than lost."""
-    good = [point for point in points if 0.0 < point.errors[quantity] < LOST]
-    return [1e3 * point.cost for point in good], [point.errors[quantity] for point in good]
+def _costs_and_errors(points: Sequence[Point], quantity: str) -> tuple[list[float], list[float]]:
+    """Return costs in [ms] and errors of the points with errors that are drawn."""
+    drawn = [point for point in points if 0.0 < point.errors[quantity] < MAX_ERROR]
+    return [1e3 * point.cost for point in drawn], [point.errors[quantity] for point in drawn]
 
 
 def _order(order: Order | None) -> str:

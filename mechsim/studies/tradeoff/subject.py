@@ -1,9 +1,8 @@
-"""Trial runs: one crank motion under many settings, each against a reference, its time measured apart."""
+"""Subjects of a trade-off: a mechanism with its exact motion, or a custom model with a much finer run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -22,127 +21,115 @@ from mechsim.studies.budget import BEYOND, Budget, TrialTimes
 from mechsim.studies.tradeoff.models import BuiltModel, build_model
 from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
-# steps a turn of the runs, and what they may be divided by where that would take more than this part of the
-# budget that is left
-FINE, COARSER, REFERENCE_PART = (3600, 7200, 14400), (1, 2, 5, 10, 25, 50), 0.4
-# a first trial that takes less of the budget than this is made again, as it paid for what is loaded then
-TRIAL_PART = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Affordable:
-    """What a budget has time for.
-
-    Attributes:
-        steps: a turn of the runs, rising; the finest are `FINE`.
-        enough: a budget for the finest in [s]; None where these are they.
-    """
-
-    steps: Sequence[int] = FINE
-    enough: float | None = None
+# steps per revolution of the reference runs; divisors tried if these exceed a fraction of the budget
+FINE_STEPS, DIVISORS, REFERENCE_FRACTION = (3600, 7200, 14400), (1, 2, 5, 10, 25, 50), 0.4
+# fraction of the budget below which the first trial is repeated, since it includes the time of imports
+TRIAL_FRACTION = 0.05
 
 
 def reference_runs(built: BuiltModel, name: str, budget: Budget | None) -> dict[int, Motion]:
-    """Return steps a turn -> motion, rising; the finest is run first, as the others are nothing without it.
+    """Return steps per revolution -> motion, in ascending order; the finest runs first.
 
     Args:
         built: the model.
-        name: what it is called.
-        budget: what all may take; None for the finest runs.
+        name: of the model.
+        budget: of all runs; None for the finest.
 
     Raises:
-        InputError: where a run diverges, or the budget has no time for the coarsest.
+        InputError: if a run diverges, or the budget is too short for the coarsest.
     """
-    can = Affordable() if budget is None else affordable(built, name, budget)
+    steps, sufficient = (FINE_STEPS, None) if budget is None else affordable_steps(built, name, budget)
     runs: dict[int, Motion] = {}
-    for count in reversed(can.steps):
+    for count in reversed(steps):
         motion, _ = built.motion(Settings(steps_per_turn=count))
         if motion is None:
-            raise InputError(_diverging(name, count, tuple(runs), can.enough))
+            raise InputError(_divergence_message(name, count, tuple(runs), sufficient))
         runs[count] = motion
     return dict(reversed(runs.items()))
 
 
-def affordable(built: BuiltModel, name: str, budget: Budget) -> Affordable:
-    """Return the finest runs that a part of the budget has time for.
+def affordable_steps(built: BuiltModel, name: str, budget: Budget) -> tuple[tuple[int, ...], float | None]:
+    """Return steps per revolution of the finest runs that a fraction of the budget affords.
+
+    Returns:
+        The steps, ascending, and a budget in [s] that affords `FINE_STEPS`; None if these are they.
 
     Raises:
-        InputError: where it has none for the coarsest.
+        InputError: if the budget is too short for the coarsest.
     """
     budget.require(name)
-    pace, coarse = TrialTimes(), Settings(steps_per_turn=min(FINE) // max(COARSER))
+    times, coarse = TrialTimes(budget), Settings(steps_per_turn=min(FINE_STEPS) // max(DIVISORS))
+    turns, integrator = built.profile.turns, Settings().integrator
     for _ in range(2):
-        begun, left = process_time(), budget.remaining
+        processor, remaining = budget.processor(), budget.remaining
         seconds = built.motion(coarse)[1]
-        pace.learn(built.build, coarse, built.profile.turns, seconds, process_time() - begun)
+        count = turns * coarse.steps_per_turn
+        times.add_trial(built.build, integrator, count, seconds, budget.processor() - processor)
         budget.require(name)
-        if left - budget.remaining > TRIAL_PART * budget.seconds:
+        if remaining - budget.remaining > TRIAL_FRACTION * budget.seconds:
             break
-    tried = [tuple(count // part for count in FINE) for part in COARSER]
-    needed = [
-        sum(pace.trial(built.build, Settings(steps_per_turn=count), built.profile.turns) for count in steps)
-        for steps in tried
+    options = [tuple(count // divisor for count in FINE_STEPS) for divisor in DIVISORS]
+    expected = [
+        sum(times.expected(built.build, integrator, turns * count) for count in steps) for steps in options
     ]
-    for steps, seconds in zip(tried, needed, strict=True):
-        if seconds <= REFERENCE_PART * budget.remaining:
-            return Affordable(steps, None if steps == FINE else _enough(budget, needed[0]))
-    if needed[-1] <= budget.remaining + BEYOND * budget.seconds:
-        return Affordable(tried[-1], _enough(budget, needed[0]))
+    sufficient = float(np.ceil(budget.spent + budget.reserved + expected[0] / REFERENCE_FRACTION))
+    for steps, seconds in zip(options, expected, strict=True):
+        if seconds <= REFERENCE_FRACTION * budget.remaining:
+            return steps, None if steps == FINE_STEPS else sufficient
+    if expected[-1] <= budget.remaining + BEYOND * budget.seconds:
+        return options[-1], sufficient
+    least = np.ceil(budget.spent + budget.reserved + expected[-1] / REFERENCE_FRACTION)
     raise InputError(
         f"{name} took {budget.spent:.2g} s to load, build and try, and the coarsest reference takes "
-        f"{needed[-1]:.2g} s more, but the budget is {budget.seconds:g} s; "
-        f"give --budget {_enough(budget, needed[-1]):g}s or more"
+        f"{expected[-1]:.2g} s more, but the budget is {budget.seconds:g} s; give --budget {least:g}s or more"
     )
 
 
-def _enough(budget: Budget, needed: float) -> float:
-    """Return a budget in [s], of which runs that need so much time are the part they may be."""
-    return float(np.ceil(budget.spent + budget.reserved + needed / REFERENCE_PART))
+def _divergence_message(name: str, count: int, stable: Sequence[int], sufficient: float | None) -> str:
+    """Return that a run diverges, and the remedies: finer runs, if there are any, or a softer model."""
+    message = f"{name} diverges at {count:,} steps a turn with {Settings().integrator}"
+    message += f", though not at {stable[-1]:,}" if stable else ""
+    remedies = (
+        [] if sufficient is None else [f"--budget {sufficient:g}s has time for up to {max(FINE_STEPS):,}"]
+    )
+    if sufficient is None or not stable:
+        remedies.append("less stiffness, or more damping or mass, in what moves")
+    return f"{message}, so that no reference run can be made; what may help: {'; else '.join(remedies)}"
 
 
-def _diverging(name: str, count: int, held: Sequence[int], enough: float | None) -> str:
-    """Return that a run diverges, and what may help: finer runs, where there are any."""
-    said = f"{name} diverges at {count:,} steps a turn with {Settings().integrator}"
-    said += f", though not at {held[-1]:,}" if held else ""
-    damp = "less stiffness, or more damping or mass, in what moves"
-    told = damp if enough is None else f"--budget {enough:g}s has time for up to {max(FINE):,}"
-    told += f"; else {damp}" if enough is not None and not held else ""
-    return f"{said}, so that no reference run can be made; what may help: {told}"
-
-
-# quantities of the table by which trials are measured; the drive beside its profile
+# compared quantities; the drive is compared with its profile
 COMPARED = ("position", "velocity", "acceleration", "angle", "loop", "drive")
-# places of a point that differ by less than this part of the mechanism's size are the same
-SAME = 1e-9
-# a crank this many times faster than it should be has left all sense, though no number is infinite yet
-LOST = 1e6
+# largest distance of equal positions, relative to the characteristic length
+POSITION_TOLERANCE = 1e-9
+# ratio of the crank speed to its target above which a run counts as diverged
+MAX_SPEED_RATIO = 1e6
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What a trial is compared with.
+    """The exact motion, or a much finer run, with which trials are compared.
 
     Attributes:
-        what: in words.
-        at: simulated motion -> the true one at the same instants.
-        bar: its own error by quantity, in the units of the errors; rounding for a closed form.
-        most_steps: in a turn, of what it can judge.
+        what: description.
+        exact: simulated motion -> the true motion at the same instants.
+        bar: its own error by quantity, in the units of the errors; empty for a closed form.
+        max_steps: per revolution, of runs that can be compared with it.
     """
 
     what: str
-    at: Callable[[Motion], Motion]
+    exact: Callable[[Motion], Motion]
     bar: Mapping[str, float] = field(default_factory=dict)
-    most_steps: float = np.inf
+    max_steps: float = np.inf
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What the trade-off is measured on.
+    """The mechanism or model on which the trade-off is measured.
 
     Attributes:
         name: of the mechanism or file.
-        source: the mechanism, or the model of one's own.
-        built: its model, with the loops cut as the generator chooses.
+        source: the mechanism, or a custom model.
+        built: its model with the default cuts.
         reference: what the trials are compared with.
         stroke: half the largest extent of a point's path, in [m].
         speed: largest crank speed, in [rad/s].
@@ -159,21 +146,21 @@ class Subject:
 
     @property
     def mechanism(self) -> Mechanism | None:
-        """The mechanism, where its joints are known."""
+        """The mechanism; None for a custom model."""
         return self.source if isinstance(self.source, Mechanism) else None
 
     def errors(self, motion: Motion | None) -> dict[str, float]:
         """Return worst errors by quantity.
 
         Position and loop residual are in units of the stroke, velocity and acceleration of stroke and
-        crank speed, angle and drive in [rad]; a motion that diverged has infinite ones. All but the
-        drive's, which is how far the crank is from where it should be, are at the crank angle reached.
+        crank speed, angle and drive in [rad]; infinite for a motion that diverged. The drive error is the
+        distance of the crank from its profile; the others are measured at the actual crank angle.
         """
-        if motion is None or not worst(motion.speed) <= LOST * self.speed:
+        if motion is None or not worst(motion.speed) <= MAX_SPEED_RATIO * self.speed:
             return dict.fromkeys(COMPARED, np.inf)
-        found = differences(motion, self.reference.at(motion), self.stroke, self.speed)
+        errors = differences(motion, self.reference.exact(motion), self.stroke, self.speed)
         assert motion.time is not None
-        return found | {"drive": worst(motion.angle - self.built.profile.state(motion.time)[0])}
+        return errors | {"drive": worst(motion.angle - self.built.profile.state(motion.time)[0])}
 
 
 def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> dict[str, float]:
@@ -182,94 +169,98 @@ def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> d
     return {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
 
 
-def subject_of(drive: Form, speed: float, budget: Budget | None = None) -> Subject:
+def subject_of(solver: Form, speed: float, budget: Budget | None = None) -> Subject:
     """Return a mechanism as a subject: its reference is the closed form, or else the loop equations.
 
     Raises:
-        InputError: where the budget is spent before anything is tried.
+        InputError: if the budget ends before the first trial.
     """
-    profile = within_range(drive.mechanism, drive.crank_range(), speed)
+    name = solver.name
+    profile = within_range(solver.mechanism, solver.crank_range(), speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
-    drive = drive.starting_at(angles)
-    stroke = half_extent(drive.positions(angles).values())
-    mechanism = drive.mechanism
+    solver = solver.starting_at(angles)
+    stroke = half_extent(solver.positions(angles).values())
     reference = Reference(
-        "closed form" if isinstance(drive, ClosedForm) else "loop equations",
-        lambda motion: drive.solve(motion.angle, motion.speed, motion.acceleration),
+        "closed form" if isinstance(solver, ClosedForm) else "loop equations",
+        lambda motion: solver.solve(motion.angle, motion.speed, motion.acceleration),
     )
-    built = build_model(mechanism, profile, speed, going_on=_while_there_is_time(budget, drive.name))
+    mechanism = solver.mechanism
+    built = build_model(mechanism, profile, speed, require_time=_time_check(budget, name))
     if budget is not None:
-        budget.require(drive.name)
-    return Subject(drive.name, mechanism, built, reference, stroke, abs(speed), _variants(drive, angles))
+        budget.require(name)
+    return Subject(name, mechanism, built, reference, stroke, abs(speed), _variants(solver, angles))
 
 
-def _while_there_is_time(budget: Budget | None, name: str) -> Callable[[], None]:
-    """Return what refuses to go on with a thing that is being built once the budget is spent."""
+def _time_check(budget: Budget | None, name: str) -> Callable[[], None]:
+    """Return a function that raises once the budget ends."""
     return (lambda: None) if budget is None else lambda: budget.require(name)
 
 
-def _variants(drive: Form, angles: Array) -> dict[str, Mechanism]:
-    """Return the variants of a mechanism whose tracked points are at the same places at crank angles."""
-    places = drive.positions(angles)
-    found: dict[str, Mechanism] = {}
-    for name, variant in drive.variants().items():
+def _variants(solver: Form, angles: Array) -> dict[str, Mechanism]:
+    """Return the variants of a mechanism whose tracked points have the same positions at crank angles."""
+    positions = solver.positions(angles)
+    variants: dict[str, Mechanism] = {}
+    for name, variant in solver.variants().items():
         others = variant.positions(angles)
-        gap = max(worst(others[point] - place) for point, place in places.items())
-        if gap <= SAME * drive.mechanism.size:
-            found[name] = variant.mechanism
-    return found
+        distance = max(worst(others[point] - position) for point, position in positions.items())
+        if distance <= POSITION_TOLERANCE * solver.mechanism.size:
+            variants[name] = variant.mechanism
+    return variants
 
 
 def subject_of_model(source: Model, name: str, speed: float, budget: Budget | None = None) -> Subject:
-    """Return a model of one's own as a subject: its reference is a much finer run, with an error bar.
+    """Return a custom model as a subject: its reference is a much finer run, with its own error.
 
     Args:
         source: the model.
-        name: what it is called.
+        name: of the model.
         speed: of the crank, in [rad/s].
-        budget: what all may take; the reference is then as fine as part of it allows.
+        budget: of all; the reference is as fine as a fraction of it affords.
 
     Raises:
         AssemblyError: if the crank cannot make a whole turn.
-        InputError: where no reference can be made, or not within the budget.
+        InputError: if no reference can be made within the budget.
     """
-    built = build_model(source, None, speed, going_on=_while_there_is_time(budget, name))
+    built = build_model(source, None, speed, require_time=_time_check(budget, name))
     runs = reference_runs(built, name, budget)
-    most, fine = list(runs.items())[-1]
+    max_steps, fine = list(runs.items())[-1]
     stroke = half_extent(point.position for point in fine.points.values())
     if not stroke > 0.0:
         raise InputError(f"no tracked point of {name} moves; put a named site on a moving body")
 
-    def at(motion: Motion) -> Motion:
+    def exact(motion: Motion) -> Motion:
         return _every(fine, (len(fine) - 1) // (len(motion) - 1))
 
     changes = [differences(a, b, stroke, abs(speed)) for a, b in pairwise(runs.values())]
     bar = {
-        kind: _bar(*(change[kind] for change in changes)) for kind in ("position", "velocity", "acceleration")
+        quantity: _extrapolated_error(*(change[quantity] for change in changes))
+        for quantity in ("position", "velocity", "acceleration")
     }
-    # how far its loops stand open says what no halving of the step can
+    # the loop-closure error does not show in differences between runs
     bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
-    reference = Reference(f"a run of {most} steps a turn", at, bar, most / 2)
+    reference = Reference(f"a run of {max_steps} steps a turn", exact, bar, max_steps / 2)
     return Subject(name, source, built, reference, stroke, abs(speed))
 
 
-def _bar(before: float, last: float) -> float:
-    """Return the error left after the last halving of the step, from what the two halvings changed."""
+def _extrapolated_error(before: float, last: float) -> float:
+    """Return the error after the last halving of the step, from the changes by the two halvings."""
     return richardson(np.zeros(1), np.array([last]), 2.0, believed_order(before, last, 2.0))[1]
 
 
-def _every(motion: Motion, stride: int) -> Motion:
-    """Return every so many instants of a motion's points and joints."""
+def _every(motion: Motion, interval: int) -> Motion:
+    """Return a motion's points and joints at every `interval`-th instant."""
 
-    def part(of: Any) -> Any:
-        values = (getattr(of, field.name) for field in fields(of))
-        return type(of)(*(one[::stride] if isinstance(one, np.ndarray) else one for one in values))
+    def sampled(record: Any) -> Any:
+        values = (getattr(record, field.name) for field in fields(record))
+        return type(record)(
+            *(value[::interval] if isinstance(value, np.ndarray) else value for value in values)
+        )
 
     return Motion(
         motion.source,
-        motion.angle[::stride],
-        motion.speed[::stride],
-        motion.acceleration[::stride],
-        {name: part(point) for name, point in motion.points.items()},
-        joints={name: part(joint) for name, joint in motion.joints.items()},
+        motion.angle[::interval],
+        motion.speed[::interval],
+        motion.acceleration[::interval],
+        {name: sampled(point) for name, point in motion.points.items()},
+        joints={name: sampled(joint) for name, joint in motion.joints.items()},
     )

@@ -1,4 +1,4 @@
-"""Speed against accuracy: what every setting costs and how far it errs, measured for one scene."""
+"""Work-precision results of a trade-off: points, fronts, recommendations, and how to use them."""
 
 import csv
 from collections.abc import Sequence
@@ -13,43 +13,43 @@ from mechsim.files import written_beside
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
-from mechsim.studies.tradeoff.setting_families import DEFAULTS, Build, Family
+from mechsim.studies.tradeoff.methods import DEFAULTS, Build, SteppingMethod
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
 BOUNDS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-# between rounding and the size of the mechanism an error says something of the order
+# errors, in strokes, between which the order of convergence is measured
 FLOOR, CEILING = 1e-12, 0.1
 
 
 @dataclass(slots=True)
 class Point:
-    """One setting: what it costs and how far it errs.
+    """The cost and the errors of one setting.
 
     Attributes:
-        family: it belongs to.
+        method: of stepping.
         settings: with the number of steps.
         errors: quantity -> worst error; see `Subject.errors`.
-        times: processor time of stepping one turn, in [s], a value for each time it was measured.
+        times: processor time of stepping one revolution in [s], one for each measurement.
     """
 
-    family: Family
+    method: SteppingMethod
     settings: Settings
     errors: dict[str, float]
     times: list[float] = field(default_factory=list[float])
 
     @property
     def cost(self) -> float:
-        """The median processor time of stepping one turn, in [s]."""
+        """The median processor time of stepping one revolution, in [s]."""
         return median(self.times)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the point as a row of the CSV and of the JSON."""
         return {
-            "family": self.family.name,
+            "family": self.method.name,
             "integrator": self.settings.integrator,
             "steps_per_turn": self.settings.steps_per_turn,
-            "defaults": self.family.name == DEFAULTS,
-            **self.family.build.as_dict(),
+            "defaults": self.method.name == DEFAULTS,
+            **self.method.build.as_dict(),
             "seconds_per_turn": self.cost,
             "timed": len(self.times),
             **{f"{kind}_error": self.errors[kind] for kind in COMPARED},
@@ -61,12 +61,12 @@ class Tradeoff:
     """The points measured on one scene.
 
     Attributes:
-        subject: what they were measured on.
-        points: all of them, in the order of the ladder.
-        left_out: trials that the budget had no time for.
-        unbuilt: trials of models that cannot be made or do not close.
-        untried: families of which the budget had no time for a single trial.
-        seconds: on the clock.
+        subject: on which they were measured.
+        points: all of them, in the order of the methods.
+        left_out: number of trials without time.
+        unbuilt: number of trials of models that cannot be built or assembled.
+        untried: methods without time for a single trial.
+        seconds: wall time.
     """
 
     subject: Subject
@@ -82,27 +82,25 @@ class Tradeoff:
 
     @property
     def costs(self) -> Array:
-        """The cost of each point, in [s] a turn."""
+        """The cost of each point, in [s] per revolution."""
         return np.array([point.cost for point in self.points])
 
     def front(self, quantity: str = "position") -> list[Point]:
         """Return the points that nothing beats in both cost and error, by rising cost."""
         return [self.points[i] for i in pareto(self.costs, self.errors(quantity))]
 
-    def choice(self, bound: float, quantity: str = "position") -> Point | None:
-        """Return the cheapest point with an error within a bound; None if none has.
-
-        A reference with an error bar of its own lends no more than it has: the bar is added.
-        """
+    def choice(self, max_error: float, quantity: str = "position") -> Point | None:
+        """Return the cheapest point whose error, that of the reference added, is small enough; or None."""
         bar = self.subject.reference.bar.get(quantity, 0.0)
-        best = cheapest(self.costs, self.errors(quantity) + bar, bound)
+        best = cheapest(self.costs, self.errors(quantity) + bar, max_error)
         return None if best is None else self.points[best]
 
     def curves(self) -> dict[str, list[Point]]:
-        """Return family -> its points by rising steps, in the order of the ladder."""
-        names = dict.fromkeys(point.family.name for point in self.points)
-        found = {name: [p for p in self.points if p.family.name == name] for name in names}
-        return {name: sorted(ps, key=lambda p: p.settings.steps_per_turn) for name, ps in found.items()}
+        """Return method -> its points by ascending steps, in the order of the methods."""
+        curves: dict[str, list[Point]] = {point.method.name: [] for point in self.points}
+        for point in sorted(self.points, key=lambda point: point.settings.steps_per_turn):
+            curves[point.method.name].append(point)
+        return curves
 
     def order(self, curve: Sequence[Point], quantity: str = "position") -> Order | None:
         """Return the observed order of a curve."""
@@ -117,10 +115,10 @@ class Tradeoff:
         curves = self.curves()
         for integrator in dict.fromkeys(point.settings.integrator for point in self.points):
             mine = [
-                p for p in self.points if p.settings.integrator == integrator and p.family.name != DEFAULTS
+                p for p in self.points if p.settings.integrator == integrator and p.method.name != DEFAULTS
             ]
             among = pareto([p.cost for p in mine], [p.errors[quantity] for p in mine])
-            names = [mine[i].family.name for i in among]
+            names = [mine[i].method.name for i in among]
             if names:
                 name = max(dict.fromkeys(names), key=names.count)
                 best[name] = curves[name]
@@ -128,7 +126,6 @@ class Tradeoff:
 
     def as_dict(self, quantity: str = "position") -> dict[str, Any]:
         """Return what `mechsim tradeoff --json` prints."""
-        chosen = {bound: self.choice(bound, quantity) for bound in BOUNDS}
         orders = {name: self.order(curve, quantity) for name, curve in self.best_curves(quantity).items()}
         return {
             "mechanism": self.subject.name,
@@ -142,8 +139,13 @@ class Tradeoff:
             "untried": list(self.untried),
             "seconds": self.seconds,
             "recommended": [
-                {"bound": bound, "point": None if point is None else self._described(point)}
-                for bound, point in chosen.items()
+                {
+                    "bound": max_error,
+                    "point": None
+                    if point is None
+                    else point.as_dict() | {"settings": point.settings.as_dict()},
+                }
+                for max_error, point in ((limit, self.choice(limit, quantity)) for limit in BOUNDS)
             ],
             "pareto": [point.as_dict() for point in self.front(quantity)],
             "orders": {
@@ -153,26 +155,23 @@ class Tradeoff:
             "points": [point.as_dict() for point in self.points],
         }
 
-    def _described(self, point: Point) -> dict[str, Any]:
-        return point.as_dict() | {"settings": point.settings.as_dict()}
 
-
-def write_csv(path: str | Path, found: Tradeoff, quantity: str = "position") -> None:
+def write_csv(path: str | Path, result: Tradeoff, quantity: str = "position") -> None:
     """Write every point as a row, those on the Pareto front marked.
 
     Raises:
-        OutputError: where the file cannot be written.
+        OutputError: if the file cannot be written.
     """
-    front = {id(point) for point in found.front(quantity)}
-    rows = [point.as_dict() | {"pareto": id(point) in front} for point in found.points]
-    with written_beside(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
+    front = {id(point) for point in result.front(quantity)}
+    rows = [point.as_dict() | {"pareto": id(point) in front} for point in result.points]
+    with written_beside(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
 
 
 def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
-    """Return what gives a point's settings.
+    """Return how to use the settings of a point.
 
     Args:
         point: of a trade-off.
@@ -180,9 +179,9 @@ def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
         speed: of the crank, in [rad/s].
 
     Returns:
-        "command": `mechsim simulate` with its options, None where it takes another drive or a reduction;
-        "export": `mechsim export` of a model that has the settings, None where no file can say them;
-        "xml": a fragment of MJCF, None where no file can say it all; "python": lines that run.
+        "command": `mechsim simulate` with its options, None for another crank drive or a reduction;
+        "export": `mechsim export` of a model with the settings, None if no file can state them;
+        "xml": a fragment of MJCF, None if it cannot state all; "python": lines that run it.
     """
     return {
         "command": command(point, model, speed),
@@ -193,26 +192,26 @@ def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
 
 
 def command(point: Point, model: str, speed: float) -> str | None:
-    """Return the call of `mechsim simulate` that runs a point; None where it has no option for its model."""
-    build = point.family.build
-    if (build.drive, build.rod, build.variant) != (Build().drive, None, None):
+    """Return the call of `mechsim simulate` that runs a point; None if it has no option for its model."""
+    build = point.method.build
+    if (build.crank_drive, build.rod, build.variant) != (Build().crank_drive, None, None):
         return None
-    told = [_option(name, value) for name, value in _changed(point.settings).items()]
-    told += [f"--cut {','.join(build.cut)}"] if build.cut else []
-    told += [f"--scene {build.level}"] if build.level != Build().level else []
-    return " ".join(["mechsim", "simulate", model, "--speed", f"{speed!r}rad/s", *told])
+    options = [_option(name, value) for name, value in _changed(point.settings).items()]
+    options += [f"--cut {','.join(build.cut)}"] if build.cut else []
+    options += [f"--scene {build.level}"] if build.level != Build().level else []
+    return " ".join(["mechsim", "simulate", model, "--speed", f"{speed!r}rad/s", *options])
 
 
 def exporting(point: Point, model: str, speed: float) -> str | None:
-    """Return the call of `mechsim export` that writes a point's settings; None where no file can say them."""
+    """Return the call of `mechsim export` that writes a point's settings; None if no file can state them."""
     settings = point.settings
     if model.endswith(".xml") or fragment(point, speed) is None:
         return None
-    # what a run makes of what it was not told
-    file = replace(settings, solref=_solref(settings, speed), iterations=1, residual=0.0)
-    left = {"steps_per_turn", "constant_steps", "compliance", "drive_inertia"}
-    told = {one.name: getattr(file, one.name) for one in fields(Settings) if one.name not in left}
-    options = [_option(name, _plain(value)) for name, value in told.items() if value is not None]
+    # what a run derives from its other settings
+    stated = replace(settings, solref=_solref(settings, speed), iterations=1, residual=0.0)
+    derived = {"steps_per_turn", "constant_steps", "compliance", "drive_inertia"}
+    values = {name: value for name, value in _values(stated).items() if name not in derived}
+    options = [_option(name, _plain(value)) for name, value in values.items() if value is not None]
     return " ".join(["mechsim", "export", model, f"--timestep {settings.timestep(speed)!r}", *options])
 
 
@@ -221,9 +220,9 @@ def _solref(settings: Settings, speed: float) -> tuple[float, float]:
 
 
 def fragment(point: Point, speed: float) -> str | None:
-    """Return the MJCF that says a point's settings; None where softness is scaled after compiling."""
+    """Return the MJCF that states a point's settings; None if compliance is scaled after compiling."""
     settings = point.settings
-    if settings.compliance_used != 1.0 or point.family.build != Build():
+    if settings.compliance_used != 1.0 or point.method.build != Build():
         return None
     timestep = settings.timestep(speed)
     solref = _solref(settings, speed)
@@ -232,46 +231,53 @@ def fragment(point: Point, speed: float) -> str | None:
     return (
         f'<option timestep="{timestep!r}" integrator="{settings.integrator}" iterations="1" tolerance="0">'
         f'<flag refsafe="{safe}" island="disable"{exact}/></option>\n'
-        f'<default><equality solref="{_words(solref)}" solimp="{_words(settings.solimp)}"/></default>'
+        f'<default><equality solref="{_numbers(solref, " ")}" solimp="{_numbers(settings.solimp, " ")}"/>'
+        "</default>"
     )
 
 
 def snippet(point: Point, model: str, speed: float) -> str:
     """Return lines of Python that run a point."""
+    own = point.method.build
     settings = ", ".join(f"{name}={value!r}" for name, value in _changed(point.settings).items())
     build = ", ".join(
-        f"{one.name}={getattr(point.family.build, one.name)!r}"
-        for one in fields(Build)
-        if getattr(point.family.build, one.name) != one.default
+        f"{field.name}={getattr(own, field.name)!r}"
+        for field in fields(Build)
+        if getattr(own, field.name) != field.default
     )
-    source = f"pathlib.Path({model!r})" if model.endswith(".xml") else "source.mechanism"
-    lines = ["import pathlib", ""] if model.endswith(".xml") else ["import mechsim as ms"]
+    custom, variants = model.endswith(".xml"), ""
+    lines = ["import pathlib", ""] if custom else ["import mechsim as ms"]
     lines += ["from mechsim.simulation import Settings"]
     lines += ["from mechsim.studies.tradeoff import Build, build_model", ""]
-    variants = ""
-    if not model.endswith(".xml"):
+    if not custom:
         lines.append(f"source = ms.load({model!r})")
-        if point.family.build.variant is not None:
-            lines.append("variants = {name: one.mechanism for name, one in source.variants().items()}")
+        if own.variant is not None:
+            lines.append(
+                "variants = {name: variant.mechanism for name, variant in source.variants().items()}"
+            )
             variants = ", variants"
+    source = f"pathlib.Path({model!r})" if custom else "source.mechanism"
     lines.append(f"built = build_model({source}, None, {speed!r}, Build({build}){variants})")
     lines.append(f"motion, seconds = built.motion(Settings({settings}))")
     return "\n".join(lines)
 
 
+def _values(settings: Settings) -> dict[str, Any]:
+    return {field.name: getattr(settings, field.name) for field in fields(Settings)}
+
+
 def _changed(settings: Settings) -> dict[str, Any]:
-    """Return the settings that are not the default's; steps always."""
-    told = {one.name: getattr(settings, one.name) for one in fields(Settings)}
-    usual = {one.name: one.default for one in fields(Settings)}
+    """Return the settings that are not the defaults, and the number of steps."""
+    defaults = {field.name: field.default for field in fields(Settings)}
     return {
         name: _plain(value)
-        for name, value in told.items()
-        if name == "steps_per_turn" or value != usual[name]
+        for name, value in _values(settings).items()
+        if name == "steps_per_turn" or value != defaults[name]
     }
 
 
 def _plain(value: Any) -> Any:
-    return tuple(float(one) for one in value) if isinstance(value, tuple | np.ndarray) else value
+    return tuple(float(number) for number in value) if isinstance(value, tuple | np.ndarray) else value
 
 
 def _option(name: str, value: Any) -> str:
@@ -280,9 +286,9 @@ def _option(name: str, value: Any) -> str:
     if isinstance(value, bool):
         return f"--{name}" if value else f"--no-{name}"
     if isinstance(value, tuple):
-        return f"--{name}={','.join(f'{one:.17g}' for one in value)}"
+        return f"--{name}={_numbers(value, ',')}"
     return f"--{name} {value!r}" if isinstance(value, float) else f"--{name} {value}"
 
 
-def _words(values: tuple[float, ...]) -> str:
-    return " ".join(f"{one:.17g}" for one in values)
+def _numbers(values: Sequence[float], separator: str) -> str:
+    return separator.join(f"{value:.17g}" for value in values)

@@ -23,7 +23,7 @@ def locked_joints(observed: Evidence) -> list[Candidate]:
     """Propose to lock each hinge and slide that hardly moves, the smallest displacement first."""
     candidates: list[tuple[float, Candidate]] = []
     for joint in observed.spec.joints:
-        if joint.type not in SINGLE or joint.name in observed.scene.drive:
+        if joint.type not in SINGLE or joint.name in observed.scene.joint_laws:
             continue
         values = observed.values(joint.name)
         unit = observed.length if joint.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
@@ -159,7 +159,7 @@ def ties(observed: Evidence) -> "nx.Graph[str]":
 def needed_bodies(observed: Evidence) -> set[str]:
     """Return the bodies of driven joints and of actuators that have a motion law."""
     spec, bodies = observed.spec, set[str]()
-    for name in observed.scene.drive:
+    for name in observed.scene.joint_laws:
         bodies.add(body_of(spec.joint(name)))
     for name in observed.scene.ctrl:
         bodies |= bodies_of(spec, spec.actuator(name))

@@ -204,7 +204,7 @@ def springs(observed: Evidence) -> list[Candidate]:
         names = [
             element.name
             for element in elements
-            if _has(element, field) and element.name not in observed.scene.drive
+            if _has(element, field) and element.name not in observed.scene.joint_laws
         ]
         if not names:
             continue

@@ -69,14 +69,14 @@ def loops_as_polynomials(observed: Evidence) -> list[Candidate]:
 
 def _leaders(observed: Evidence) -> list[str]:
     """Return the possible leading joints: the prescribed one, or those of the only actuator."""
-    spec, joints = observed.spec, list(observed.scene.drive)
+    spec, joints = observed.spec, list(observed.scene.joint_laws)
     for name in observed.scene.ctrl:
         actuator = spec.actuator(name)
         if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
             joints += joints_of(spec.tendon(actuator.target))
         elif actuator.trntype in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
             joints.append(actuator.target)
-    if len(observed.scene.drive) + len(observed.scene.ctrl) != 1:
+    if len(observed.scene.joint_laws) + len(observed.scene.ctrl) != 1:
         return []
     return joints
 

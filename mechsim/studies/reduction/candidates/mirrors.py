@@ -54,7 +54,7 @@ def _driven(observed: Evidence) -> set[str]:
     """Return the bodies of prescribed joints and of actuators that act on no coupled tendon."""
     over = {name for tendon in observed.spec.tendons for name in joints_of(tendon)}
     tied = {body_of(observed.spec.joint(name)) for name in over}
-    return {body_of(observed.spec.joint(name)) for name in observed.scene.drive} | (
+    return {body_of(observed.spec.joint(name)) for name in observed.scene.joint_laws} | (
         needed_bodies(observed) - tied
     )
 

@@ -1,0 +1,227 @@
+"""Runs of a scene in plain MuJoCo: the recorded motion, and the processor time of a simulated second."""
+
+import time as clock
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco import batch
+
+from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.studies.scene.scene import UserScene, actuator_names
+
+# steps in one call into C
+BLOCK = 4096
+TIME = int(mujoco.mjtState.mjSTATE_TIME)
+CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+# default number of records after the first
+RECORDS = 400
+# largest number of records between which forces and energies are interpolated
+MAX_REFERENCE_RECORDS = 4000
+# processor time in [s] below which a measurement is repeated, and the largest number of repetitions
+MIN_MEASURED_TIME, MAX_REPETITIONS = 0.01, 8
+ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class SceneRun:
+    """The recorded motion of a scene.
+
+    Attributes:
+        scene: the scene.
+        model: its model with the settings of the run.
+        time: of the records in [s], (n,); time zero is the first.
+        qpos: (n, nq).
+        qvel: (n, nv).
+        seconds: processor time of the steps in this thread, in [s].
+        steps: number of steps.
+        broken: why the run ended early; empty for a complete run.
+    """
+
+    scene: UserScene
+    model: mujoco.MjModel
+    time: Array
+    qpos: Array
+    qvel: Array
+    seconds: float
+    steps: int
+    broken: str = ""
+
+    @property
+    def seconds_per_second(self) -> float:
+        """Processor time of a simulated second; infinite if the run broke."""
+        return np.inf if self.broken else self.seconds / (self.steps * float(self.model.opt.timestep))
+
+    def every(self, stride: int) -> "SceneRun":
+        """Return the run with every `stride`-th record."""
+        rows = slice(None, None, max(1, stride))
+        return replace(self, time=self.time[rows], qpos=self.qpos[rows], qvel=self.qvel[rows])
+
+    @cached_property
+    def nodes(self) -> "SceneRun":
+        """The run with at most about `MAX_REFERENCE_RECORDS` records."""
+        return self.every(len(self.time) // MAX_REFERENCE_RECORDS)
+
+    @cached_property
+    def points(self) -> Array:
+        """Positions of the tracked points, (n, k, 3) in [m]."""
+        sims = batch.Batch(self.model, len(self.qpos), 1)
+        position, matrix = sims.bind("xpos"), sims.bind("xmat")
+        sims.bind("qpos")[:] = self.qpos
+        with quiet():
+            sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
+        matrix = matrix.reshape(*matrix.shape[:2], 3, 3)
+        tracked = self.scene.tracked.values()
+        points = [position[:, body] + matrix[:, body] @ local for body, local in tracked]
+        return np.stack(points, 1) if points else np.empty((len(self.qpos), 0, 3))
+
+    @cached_property
+    def velocities(self) -> Array:
+        """Velocities of the tracked points, (n, k, 3) in [m/s]."""
+        sims = batch.Batch(self.model, len(self.qpos), 1)
+        sims.bind("qpos")[:] = self.qpos
+        with quiet():
+            velocities = [
+                np.einsum("nij,nj->ni", sims.jac(body, self.points[:, k])[0], self.qvel)
+                for k, (body, _) in enumerate(self.scene.tracked.values())
+            ]
+        return np.stack(velocities, 1) if velocities else np.empty((len(self.qpos), 0, 3))
+
+    @cached_property
+    def forces(self) -> Array:
+        """Forces of the actuators, then of each prescribed joint's drive, (n, nu + driven) in [N m], [N]."""
+        model, scene = self.model, self.scene
+        data, dofs = mujoco.MjData(model), scene.driven_dofs
+        controls, applied = scene.inputs_at(self.time)
+        out = np.empty((len(self.time), model.nu + len(dofs)))
+        inertial = np.empty(model.nv)
+        armatures = np.array([scene.drive_inertias[name][1] for name in scene.joint_laws])
+        with quiet():
+            for i, row in enumerate(out):
+                data.qpos[:], data.qvel[:] = self.qpos[i], self.qvel[i]
+                data.ctrl[:], data.qfrc_applied[:] = controls[i], applied[i]
+                mujoco.mj_forward(model, data)
+                row[: model.nu] = data.actuator_force
+                if len(dofs):
+                    mujoco.mj_rne(model, data, 1, inertial)
+                    others = data.qfrc_passive + data.qfrc_constraint + data.qfrc_actuator
+                    row[model.nu :] = (inertial - others)[dofs] + armatures * data.qacc[dofs]
+        return out
+
+    @property
+    def forces_by_name(self) -> Mapping[str, Array]:
+        """The forces by actuator, and by prescribed joint as "drive of JOINT", (n,) each."""
+        names = [*actuator_names(self.model), *(f"drive of {name}" for name in self.scene.joint_laws)]
+        return dict(zip(names, self.forces.T, strict=True))
+
+    @cached_property
+    @quiet()
+    def energies(self) -> Array:
+        """Energy change since the first record without virtual drive inertia, (n,) in [J]."""
+        model, data = self.model, mujoco.MjData(self.model)
+        inertias = np.zeros(model.nv)
+        inertias[self.scene.driven_dofs] = [inertia for inertia, _ in self.scene.drive_inertias.values()]
+        energy = np.empty(len(self.time))
+        for i, (qpos, qvel) in enumerate(zip(self.qpos, self.qvel, strict=True)):
+            data.qpos[:], data.qvel[:] = qpos, qvel
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_energyPos(model, data)
+            mujoco.mj_energyVel(model, data)
+            energy[i] = data.energy.sum() - 0.5 * float(inertias @ qvel**2)
+        return energy - energy[0]
+
+
+@quiet()
+def stepped(
+    scene: UserScene,
+    model: mujoco.MjModel | None = None,
+    *,
+    records: int | None = RECORDS,
+    duration: float | None = None,
+    phase: float = 0.0,
+) -> SceneRun:
+    """Step a scene over its motion.
+
+    Args:
+        scene: the scene.
+        model: its model with other settings; None for the scene's own.
+        records: approximate number of records after the first; None for every step.
+        duration: in [s]; None for the scene's.
+        phase: fraction of a step, 0 to 1, at which motion laws are evaluated; a loop in Python has 0.
+    """
+    model = scene.model if model is None else model
+    timestep = float(model.opt.timestep)
+    seconds = duration or scene.duration
+    what = f"{scene.path}: a motion of {seconds:g} s with a time step of {timestep:g} s"
+    require_steps(what, seconds / timestep, "give a shorter --duration or longer steps", MAX_SCENE_STEPS)
+    total = max(1, int(np.ceil(seconds / timestep - 1e-6)))
+    interval = 1 if records is None else max(1, total // records)
+    sims = batch.Batch(model, 1, 1)
+    start = mujoco.MjData(model)
+    if scene.key is not None:
+        mujoco.mj_resetDataKeyframe(model, start, model.key(scene.key).id)
+        for name in ("act", "mocap_pos", "mocap_quat"):
+            sims.bind(name)[:] = getattr(start, name)
+    sims.bind("qpos")[:], sims.bind("qvel")[:] = scene.start
+    records_of_blocks = [(np.zeros(1), scene.start[0][None], scene.start[1][None])]
+    steps, spent, broken = 0, 0.0, ""
+    while steps < total and not broken:
+        count = min(BLOCK, total - steps)
+        control = scene.controls(model, steps, count, phase)[None]
+        begin = clock.thread_time()
+        out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
+        spent += clock.thread_time() - begin
+        number = np.arange(steps + 1, steps + count + 1)
+        rows = np.flatnonzero((number % interval == 0) | (number == total))
+        number, (qpos, qvel, time) = number[rows], (values[0, rows] for values in out.values())
+        # MuJoCo resets a bad state to time zero
+        valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
+        times = np.asarray(timestep * number[valid], dtype=np.float64)
+        records_of_blocks.append((times, qpos[valid], qvel[valid]))
+        if not valid.all() or sims.warning[..., 1].any():
+            broken = f"MuJoCo's state went bad after {times[-1:].max(initial=timestep * steps):.6g} s"
+        steps += count
+    time, qpos, qvel = (np.concatenate(blocks) for blocks in zip(*records_of_blocks, strict=True))
+    return SceneRun(scene, model, time, qpos, qvel, spent, steps, broken)
+
+
+def step_times(
+    runs: Sequence[tuple[UserScene, mujoco.MjModel]],
+    rounds: int = ROUNDS,
+    progress: Progress = no_progress,
+) -> Array:
+    """Return the processor time of a simulated second of each model, (models,) in [s].
+
+    Each round runs every model once in a new order, so that a slow period of the machine affects all. The
+    median over the rounds is returned.
+
+    Args:
+        runs: scenes and the models with which they run.
+        rounds: number of rounds.
+        progress: called after each round.
+    """
+    random = np.random.default_rng(0)
+    times = np.full((rounds + 1, len(runs)), np.nan)
+    for number in range(rounds + 1):  # the first round fills the caches and is dropped
+        for i in random.permutation(len(runs)):
+            times[number, i] = _time_of(*runs[i])
+        progress("timing", (number + 1) / (rounds + 1))
+    return np.median(times[1:], axis=0)
+
+
+def _time_of(scene: UserScene, model: mujoco.MjModel) -> float:
+    spent, simulated, runs = 0.0, 0.0, 0
+    while not spent > 0.0 or (spent < MIN_MEASURED_TIME and runs < MAX_REPETITIONS):
+        runs += 1
+        run = stepped(scene, model, records=2)
+        if run.broken:
+            return np.inf
+        spent += run.seconds
+        simulated += run.steps * float(model.opt.timestep)
+    return spent / simulated
