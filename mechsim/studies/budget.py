@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 
-Clock = Callable[[], float]
+TimeSource = Callable[[], float]
 # largest ratio of actual to expected time: of trials like measured ones, and of others
 MEASURED_MARGIN, NEW_MARGIN = 1.2, 2.0
 # fraction of a budget by which it may be exceeded
@@ -25,26 +25,26 @@ class Budget:
         seconds: all of it.
         start: reading of the clock at which it begins; None for now.
         reserved: seconds kept for what follows the measurements.
-        clock: wall clock in [s]; tests pass their own.
+        now: reads the wall clock in [s]; tests pass their own.
         processor: processor time of this process in [s].
     """
 
     seconds: float
     start: float | None = None
     reserved: float = 0.0
-    clock: Clock = field(default_factory=lambda: perf_counter)
-    processor: Clock = field(default_factory=lambda: process_time)
+    now: TimeSource = field(default_factory=lambda: perf_counter)
+    processor: TimeSource = field(default_factory=lambda: process_time)
 
     def __post_init__(self) -> None:
         """Read the clock if no start is given."""
         if self.start is None:
-            object.__setattr__(self, "start", self.clock())
+            object.__setattr__(self, "start", self.now())
 
     @property
     def spent(self) -> float:
         """Seconds since the start."""
         assert self.start is not None
-        return self.clock() - self.start
+        return self.now() - self.start
 
     @property
     def remaining(self) -> float:
@@ -56,7 +56,7 @@ class Budget:
         """The spent fraction, 0 to 1."""
         return min(1.0, self.spent / self.seconds)
 
-    def part(self, fraction: float) -> "Budget":
+    def share(self, fraction: float) -> "Budget":
         """Return a budget of a fraction of the seconds that begins now."""
         return replace(self, seconds=fraction * self.seconds, start=None, reserved=0.0)
 
@@ -87,7 +87,7 @@ class TrialTimes:
     """
 
     def __init__(self, budget: Budget) -> None:
-        self._budget, self._start = budget, (budget.clock(), budget.processor())
+        self._budget, self._start = budget, (budget.now(), budget.processor())
         # longest run of each kind: number of steps, and seconds of each
         self._steps: dict[tuple[Hashable, str], tuple[int, float]] = {}
         self._overhead: float | None = None
@@ -96,7 +96,7 @@ class TrialTimes:
     @property
     def wall_ratio(self) -> float:
         """Wall time over processor time since the start."""
-        wall = self._budget.clock() - self._start[0]
+        wall = self._budget.now() - self._start[0]
         processor = self._budget.processor() - self._start[1]
         return max(0.5, wall / processor) if processor > 0.01 else 1.0
 
@@ -105,9 +105,9 @@ class TrialTimes:
         key = build, integrator
         slowest = max((seconds for _, seconds in self._steps.values()), default=0.0)
         seconds = self._steps[key][1] if key in self._steps else slowest
-        margin = MEASURED_MARGIN if key in self._steps else NEW_MARGIN
+        safety = MEASURED_MARGIN if key in self._steps else NEW_MARGIN
         model = 0.0 if any(build == measured for measured, _ in self._steps) else self._building
-        return self.wall_ratio * (model + (self._overhead or 0.0) + margin * steps * seconds)
+        return self.wall_ratio * (model + (self._overhead or 0.0) + safety * steps * seconds)
 
     def add_build(self, seconds: float) -> None:
         """Record the processor time in [s] in which a model was built."""

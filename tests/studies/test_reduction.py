@@ -84,7 +84,7 @@ def path_of(text, body, program, duration):
 @pytest.fixture(scope="module")
 def cluttered(tmp_path_factory):
     user, spec = scene(tmp_path_factory.mktemp("cluttered"), CLUTTER)
-    return user, spec, ReducedSceneEvaluator.of(user, spec)
+    return user, spec, ReducedSceneEvaluator.from_scene(user, spec)
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,7 @@ def test_only_what_nothing_joins_is_apart(cluttered):
 
 def test_a_limit_that_is_reached_stays(tmp_path):
     text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
-    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, text))
+    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, text))
     away, reached = limits(observed(evaluator))
     assert "knuckle" in reached.what
     reduced_model = changed(evaluator.spec, away).compile()
@@ -240,7 +240,7 @@ SERVO = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body na
 
 @pytest.mark.parametrize("integrator", [stepping.EULER, stepping.IMPLICITFAST])
 def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path, integrator):
-    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
+    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
     worst = {}
     for made_good in (True, False):
         spec = evaluator.spec.copy()
@@ -269,7 +269,7 @@ JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
 def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_not(tmp_path):
     user, spec = scene(tmp_path, JUMPY, ctrl="0.05*sin(2*pi*t)", duration=0.2)
     evaluator, to_fit, held_back = (
-        ReducedSceneEvaluator.of(of, spec) for of in (user, motion_to_fit(user), second_motion(user))
+        ReducedSceneEvaluator.from_scene(of, spec) for of in (user, motion_to_fit(user), second_motion(user))
     )
     found = refit((evaluator, to_fit), observed(evaluator), 2, {})
     plain = evaluator.spec.copy()

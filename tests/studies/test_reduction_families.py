@@ -35,7 +35,9 @@ def hands(masses=(0.1, 0.1)):
 
 def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path):
     for masses, same in (((0.1, 0.1), True), ((0.1, 0.3), False)):
-        evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",)))
+        evaluator = ReducedSceneEvaluator.from_scene(
+            *scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",))
+        )
         (away,) = mirrored_mechanisms(observed(evaluator))
         reduced_model = evaluator.scene(changed(evaluator.spec, away))
         assert [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)] == ["left"]
@@ -44,7 +46,7 @@ def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path)
 
 def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
     smooth = FINGER.replace('name="elbow"', 'name="elbow" damping="0"')
-    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
+    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
     found = observed(evaluator)
     assert [(chain.joints, chain.closing) for chain in loose_chains(found)] == [(("elbow",), "closing")]
     specs = [changed(evaluator.spec, rod) for rod in rods_as_lengths(found)]
@@ -61,7 +63,7 @@ def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
 
 
 def test_a_leaf_of_which_nothing_is_tracked_is_fused_halfway(tmp_path):
-    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
+    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
     ways = {way.what: way for way in passive_chains(observed(evaluator))}
     leaf = next(way for what, way in ways.items() if "pad" in what)
     reduced_model = evaluator.scene(changed(evaluator.spec, leaf))
@@ -76,7 +78,7 @@ def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
         '<joint name="swing"/>',
         '<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>',
     )
-    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, text, track=("nail",)))
+    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, text, track=("nail",)))
     assert [len(fused_bodies(observed(evaluator)))] == [1]
     reduced_model = changed(evaluator.spec, fused_bodies(observed(evaluator))[0]).compile()
     assert (
@@ -89,7 +91,7 @@ def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
 
 
 def test_a_weight_added_keeps_mass_centre_and_moments(tmp_path):
-    model = ReducedSceneEvaluator.of(*scene(tmp_path, FINGER)).named
+    model = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER)).named
     body, turn = model.body("rod").id, np.empty(9)
     own = float(model.body_mass[body]), model.body_ipos[body].copy(), model.body_inertia[body].copy()
     at, mass = np.array([0.01, -0.02, 0.03]), 0.05
@@ -121,7 +123,7 @@ def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_th
     hard = rigid.replace(
         'solref="0.005 1" solimp="0.95 0.99 0.001"', 'solref="0.004 1" solimp="0.9999 0.9999"'
     )
-    evaluator = ReducedSceneEvaluator.of(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
+    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
     needed, all_of_them = joint_polynomials.loops_as_polynomials(observed(evaluator))
     reduced_model = evaluator.scene(changed(evaluator.spec, all_of_them))
     assert (reduced_model.model.nv, reduced_model.model.neq) == (3, 2)

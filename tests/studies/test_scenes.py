@@ -61,7 +61,7 @@ def test_points_that_drivers_leave_open_belong_where_they_are(fed):
 
 def test_a_prescribed_joint_is_where_its_program_is_and_starts_closed_with_its_rates(driven):
     run = stepped(driven)
-    assert errors_of(run).drive < 1e-9
+    assert errors_of(run).drive_error < 1e-9
     qpos, qvel = driven.start
     assert qvel[0] == pytest.approx(np.pi)
     model, step = driven.model, 1e-6

@@ -281,7 +281,7 @@ class Machine:
     def budget(self, seconds: float) -> Budget:
         """Return a budget by this clock and this processor."""
         wall, processor = (lambda: self.share * self.processor), (lambda: self.processor)
-        return Budget(seconds, start=0.0, clock=wall, processor=processor)
+        return Budget(seconds, start=0.0, now=wall, processor=processor)
 
     def stepped(self, settings: Settings) -> float:
         # an implicit integrator may be dearer than the first that is tried, others are cheaper
@@ -338,7 +338,7 @@ def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_noth
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-3 * steps)
     # 25.2 s for the finest, and 12 s to be had
-    own = subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, clock=lambda: 0.0))
+    own = subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, now=lambda: 0.0))
     assert own.reference.what == "a run of 2880 steps a turn"
     monkeypatch.undo()
     monkeypatch.setattr(trials, "stepping_methods", lambda *_: stepping_methods()[:4])
@@ -382,7 +382,7 @@ def test_a_reference_that_diverges_says_at_which_steps_and_what_may_help(monkeyp
             stiff_beside_a_four_bar(),
             "own",
             SPEED,
-            None if budget is None else Budget(budget, start=0.0, clock=lambda: 0.0),
+            None if budget is None else Budget(budget, start=0.0, now=lambda: 0.0),
         )
 
 
@@ -398,7 +398,7 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
     # 25.2 s are the part of about 63 s that is the reference's
     told = r"at 1,440 steps a turn with RK4, though not at 2,880, .* --budget 6[34]s has time for .*"
     with pytest.raises(InputError, match=told):
-        subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, clock=lambda: 0.0))
+        subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, now=lambda: 0.0))
 
 
 @pytest.mark.parametrize(("reading", "trials_made"), [(41.0, 0), (20.0, 1)])
@@ -422,6 +422,6 @@ def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials
     monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):
-        subject_of_model(spec, "own", SPEED, Budget(40.0, start=0.0, clock=lambda: now[0]))
+        subject_of_model(spec, "own", SPEED, Budget(40.0, start=0.0, now=lambda: now[0]))
     assert (len(made), bool(compiled)) == (trials_made, reading < 40.0)
     assert now[0] <= 1.2 * 40.0

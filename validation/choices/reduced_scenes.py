@@ -38,7 +38,7 @@ REACH, UNEVEN = 0.75, 0.2
 
 def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
     """Return how far a reduced scene is from the full one over a third motion, in [m]."""
-    evaluator = ReducedSceneEvaluator.of(other_motion(scene, REACH, UNEVEN), spec)
+    evaluator = ReducedSceneEvaluator.from_scene(other_motion(scene, REACH, UNEVEN), spec)
     moved, named, tracked = evaluator.motion, evaluator.named, dict(evaluator.tracked)
     if scene.joint_laws:
         lean = evaluator.scene(mujoco.MjSpec.from_string(text))

@@ -96,7 +96,7 @@ class ReducedSceneEvaluator:
     tracked: Mapping[str, tuple[str, Array]]
 
     @classmethod
-    def of(cls, scene: UserScene, spec: mujoco.MjSpec) -> "ReducedSceneEvaluator":
+    def from_scene(cls, scene: UserScene, spec: mujoco.MjSpec) -> "ReducedSceneEvaluator":
         """Return the evaluator of a scene over its motion, with the specification of its file."""
         full = normalised(spec)
         named = plainly_compiled(full.copy())

@@ -60,7 +60,7 @@ def scene_costs(
     Raises:
         InputError: for a scene that diverges.
     """
-    evaluator = ReducedSceneEvaluator.of(scene, spec)
+    evaluator = ReducedSceneEvaluator.from_scene(scene, spec)
     if evaluator.run.broken:
         raise InputError(f"{scene.path} diverges: {evaluator.run.broken}; repair the scene, or ask for less")
     observed = observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, 0.0)

@@ -111,7 +111,7 @@ def reduced(
     Raises:
         InputError: if the full scene diverges or has no tracked point.
     """
-    first = ReducedSceneEvaluator.of(scene, spec)
+    first = ReducedSceneEvaluator.from_scene(scene, spec)
     second = replace(first, motion=second_motion(scene))
     if not scene.tracked:
         raise InputError(f"nothing of {scene.path} is tracked; name a site or a body by --track")

@@ -33,14 +33,14 @@ class SceneErrors:
         closure: distance of a tracked point from the exact closure, in [m].
         trajectory: distance of a tracked point from the reference, in [m].
         torque: difference of an actuator or drive force from the reference, in [N m] or [N].
-        drive: distance of a prescribed joint from its motion law, in [rad] or [m].
+        drive_error: distance of a prescribed joint from its motion law, in [rad] or [m].
         energy: difference of the energy change from the reference, in [J].
     """
 
     closure: float = np.nan
     trajectory: float = np.nan
     torque: float = np.nan
-    drive: float = 0.0
+    drive_error: float = 0.0
     energy: float = np.nan
 
     def by(self, measure: By) -> float:
@@ -49,7 +49,8 @@ class SceneErrors:
 
     def as_dict(self) -> dict[str, float]:
         """Return the errors that `mechsim tune` reports, by name."""
-        return {name: getattr(self, name) for name in ("closure", "trajectory", "torque", "drive")}
+        errors = {name: getattr(self, name) for name in ("closure", "trajectory", "torque")}
+        return errors | {"drive": self.drive_error}
 
 
 DIVERGED = SceneErrors(np.inf, np.inf, np.inf, np.inf, np.inf)
@@ -76,7 +77,7 @@ def errors_of(
         return DIVERGED
     closed = worst(run.scene.closure.errors(run.qpos, run.points)) if closure else np.nan
     if reference is None:
-        return SceneErrors(closed, drive=drive_error(run))
+        return SceneErrors(closed, drive_error=drive_error(run))
     trajectory = worst(np.linalg.norm(deviation(run, reference), axis=2))
     torque = _force_error(run, reference.nodes) if forces else np.nan
     change = np.nan

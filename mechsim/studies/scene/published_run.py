@@ -1,7 +1,7 @@
-"""A user's MJCF file run in plain MuJoCo with the file's own settings, and how far its loops open."""
+"""A MJCF file run in plain MuJoCo with its own settings, and its loop-closure errors."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import mujoco
@@ -17,9 +17,9 @@ from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.studies.scene.settings import settings_of
 from mechsim.subjects.mjcf_source import MjcfForm
 
-# the run is left out where it takes more steps; a minute for a scene of 20 bodies
-MOST_STEPS = 2_000_000
-# instants compared, about; all steps of a shorter run
+# largest number of steps of a run; one minute for a scene of 20 bodies
+MAX_STEPS = 2_000_000
+# approximate number of compared instants
 RECORDS = 4000
 CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
@@ -28,18 +28,18 @@ SHOWN = ("integrator", "solver", "iterations", "tolerance", "solref")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishedRun:
-    """What the file does with its own settings.
+    """The run of a file with its own settings.
 
     Attributes:
         path: of the file.
-        settings: time step in [s], integrator, solver, `solref` of the loops (None where they differ).
-        driven: how the drivers were moved, in words.
+        settings: time step in [s], integrator, solver, `solref` of the loops (None if they differ).
+        driven: description of how the drivers were moved.
         instants: crank angle in [rad] at each record, or time in [s] where motion laws drive, (n,).
         instants_unit: of them, "rad" or "s".
-        gaps: largest distance between the two sides of a connect or weld then, (n,) in [m].
+        gaps: largest distance between the two sides of a connect or weld, (n,) in [m].
         errors: largest distance of a tracked point from the exact closure at the run's own drivers, (n,).
         note: why there is no run or no finite figure; empty otherwise.
-        run: whether something was run.
+        run: whether the file was run.
     """
 
     path: str
@@ -71,9 +71,9 @@ class PublishedRun:
     def label(self) -> str:
         """The settings in a few words."""
         loops = self.settings.get("solref")
-        softness = "" if loops is None else f", solref {' '.join(f'{value:g}' for value in loops)}"
+        compliance = "" if loops is None else f", solref {' '.join(f'{value:g}' for value in loops)}"
         step = 1e3 * float(self.settings["timestep"])
-        return f"timestep {step:g} ms, {self.settings['integrator']}, {self.settings['solver']}{softness}"
+        return f"timestep {step:g} ms, {self.settings['integrator']}, {self.settings['solver']}{compliance}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the run as `mechsim validate --json` prints it."""
@@ -103,67 +103,70 @@ class PublishedRun:
         )
 
 
-def published_run(form: MjcfForm, profile: CrankProfile) -> PublishedRun:
+def published_run(source: MjcfForm, profile: CrankProfile) -> PublishedRun:
     """Run a file with its own settings over the motion of its drivers.
 
     Args:
-        form: read from the file.
-        profile: motion of the crank; the motion laws of the drivers come first.
+        source: read from the file.
+        profile: motion of the crank, used without motion laws.
     """
-    assert form.source is not None
-    settings = _settings(plainly_compiled(form.source.spec.copy()))
-    steps = _duration(form, profile) / float(settings["timestep"])
-    if not steps <= MOST_STEPS:
-        note = f"they take {steps:.3g} steps, more than {MOST_STEPS:,}; give a shorter --duration"
-        return PublishedRun(path=form.source.path, settings=settings, note=note, run=False)
+    assert source.source is not None
+    path, settings = source.source.path, _settings(plainly_compiled(source.source.spec.copy()))
+    steps = _duration(source, profile) / float(settings["timestep"])
+    if not steps <= MAX_STEPS:
+        note = f"they take {steps:.3g} steps, more than {MAX_STEPS:,}; give a shorter --duration"
+        return PublishedRun(path=path, settings=settings, note=note, run=False)
     try:
-        scene, driven = published_scene(form, profile)
+        scene, driven = published_scene(source, profile)
     except MechsimError as error:
-        return PublishedRun(path=form.source.path, settings=settings, note=str(error), run=False)
+        return PublishedRun(path=path, settings=settings, note=str(error), run=False)
     run = stepped(scene, records=RECORDS)
-    known = PublishedRun(path=scene.path, settings=settings, driven=driven, note=run.broken)
     if run.broken:
-        return known
-    errors = scene.closure.errors(run.qpos, run.points).max(1, initial=0.0)
-    if form.motion_laws is None:
-        known = replace(known, instants=profile.state(run.time)[0])
-    else:
-        known = replace(known, instants=run.time, instants_unit="s")
-    return replace(known, gaps=loop_gaps(run), errors=errors)
+        return PublishedRun(path=path, settings=settings, driven=driven, note=run.broken)
+    crank = source.motion_laws is None
+    return PublishedRun(
+        path=path,
+        settings=settings,
+        driven=driven,
+        instants=profile.state(run.time)[0] if crank else run.time,
+        instants_unit="rad" if crank else "s",
+        gaps=loop_gaps(run),
+        errors=scene.closure.errors(run.qpos, run.points).max(1, initial=0.0),
+    )
 
 
-def published_scene(form: MjcfForm, profile: CrankProfile | None = None) -> tuple[UserScene, str]:
-    """Return the scene of a file over the motion of its drivers, and how these are moved, in words.
+def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tuple[UserScene, str]:
+    """Return the scene of a file over the motion of its drivers, and a description of how they are driven.
 
-    Position servos of the file are fed; drivers without one are moved by flywheels. The run starts where the
-    file was read to start, as in a keyframe.
+    Position servos of the file are controlled; other drivers have virtual drive inertia. The run starts in
+    the state in which the file was read, as of a keyframe.
 
     Args:
-        form: read from the file, with motion laws or a crank.
-        profile: motion of the crank where there are no motion laws.
+        source: read from the file, with motion laws or a crank.
+        profile: motion of the crank, used without motion laws.
 
     Raises:
-        MechsimError: where the scene cannot start.
+        MechsimError: if the scene cannot start.
     """
-    assert form.source is not None
-    if form.motion_laws is not None:
-        laws: dict[str, State] = dict(form.motion_laws.by_name)
+    assert source.source is not None
+    if source.motion_laws is not None:
+        laws: dict[str, State] = dict(source.motion_laws.by_name)
     else:
         assert profile is not None
-        laws = {form.mechanism.crank.name: profile.state}
-    drive, ctrl = _fed(form, laws)
-    # joints that are locked stand still by a flywheel, too
-    drive |= {name: steady(value, 0.0) for name, value in form.mechanism.locked.items()}
+        laws = {source.mechanism.crank.name: profile.state}
+    joint_laws, ctrl = _servo_laws(source, laws)
+    # virtual drive inertia also keeps locked joints in place
+    joint_laws |= {name: steady(value, 0.0) for name, value in source.mechanism.locked.items()}
     scene = scene_of(
-        form.source,
-        form.mechanism,
-        joint_laws=drive,
+        source.source,
+        source.mechanism,
+        joint_laws=joint_laws,
         ctrl=ctrl,
-        duration=_duration(form, profile),
-        points=form.mechanism.points,
-        qpos=form.source.qpos,
+        duration=_duration(source, profile),
+        points=source.mechanism.points,
+        qpos=source.source.qpos,
     )
-    return scene, f"{', '.join(ctrl)} fed" if ctrl else "its drivers carried by flywheels"
+    return scene, f"{', '.join(ctrl)} fed" if ctrl else "its drivers carried by virtual drive inertia"
 
 
 def loop_gaps(run: SceneRun) -> Array:
@@ -178,40 +181,40 @@ def loop_gaps(run: SceneRun) -> Array:
             loops = data.efc_id[rows]
             for loop in np.unique(loops):
                 if int(model.eq_type[loop]) in CLOSING:
-                    # of a weld the first three are the displacement
+                    # the first three rows of a weld are the displacement
                     own = data.efc_pos[rows[loops == loop][:3]]
                     widest[i] = max(widest[i], float(np.linalg.norm(own)))
     return widest
 
 
-def _duration(form: MjcfForm, profile: CrankProfile | None) -> float:
-    if form.motion_laws is not None:
-        return float(form.motion_laws.duration)
+def _duration(source: MjcfForm, profile: CrankProfile | None) -> float:
+    if source.motion_laws is not None:
+        return float(source.motion_laws.duration)
     assert profile is not None
     return float(profile.duration)
 
 
 def _settings(model: mujoco.MjModel) -> dict[str, Any]:
-    known = settings_of(model).as_dict()
-    return {"timestep": known["timestep"]} | {name: known[name] for name in SHOWN if name in known}
+    own = settings_of(model).as_dict()
+    return {name: own[name] for name in ("timestep", *SHOWN) if name in own}
 
 
-def _fed(form: MjcfForm, laws: Mapping[str, State]) -> tuple[dict[str, State], dict[str, State]]:
-    """Return programs of joints that no servo of the scene moves, and of the servos that move the others."""
-    assert form.source is not None
-    model = plainly_compiled(form.source.spec.copy())
-    drive, ctrl = dict(laws), dict[str, State]()
-    for actuator, joints in form.source.actuators.items():
-        if len(joints) != 1 or joints[0] not in drive:
+def _servo_laws(source: MjcfForm, laws: Mapping[str, State]) -> tuple[dict[str, State], dict[str, State]]:
+    """Return the motion laws of joints without a position servo, and of the controls of the servos."""
+    assert source.source is not None
+    model = plainly_compiled(source.source.spec.copy())
+    joint_laws, ctrl = dict(laws), dict[str, State]()
+    for actuator, joints in source.source.actuators.items():
+        if len(joints) != 1 or joints[0] not in joint_laws:
             continue
-        gain = _servo(model, actuator)
+        gain = _servo_gain(model, actuator)
         if gain is not None:
-            ctrl[actuator] = _scaled(drive.pop(joints[0]), gain)
-    return drive, ctrl
+            ctrl[actuator] = _scaled(joint_laws.pop(joints[0]), gain)
+    return joint_laws, ctrl
 
 
-def _servo(model: mujoco.MjModel, actuator: str) -> float | None:
-    """Return the control that a servo takes for a place of one, or None where it is no servo of a place."""
+def _servo_gain(model: mujoco.MjModel, actuator: str) -> float | None:
+    """Return the control of a position servo per unit of position; None for other actuators."""
     try:
         i = model.actuator(actuator).id
     except KeyError:
@@ -223,9 +226,9 @@ def _servo(model: mujoco.MjModel, actuator: str) -> float | None:
     return float(-bias[1] / gain * model.actuator_gear[i, 0])
 
 
-def _scaled(state: State, by: float) -> State:
+def _scaled(law: State, factor: float) -> State:
     def scaled(time: Array) -> tuple[Array, Array, Array]:
-        value, rate, second = state(time)
-        return by * value, by * rate, by * second
+        value, rate, acceleration = law(time)
+        return factor * value, factor * rate, factor * acceleration
 
     return scaled

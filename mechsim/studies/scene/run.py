@@ -1,9 +1,9 @@
 """Runs of a scene in plain MuJoCo: the recorded motion, and the processor time of a simulated second."""
 
-import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from time import thread_time
 
 import mujoco
 import numpy as np
@@ -57,9 +57,9 @@ class SceneRun:
         """Processor time of a simulated second; infinite if the run broke."""
         return np.inf if self.broken else self.seconds / (self.steps * float(self.model.opt.timestep))
 
-    def every(self, stride: int) -> "SceneRun":
-        """Return the run with every `stride`-th record."""
-        rows = slice(None, None, max(1, stride))
+    def every(self, interval: int) -> "SceneRun":
+        """Return the run with every `interval`-th record."""
+        rows = slice(None, None, max(1, interval))
         return replace(self, time=self.time[rows], qpos=self.qpos[rows], qvel=self.qvel[rows])
 
     @cached_property
@@ -174,9 +174,9 @@ def stepped(
     while steps < total and not broken:
         count = min(BLOCK, total - steps)
         control = scene.controls(model, steps, count, phase)[None]
-        begin = clock.thread_time()
+        begin = thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
-        spent += clock.thread_time() - begin
+        spent += thread_time() - begin
         number = np.arange(steps + 1, steps + count + 1)
         rows = np.flatnonzero((number % interval == 0) | (number == total))
         number, (qpos, qvel, time) = number[rows], (values[0, rows] for values in out.values())

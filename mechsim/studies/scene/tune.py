@@ -180,7 +180,7 @@ def tuned(
     """
     budget = budget if isinstance(budget, Budget) else Budget(budget)
     goal = 0.1 * tolerance if by != "closure" else tolerance
-    reference = compute_reference(scene, goal, budget=budget.part(REFERENCE_FRACTION), progress=progress)
+    reference = compute_reference(scene, goal, budget=budget.share(REFERENCE_FRACTION), progress=progress)
     search = _SettingSearch(scene, by, tolerance, reference, progress, budget)
     search.trial(UNCHANGED)
     published = search.evaluator.evaluate(scene, records=None)

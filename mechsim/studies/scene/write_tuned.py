@@ -275,8 +275,8 @@ def _differ(a: object, b: object) -> bool:
     first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if first.shape != second.shape:
         return True
-    near = np.abs(first - second) <= READ_TOLERANCE * np.maximum(1.0, np.abs(first))
-    return not (near.all() or np.array_equal(first, second))
+    equal = np.abs(first - second) <= READ_TOLERANCE * np.maximum(1.0, np.abs(first))
+    return not (equal.all() or np.array_equal(first, second))
 
 
 def changes(scene: UserScene, settings: PlainSettings) -> Mapping[str, str]:
