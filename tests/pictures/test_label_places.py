@@ -30,14 +30,36 @@ def test_points_that_coincide_share_one_label():
     assert [name for name, _ in named] == ["A, crank", "B"]
 
 
-def test_a_label_stays_on_its_side_while_points_pass_and_leaves_it_for_labels():
+def test_a_label_stays_on_its_side_and_leaves_it_for_labels_and_for_nearer_points():
     def pivot(point, before, taken=()):
         points = [np.array([200.0, 150.0]), np.array(point)]
         return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, taken, [before, None])[0]
 
     far = [300.0, 250.0]
     spot, usual = pivot(far, None)
-    passing = np.array([200.0, 150.0]) + 20.0 * np.array(usual[0])
-    assert pivot(passing, None)[1] != usual
+    passing = np.array([200.0, 150.0]) + np.array([70.0, 25.0]) * np.array(usual[0])
+    assert spot.distance(passing) > spot.distance(np.array([200.0, 150.0]))
     assert pivot(passing, usual)[1] == usual
+    nearer = np.array([200.0, 150.0]) + 20.0 * np.array(usual[0])
+    assert pivot(nearer, None)[1] != usual
+    assert pivot(nearer, usual)[1] != usual
+
+
+def test_every_label_is_nearest_to_its_own_point():
+    for seed in range(20):
+        points = [np.array(at) for at in np.random.default_rng(seed).uniform([100, 80], [300, 220], (6, 2))]
+        found = placed(points, [40.0] * 6, 14.0, 8.0, SIZE)
+        own = [
+            min(points, key=spot.distance) is point for (spot, _), point in zip(found, points, strict=True)
+        ]
+        assert sum(own) >= 5
+
+
+def test_a_label_leaves_a_point_that_covers_it():
+    def pivot(point, before, taken=()):
+        points = [np.array([200.0, 150.0]), np.array(point)]
+        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, taken, [before, None])[0]
+
+    far = [300.0, 250.0]
+    spot, usual = pivot(far, None)
     assert pivot(far, usual, [spot])[1] != usual

@@ -26,8 +26,9 @@ LABEL_GAP = 2.0
 # sides on which a label may stand, and how many times as far off as usual it may go
 SIDES = ((1, -1), (-1, -1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (0, 1))
 FARTHER = (1.0, 1.8, 2.8)
-# what a place costs: over another label, over a point, out of the picture, elsewhere than in the frame before
-LABEL, POINT, OUT, MOVED = 10.0, 1.0, 100.0, 2.5
+# costs of a position: over another label, over a point, nearer to another point than to its own, outside the
+# picture, and other than in the frame before; a label moves rather than stand at another point
+LABEL, POINT, NEARER, OUT, MOVED = 10.0, 1.0, 5.0, 100.0, 2.5
 Placement = tuple[tuple[int, int], float]
 
 
@@ -48,6 +49,12 @@ class Rectangle:
             or self.y_high + LABEL_GAP < other.y_low
             or other.y_high + LABEL_GAP < self.y_low
         )
+
+    def distance(self, point: Array) -> float:
+        """Return the distance from a point, (2,); 0 inside."""
+        x, y = point
+        across = max(self.x_low - x, 0.0, x - self.x_high)
+        return float(np.hypot(across, max(self.y_low - y, 0.0, y - self.y_high)))
 
     def inside(self, resolution: tuple[int, int]) -> bool:
         """Return whether it lies in a picture of a size."""
@@ -92,7 +99,7 @@ def placed(
         resolution: of the picture.
         occupied: what is written there already.
         before: side and distance where each stood in the frame before, which it leaves only where another
-            label or the edge is in its way.
+            label or the edge is in its way, or where another point is nearer than its own.
 
     Returns:
         Where each stands, and on which side how far off.
@@ -105,9 +112,12 @@ def placed(
         sides = sorted(SIDES, key=lambda side: side[0] != (-1 if leftwards else 1))
         candidates = [(side, factor) for factor in FARTHER for side in sides]
         spots = [_spot(point, width, height, off * factor, side) for side, factor in candidates]
-        others, last = [dot for k, dot in enumerate(dots) if k != i], before[i] if before else None
+        others = [k for k in range(len(points)) if k != i]
+        last = before[i] if before else None
         costs = [
-            _cost(spot, resolution, busy, others) + (MOVED if last not in (None, candidate) else 0.0)
+            _cost(spot, resolution, busy, [dots[k] for k in others])
+            + NEARER * any(spot.distance(points[k]) < spot.distance(point) for k in others)
+            + MOVED * (last not in (None, candidate))
             for spot, candidate in zip(spots, candidates, strict=True)
         ]
         best = int(np.argmin(costs))

@@ -96,6 +96,7 @@ def _data(view: View) -> dict[str, Any]:
         "joints": _joints(mechanism),
         "points": _points(mechanism),
         "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
+        "vertical": _short(cameras.upright(mechanism, view.up)),
         "cameras": _cameras(mechanism, balls, radii, view.up),
         "bodied": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],

@@ -162,3 +162,98 @@ def test_nothing_runs_over_the_edge_in_either_scheme_and_no_name_covers_another(
                 apart = a["right"] <= b["left"] or b["right"] <= a["left"]
                 assert apart or a["bottom"] <= b["top"] + 3 or b["bottom"] <= a["top"] + 3
     assert ground[0] > 200.0 > 60.0 > ground[1]
+
+
+HORIZON = """(() => {
+  const right = new THREE.Vector3(1, 0, 0).applyQuaternion(camera.quaternion);
+  return Math.abs(right.dot(new THREE.Vector3(...DATA.vertical)));
+})()"""
+
+
+@shown
+def test_the_horizon_stays_level_while_a_spatial_mechanism_is_turned(window, tmp_path):
+    path = tmp_path / "rssr.html"
+    path.write_text(page(mechanism_view(ms.catalog.make("rssr"), ms.units.rpm(600))), encoding="utf-8")
+    fresh(window, path, "#names=off&joints=off")
+    left, top = window.run("(b => [b.left, b.top])(stage.getBoundingClientRect())")
+    assert window.run("DATA.cameras[0].back.every(part => Math.abs(part) > 0.1)")
+    for camera in range(4):
+        window.run(f"lookFrom({camera})")
+        for across, down in ((160.0, 90.0), (-230.0, 60.0), (40.0, -190.0)):
+            before = window.run("camera.position.toArray()")
+            window.drag((left + 300.0, top + 300.0), (left + 300.0 + across, top + 300.0 + down))
+            assert window.run("camera.position.toArray()") != before
+            assert window.run(HORIZON) < 1e-9
+    assert window.complaints == []
+
+
+@shown
+def test_the_message_without_webgl_stays(window, tmp_path):
+    blind = """<script>
+      const known = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+        return /webgl/.test(kind) ? null : known.call(this, kind, ...more);
+      };
+    </script>"""
+    path = tmp_path / "blind.html"
+    path.write_text(
+        text().replace('<script type="application/json"', f'{blind}<script type="application/json"'),
+        encoding="utf-8",
+    )
+    window.open(path, 400, "light")
+    message = "(m => m.getClientRects().length ? m.textContent : '')(document.getElementById('nowebgl'))"
+    assert "no WebGL" in window.run(message)
+    window.run("setSlider(0, 1.0)")
+    window.run("choose(0)")
+    assert "no WebGL" in window.run(message)
+    assert len(window.run(NAMES)) >= 5
+
+
+NEAREST = """[...document.querySelectorAll('#labels text')].map(text => {
+  const box = text.getBoundingClientRect(), stageBox = stage.getBoundingClientRect();
+  const far = at => distance(box, [at[0] + stageBox.left, at[1] + stageBox.top]);
+  const groups = named().map(group => [group.members.map(one => one.name), far(group.at)]);
+  groups.sort((a, b) => a[1] - b[1]);
+  return [text.textContent, groups[0][0].join(', ')];
+})"""
+
+
+@shown
+def test_the_nearest_part_of_every_label_is_its_own(window, place_of):
+    wrong = count = 0
+    for degrees in range(0, 360, 30):
+        fresh(window, place_of, f"#crank={degrees}")
+        for name, nearest in window.run(NEAREST):
+            if name in ("A", "B", "C", "crank", "rocker"):
+                count += 1
+                wrong += name not in nearest.split(", ")
+    assert count >= 36
+    assert wrong == 0
+
+
+@shown
+def test_the_address_holds_what_is_shown_and_gives_it_back(window, place_of):
+    fresh(window, place_of)
+    window.run("setSlider(0, 2.0)")
+    window.run("flip('paths')")
+    window.run("orbit(0.4, 0.2); zoom(1.5)")
+    assert window.run("new Promise(done => setTimeout(() => done(true), 600))")
+    shot = "[state.values[0], camera.zoom, ...camera.position.toArray()]"
+    fragment, before = window.run(f"[location.hash, {shot}]")
+    fresh(window, place_of, fragment)
+    after = window.run(shot)
+    assert after == pytest.approx(before, rel=1e-3, abs=1e-3)
+    assert window.run("state.show.paths") is False
+    assert window.complaints == []
+
+
+@shown
+def test_a_table_and_a_picture_can_be_saved(window, place_of):
+    fresh(window, place_of, "#crank=30")
+    rows = window.run("table()").split("\r\n")
+    assert rows[0].startswith("crank [°],A.x [mm]")
+    assert len(rows) > 120
+    angle, x = (float(word) for word in rows[31].split(",")[:2])
+    assert x == pytest.approx(1e3 * DRIVE.positions([np.deg2rad(angle)])["A"][0, 0], abs=1e-3)
+    data_url = window.run("picture().toDataURL('image/png')")
+    assert len(data_url) > 20_000

@@ -158,7 +158,7 @@ function build() {
   try {
     renderer = new THREE.WebGLRenderer({ canvas: $("picture"), antialias: true });
   } catch (error) {
-    trouble("This browser has no WebGL, so nothing is drawn in three dimensions; names, read-outs and curves still work.");
+    $("nowebgl").hidden = false;
   }
   const size = Math.max(DATA.cameras[0].width, DATA.cameras[0].height);
   if (size > 2) LENGTH = ["m", 1];
@@ -202,17 +202,22 @@ function framing(width, height) {
 function lookFrom(which) {
   state.camera = which;
   const view = DATA.cameras[which], centre = new THREE.Vector3(...view.centre), far = 2 * (view.width + view.height + view.depth);
-  camera.up.fromArray(view.up);
-  camera.position.copy(centre).addScaledVector(new THREE.Vector3(...view.back), far / 2);
+  // orbits turn about the vertical, so that the horizon stays level; seen along the vertical, a small tilt sets what is up
+  const vertical = new THREE.Vector3(...DATA.vertical), back = new THREE.Vector3(...view.back), along = back.dot(vertical);
+  if (Math.abs(along) > 0.9999) back.addScaledVector(new THREE.Vector3(...view.up), -1e-4 * Math.sign(along)).normalize();
+  camera.up.copy(vertical);
+  camera.position.copy(centre).addScaledVector(back, far / 2);
   camera.near = 0.001 * far;
   camera.far = far;
   camera.zoom = 1;
   if (controls) controls.dispose();
   controls = new THREE.OrbitControls(camera, stage);
+  // one finger scrolls the page up and down, and turns the mechanism sideways
+  stage.style.touchAction = "pan-y";
   controls.target.copy(centre);
   controls.enableDamping = false;
   controls.enableKeys = false;
-  controls.addEventListener("change", draw);
+  controls.addEventListener("change", () => { draw(); remember(); });
   controls.update();
   resize();
 }
@@ -308,6 +313,8 @@ function spot(at, width, size, side, reach) {
   return { left, right: left + width, top: middle - 0.6 * size, bottom: middle + 0.6 * size, middle };
 }
 
+const distance = (box, [x, y]) => Math.hypot(Math.max(box.left - x, 0, x - box.right), Math.max(box.top - y, 0, y - box.bottom));
+
 const apart = (a, b) => a.right + 2 < b.left || b.right + 2 < a.left || a.bottom < b.top || b.bottom < a.top;
 
 function write() {
@@ -315,7 +322,7 @@ function write() {
   const scale = camera.zoom * W / (camera.right - camera.left), reach = 2.4 * DATA.radius * scale * 0.7 + 5;
   layer.setAttribute("viewBox", `0 0 ${W} ${H}`);
   stage.dataset.scale = scale;
-  const bar = scaleBar(scale, W), taken = [{ left: 0, right: bar.pixels + 100, top: H - 40, bottom: H }];
+  const bar = scaleBar(scale, W), taken = [{ left: 0, right: bar.pixels + 100, top: H - 40, bottom: H }, { left: W - 76, right: W, top: H - 76, bottom: H }];
   const dots = groups.map((group) => ({ left: group.at[0] - 4, right: group.at[0] + 4, top: group.at[1] - 4, bottom: group.at[1] + 4 }));
   groups.forEach((group, g) => {
     const shown = group.members.filter((one) => one.shown), said = [...new Set(shown.map((one) => one.name))].join(", ");
@@ -329,7 +336,8 @@ function write() {
       for (const side of order) {
         const box = spot(group.at, width, size, side, reach * (1 + 0.7 * round));
         const off = box.left < 0 || box.right > W || box.top < 0 || box.bottom > H;
-        const hits = taken.filter((other) => !apart(box, other)).length * 3 + dots.filter((dot, k) => k !== g && !apart(box, dot)).length + (off ? 10 : 0);
+        const hits = taken.filter((other) => !apart(box, other)).length * 3 + dots.filter((dot, k) => k !== g && !apart(box, dot)).length + (off ? 10 : 0)
+          + (groups.some((other, k) => k !== g && distance(box, other.at) < distance(box, group.at)) ? 2 : 0);
         if (hits < least) { least = hits; best = { box, side, round }; }
         if (!hits) break;
       }
@@ -344,8 +352,20 @@ function write() {
   pieces.push(make("line", { class: "bar", x1: 14, x2: 14 + bar.pixels, y1: H - 16, y2: H - 16 }));
   const word = make("text", { x: 20 + bar.pixels, y: H - 12 });
   word.textContent = bar.said;
-  pieces.push(word);
+  pieces.push(word, ...triad(W - 40, H - 40));
   layer.replaceChildren(...pieces);
+}
+
+/* the directions of x, y and z */
+function triad(x, y) {
+  const right = new THREE.Vector3(1, 0, 0).applyQuaternion(camera.quaternion), over = new THREE.Vector3(0, 1, 0).applyQuaternion(camera.quaternion);
+  return ["x", "y", "z"].flatMap((name, i) => {
+    const axis = new THREE.Vector3().setComponent(i, 1), dx = 22 * axis.dot(right), dy = -22 * axis.dot(over);
+    if (Math.hypot(dx, dy) < 3) return [];
+    const letter = make("text", { x: x + 1.35 * dx, y: y + 1.35 * dy + 4, "text-anchor": "middle", class: "joint" });
+    letter.textContent = name;
+    return [make("line", { class: "axis", x1: x, y1: y, x2: x + dx, y2: y + dy, stroke: ["#d55e00", "#009e73", "#0072b2"][i] }), letter];
+  });
 }
 
 function scaleBar(scale, width) {
@@ -375,6 +395,7 @@ function update() {
   paths();
   told(!poses);
   draw();
+  remember();
 }
 
 function trouble(said) { $("trouble").hidden = !said; $("trouble").textContent = said; }
@@ -554,6 +575,8 @@ function tools() {
   pace.addEventListener("change", () => { state.pace = +pace.value; });
   row.append(pace);
   add("theme", "light / dark", null, flipTheme);
+  if (renderer) add("png", "save PNG", null, () => picture().toBlob((blob) => save(`${DATA.name}.png`, blob)));
+  add("csv", "save CSV", null, () => save(`${DATA.name}.csv`, new Blob([table()], { type: "text/csv" })));
 }
 
 /* ---- read-outs and curves ---- */
@@ -679,7 +702,9 @@ function curves() {
 
 function flipTheme() {
   document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  document.documentElement.dataset.chosen = "yes";
   dressed();
+  remember();
 }
 
 function orbit(sideways, upwards) {
@@ -692,10 +717,50 @@ function orbit(sideways, upwards) {
   draw();
 }
 
+function save(name, blob) {
+  const link = node("a", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+/* the picture with its names, as it stands */
+function picture() {
+  const own = $("picture"), ratio = own.width / stage.clientWidth, copy = Object.assign(document.createElement("canvas"), { width: own.width, height: own.height });
+  const pen = copy.getContext("2d");
+  if (renderer) renderer.render(scene, camera);
+  pen.drawImage(own, 0, 0);
+  pen.scale(ratio, ratio);
+  for (const piece of $("labels").children) {
+    const style = getComputedStyle(piece), number = (name) => +piece.getAttribute(name);
+    if (piece.tagName === "line") {
+      Object.assign(pen, { strokeStyle: style.stroke, lineWidth: parseFloat(style.strokeWidth) });
+      pen.beginPath(); pen.moveTo(number("x1"), number("y1")); pen.lineTo(number("x2"), number("y2")); pen.stroke();
+    } else if (piece.tagName === "text") {
+      Object.assign(pen, { font: `${style.fontSize} ${style.fontFamily}`, textAlign: piece.getAttribute("text-anchor") === "middle" ? "center" : "left", lineJoin: "round", lineWidth: 3, strokeStyle: style.stroke, fillStyle: style.fill });
+      pen.strokeText(piece.textContent, number("x"), number("y")); pen.fillText(piece.textContent, number("x"), number("y"));
+    }
+  }
+  return copy;
+}
+
+/* all read-outs along the slider that was moved last */
+function table() {
+  const k = state.active, slider = state.grid.sliders[k], [unit, by] = shownUnit(slider.unit);
+  const head = [`${slider.name} [${unit}]`], rows = sampled(state.grid, k).map((value) => [value * by]);
+  for (const readout of allReadouts()) {
+    const [name, up] = shownUnit(readout.unit);
+    for (const part of readout.parts) head.push(`${readout.name}${part && "."}${part}${name && ` [${name}]`}`);
+    rows.forEach((row) => row.push(...readAt(state.grid, readout, state.values.map((v, i) => (i === k ? row[0] / by : v))).map((v) => v * up)));
+  }
+  const quoted = (word) => (/[",]/.test(word) ? `"${word.replace(/"/g, '""')}"` : word);
+  return [head.map(quoted), ...rows.map((row) => row.map((value) => (Number.isFinite(value) ? +value.toPrecision(8) : "")))].map((row) => row.join(",")).join("\r\n") + "\r\n";
+}
+
 function zoom(by) {
   camera.zoom = Math.min(200, Math.max(0.05, camera.zoom * by));
   camera.updateProjectionMatrix();
   draw();
+  remember();
 }
 
 stage.addEventListener("keydown", (event) => {
@@ -723,12 +788,39 @@ document.addEventListener("keydown", (event) => {
   else if (/^[1-9]$/.test(key) && DATA.grids[+key - 1]) choose(+key - 1);
 });
 
+/* the address of the page holds what it shows */
+let remembering = 0, written = "";
+function remember() {
+  clearTimeout(remembering);
+  remembering = setTimeout(() => {
+    if (state.playing.size) return;
+    const shown = new URLSearchParams(), off = camera.position.clone().sub(controls.target).normalize();
+    if (DATA.grids.length > 1) shown.set("grid", DATA.grids.indexOf(state.grid));
+    state.grid.sliders.forEach((slider, i) => shown.set(slider.name, +(state.values[i] * shownUnit(slider.unit)[1]).toPrecision(7)));
+    shown.set("camera", state.camera);
+    shown.set("view", [...off.toArray().map((part) => +part.toFixed(4)), +camera.zoom.toFixed(3)].join(","));
+    for (const [what, on] of Object.entries(state.show)) shown.set(what, on ? "on" : "off");
+    if (document.documentElement.dataset.chosen) shown.set("theme", document.documentElement.dataset.theme);
+    written = `#${shown}`;
+    try { history.replaceState(null, "", written); } catch (error) { /* a frame without an address of its own */ }
+  }, 250);
+}
+
 function addressed() {
+  if (location.hash === written) return;
   const asked = new URLSearchParams(location.hash.slice(1));
   if (asked.has("theme")) { document.documentElement.dataset.theme = asked.get("theme"); dressed(); }
   if (asked.has("grid") && DATA.grids[+asked.get("grid")]) choose(+asked.get("grid"));
   for (const what of Object.keys(state.show)) if (asked.has(what)) { state.show[what] = asked.get(what) !== "off"; shown(); }
-  if (asked.has("camera")) lookFrom(+asked.get("camera"));
+  if (asked.has("camera") && DATA.cameras[+asked.get("camera")]) lookFrom(+asked.get("camera"));
+  const view = (asked.get("view") || "").split(",").map(Number);
+  if (view.length === 4 && view.every(Number.isFinite) && view[3] > 0) {
+    camera.position.copy(controls.target).addScaledVector(new THREE.Vector3(view[0], view[1], view[2]).normalize(), camera.far / 2);
+    camera.zoom = view[3];
+    camera.updateProjectionMatrix();
+    controls.update();
+    draw();
+  }
   state.grid.sliders.forEach((slider, i) => { if (asked.has(slider.name)) setSlider(i, parseFloat(asked.get(slider.name)) / shownUnit(slider.unit)[1]); });
 }
 
