@@ -102,7 +102,7 @@ def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Effor
             f"weight of {link.name}", link.name, None, weight, at.point(link.name, link.inertia.centre), none
         )
     for i, load in enumerate(forces.loads):
-        link, local = located(mechanism, load.place)
+        link, local = located(mechanism, load.location)
         yield Action(
             f"load {i}",
             link,

@@ -69,7 +69,7 @@ class Coupling:
                 f"give 1 to {MAX_DEGREE + 1}, from the constant up"
             )
         numbers = [*self.coefficients, *self.zeros, *self.left_terms.values(), *self.right_terms.values()]
-        if not np.isfinite([number(one) for one in numbers]).all():
+        if not np.isfinite([number(value) for value in numbers]).all():
             raise InputError(f"coupling {self.name!r} holds {numbers}; give finite numbers")
         if not self.left_terms:
             raise InputError(f"coupling {self.name!r} couples nothing; name a coordinate on its left side")
@@ -102,5 +102,5 @@ class Coupling:
     def polynomial(self, right: Array) -> tuple[Array, Array, Array]:
         """Return p, p' and p'' at values of the right side."""
         p = np.polynomial.Polynomial(self.coefficients)
-        at = right - self.zeros[1]
-        return p(at), p.deriv(1)(at), p.deriv(2)(at)
+        offset = right - self.zeros[1]
+        return p(offset), p.deriv(1)(offset), p.deriv(2)(offset)

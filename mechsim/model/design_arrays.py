@@ -36,7 +36,7 @@ class DesignArrays:
 
     def subset(self, which: NDArray[np.intp]) -> "DesignArrays":
         """Return some of the designs."""
-        ends = {name: tuple(part[..., which] for part in parts) for name, parts in self.ends.items()}
+        ends = {name: tuple(array[..., which] for array in arrays) for name, arrays in self.ends.items()}
         points = {name: local[..., which] for name, local in self.points.items()}
         return DesignArrays(self.mechanism, ends, points)  # pyright: ignore[reportArgumentType]
 
@@ -46,17 +46,17 @@ class DesignArrays:
 
     def on(self, link: str) -> Array:
         """Return the points of all joint ends on a link, (k, 3, d)."""
-        found: list[Array] = []
+        points: list[Array] = []
         for joint in self.mechanism.joints:
             point_a, _, point_b, _ = self.ends[joint.name]
-            found += [point for end, point in ((joint.a, point_a), (joint.b, point_b)) if end.link == link]
-        return np.array(found).reshape(-1, 3, self.count)
+            points += [point for end, point in ((joint.a, point_a), (joint.b, point_b)) if end.link == link]
+        return np.array(points).reshape(-1, 3, self.count)
 
     @property
     def size(self) -> Array:
         """The longest distance between two joints of one link, (d,) in [m]; as `Mechanism.size`."""
         longest = np.zeros(self.count)
-        for link in (GROUND, *(one.name for one in self.mechanism.links)):
+        for link in (GROUND, *(moving.name for moving in self.mechanism.links)):
             points = self.on(link)
             gaps = points[:, None] - points[None]
             np.maximum(longest, np.sqrt((gaps**2).sum(2)).max((0, 1), initial=0.0), out=longest)
@@ -70,7 +70,7 @@ class StartedDesigns:
     Attributes:
         arrays: their numbers.
         guess: link -> rough poses, (d, 3) and (d, 3, 3), that say which assemblies are meant.
-        told: coordinate -> its value there, where the poses do not tell it exactly, (d,) in [m] or [rad].
+        coordinates: coordinate -> value in the guess where poses do not determine it, (d,) in [m] or [rad].
     """
 
     arrays: DesignArrays
@@ -89,11 +89,11 @@ def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays
     """Return the numbers of designs that are `alike`."""
     ends: dict[str, Ends] = {}
     for i, joint in enumerate(like.joints):
-        sides = [[one.joints[i].a for one in designs], [one.joints[i].b for one in designs]]
+        sides = [[design.joints[i].a for design in designs], [design.joints[i].b for design in designs]]
         points = [np.array([end.point for end in side]).T for side in sides]
         frames = [np.moveaxis(np.array([end.frame for end in side]), 0, -1) for side in sides]
         ends[joint.name] = points[0], frames[0], points[1], frames[1]
-    points = {name: np.array([one.points[name][1] for one in designs]).T for name in like.points}
+    points = {name: np.array([design.points[name][1] for design in designs]).T for name in like.points}
     return DesignArrays(like, ends, points)
 
 
@@ -104,38 +104,38 @@ def started_designs(like: Mechanism, designs: Sequence[Mechanism]) -> StartedDes
         AssemblyError: where joints lead to a link from nowhere.
     """
     arrays = design_arrays(like, designs)
-    known = [starts(one) for one in designs]
-    told = {name: np.array([one[name] for one in known]) for name in known[0]}
+    starts_of = [starts(design) for design in designs]
+    coordinates = {name: np.array([design[name] for design in starts_of]) for name in starts_of[0]}
     guess = {
         link: Pose(
-            np.array([one.guess[link].position for one in designs]),
-            np.array([one.guess[link].rotation for one in designs]),
+            np.array([design.guess[link].position for design in designs]),
+            np.array([design.guess[link].rotation for design in designs]),
         )
         for link in designs[0].guess
     }
-    return StartedDesigns(arrays, completed(like, arrays.sides(), guess, told), told)
+    return StartedDesigns(arrays, completed(like, arrays.sides(), guess, coordinates), coordinates)
 
 
 def those_alike(
     like: Mechanism, designs: Iterable[Mechanism | None]
 ) -> tuple[StartedDesigns | None, NDArray[np.intp]]:
     """Return the designs that are like one, ready to begin, and which those are; None where none is."""
-    there = [(i, one) for i, one in enumerate(designs) if one is not None and alike(like, one)]
+    similar = [(i, design) for i, design in enumerate(designs) if design is not None and alike(like, design)]
     # of those that are guessed by other links none can stand for the others
-    there = [(i, one) for i, one in there if one.guess.keys() == there[0][1].guess.keys()]
-    which = np.array([i for i, _ in there], dtype=np.intp)
-    return (started_designs(like, [one for _, one in there]) if there else None), which
+    similar = [(i, design) for i, design in similar if design.guess.keys() == similar[0][1].guess.keys()]
+    which = np.array([i for i, _ in similar], dtype=np.intp)
+    return (started_designs(like, [design for _, design in similar]) if similar else None), which
 
 
-def alike(one: Mechanism, other: Mechanism) -> bool:
+def alike(first: Mechanism, other: Mechanism) -> bool:
     """Whether two mechanisms differ only in where joints and points are, and where they begin."""
     return (
-        [link.name for link in one.links] == [link.name for link in other.links]
-        and [_kind(joint) for joint in one.joints] == [_kind(joint) for joint in other.joints]
-        and one.drivers == other.drivers
-        and one.locked == other.locked
-        and one.laws == other.laws
-        and {name: link for name, (link, _) in one.points.items()}
+        [link.name for link in first.links] == [link.name for link in other.links]
+        and [_kind(joint) for joint in first.joints] == [_kind(joint) for joint in other.joints]
+        and first.drivers == other.drivers
+        and first.locked == other.locked
+        and first.laws == other.laws
+        and {name: link for name, (link, _) in first.points.items()}
         == {name: link for name, (link, _) in other.points.items()}
     )
 

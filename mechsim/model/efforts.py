@@ -55,8 +55,8 @@ class Reaction:
         """Return what is determined of forces and moments in this joint, (n, 3) each."""
         if self.projector is None:
             return np.where(self.is_determined[:3], force, 0.0), np.where(self.is_determined[3:], moment, 0.0)
-        sure = self.projector
-        return (sure[:, 0] @ force[..., None])[..., 0], (sure[:, 1] @ moment[..., None])[..., 0]
+        projector = self.projector
+        return (projector[:, 0] @ force[..., None])[..., 0], (projector[:, 1] @ moment[..., None])[..., 0]
 
     @property
     def partly_undetermined(self) -> tuple[str, ...]:
@@ -65,12 +65,14 @@ class Reaction:
             return ()
         rows = np.abs(self.projector).max((0, 3)).reshape(len(COMPONENTS))
         open_ = zip(COMPONENTS, self.is_determined, rows > PARTLY, strict=True)
-        return tuple(name for name, known, part in open_ if part and not known)
+        return tuple(name for name, determined, partly in open_ if partly and not determined)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Names of the components that are not determined."""
-        return tuple(name for name, known in zip(COMPONENTS, self.is_determined, strict=True) if not known)
+        return tuple(
+            name for name, determined in zip(COMPONENTS, self.is_determined, strict=True) if not determined
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +99,7 @@ class Efforts:
     """Forces and energies of a machine under a moving crank at n instants, in SI; ground frame.
 
     Attributes:
-        size: of the mechanism in [m], by which moments are measured beside forces.
+        size: of the mechanism in [m], which relates moments to forces.
         time: (n,) in [s]; None where it is not known.
         angle: crank angle, (n,) in [rad].
         speed: of the crank, (n,) in [rad/s].
@@ -180,20 +182,20 @@ class Efforts:
             yield f"drive {name}", effort
         for name in ("power_in", "power_loads", "power_lost"):
             yield name, getattr(self, name)
-        for name, one in self.reactions.items():
-            yield from wrench_columns(name, one.force, one.moment)
+        for name, reaction in self.reactions.items():
+            yield from wrench_columns(name, reaction.force, reaction.moment)
         for name, torque in self.gears.items():
             yield f"gear {name}", torque
         for name, mesh in self.meshes.items():
-            for part, column in zip(COMPONENTS, mesh.force.T, strict=False):
-                yield f"mesh {name}.{part}", column
+            for component, column in zip(COMPONENTS, mesh.force.T, strict=False):
+                yield f"mesh {name}.{component}", column
 
 
 def wrench_columns(name: str, force: Array, moment: Array) -> Iterator[tuple[str, Array]]:
     """Yield a force and a moment, (n, 3) each, as six columns."""
     values = np.concatenate([force, moment], 1)
-    for part, column in zip(COMPONENTS, values.T, strict=True):
-        yield f"{name}.{part}", column
+    for component, column in zip(COMPONENTS, values.T, strict=True):
+        yield f"{name}.{component}", column
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,14 +245,19 @@ class FreeRun:
     @property
     def turned_over(self) -> float:
         """Energy turned over: the largest of motion, of the change at rest, of work and loss, in [J]."""
-        parts = (np.abs(self.kinetic).max(), np.ptp(self.potential), np.abs(self.work).max(), self.lost.max())
-        return max(float(part) for part in parts)
+        energies = (
+            np.abs(self.kinetic).max(),
+            np.ptp(self.potential),
+            np.abs(self.work).max(),
+            self.lost.max(),
+        )
+        return max(float(energy) for energy in energies)
 
     @property
     def energy_error(self) -> float:
         """Largest imbalance relative to the energy turned over."""
-        size = self.turned_over
-        return float(np.abs(self.imbalance).max()) / size if size > 0.0 else 0.0
+        energy = self.turned_over
+        return float(np.abs(self.imbalance).max()) / energy if energy > 0.0 else 0.0
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the run as columns of a table in SI."""

@@ -25,10 +25,10 @@ class Finding:
         by: its size, in the unit that `message` names.
         explains: part of a difference that it explains, 0 to 1; 0 where nothing was compared.
         message: one sentence for people.
-        remedy: what mends it; empty where nothing needs to be mended.
+        remedy: how to repair it; empty where nothing needs repair.
         line: of the file it is in; None where it is in none, or in no single line.
         file: the included file that holds the line; empty for the file itself.
-        certain: whether a difference that was compared is gone once this is mended.
+        certain: whether a difference that was compared vanishes when this is repaired.
     """
 
     kind: str
@@ -47,7 +47,7 @@ class Finding:
 
     @property
     def advice(self) -> str:
-        """What was found and what mends it."""
+        """The finding and its remedy."""
         return self.message + (f"; {self.remedy}" if self.remedy else "")
 
     @property

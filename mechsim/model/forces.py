@@ -124,13 +124,15 @@ class Load:
         force: its course, three components in the ground frame in [N].
     """
 
-    place: Location
+    location: Location
     force: LoadProfile
 
     def __post_init__(self) -> None:
-        require(f"the load on {self.place}", self.force, LoadProfile)
+        require(f"the load on {self.location}", self.force, LoadProfile)
         if self.force.width != 3:
-            raise InputError(f"the load on {self.place} has one component; give three, in the ground frame")
+            raise InputError(
+                f"the load on {self.location} has one component; give three, in the ground frame"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +200,7 @@ class Forces:
                 )
             if not KINDS[name].mixed and (friction.viscous_turn or friction.coulomb_turn):
                 raise InputError(
-                    f"friction of turning beside that of sliding is given in {name} joint "
+                    f"friction of turning besides that of sliding is given in {name} joint "
                     f"{friction.joint!r}; only a {kinds_that(lambda kind: kind.mixed)} joint has both"
                 )
         for spring in self.joint_springs:
@@ -209,12 +211,12 @@ class Forces:
                     f"give it in a {kinds_that(lambda kind: kind.single)} joint"
                 )
         for spring in self.springs:
-            link_a, link_b = (located(mechanism, place)[0] for place in (spring.a, spring.b))
+            link_a, link_b = (located(mechanism, location)[0] for location in (spring.a, spring.b))
             if link_a == link_b:
                 raise InputError(f"both ends of a spring are on link {link_a!r}; put them on two links")
         for load in self.loads:
-            if located(mechanism, load.place)[0] == GROUND:
-                raise InputError(f"the load on {load.place} acts on the frame, which it cannot move")
+            if located(mechanism, load.location)[0] == GROUND:
+                raise InputError(f"the load on {load.location} acts on the frame, which it cannot move")
 
         for couple in self.couples:
             if located(mechanism, (couple.link, ORIGIN))[0] == GROUND:
@@ -241,21 +243,21 @@ def acting_on(source: object, forces: Forces | None) -> Forces:
     return Forces() if own is None else require("forces", own, Forces)
 
 
-def located(mechanism: Mechanism, place: Location) -> tuple[str, Vector]:
+def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
     """Return the link of a place and the point in that link's frame in [m].
 
     Raises:
         InputError: for a point or link the mechanism does not have.
     """
-    if isinstance(place, str):
-        if place not in mechanism.points:
+    if isinstance(location, str):
+        if location not in mechanism.points:
             raise InputError(
-                f"{mechanism.name} has no point {place!r} (it has {', '.join(mechanism.points)}); "
+                f"{mechanism.name} has no point {location!r} (it has {', '.join(mechanism.points)}); "
                 "name one, or give a link and a point in its frame"
             )
-        return mechanism.points[place]
-    link, point = place
-    names = [GROUND, *(known.name for known in mechanism.links)]
+        return mechanism.points[location]
+    link, point = location
+    names = [GROUND, *(moving.name for moving in mechanism.links)]
     if link not in names:
         raise InputError(f"{mechanism.name} has no link {link!r}, only {', '.join(names)}; name one of them")
     if len(point) != 3 or not (np.abs(point) < HUGE).all():

@@ -158,8 +158,8 @@ def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_an
     if kind.crossed:
         columns += _crossed_angles(cross_angle, frame_a, frame_b)
     elif not kind.ball and kind.turns:
-        mark = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's mark seen from a
-        columns.append(turn_of(mark[..., 1], mark[..., 0]))
+        x_of_b = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's mark seen from a
+        columns.append(turn_of(x_of_b[..., 1], x_of_b[..., 0]))
     return np.stack(columns, -1) if columns else np.empty((*gap.shape[:-1], 0))
 
 
@@ -183,8 +183,8 @@ def displaced(kind: Kind, values: Sequence[float | Array], cross_angle: float) -
 def crossed_at_zero(cross_angle: float) -> Array:
     """Return b's joint frame seen from a's at both angles zero of a joint with crossed axes, (3, 3)."""
     c, s = np.cos(cross_angle), np.sin(cross_angle)
-    axis, mark = np.array([s, 0.0, c]), np.array([-c, 0.0, s])
-    return np.column_stack([mark, np.cross(axis, mark), axis])
+    axis, x = np.array([s, 0.0, c]), np.array([-c, 0.0, s])
+    return np.column_stack([x, np.cross(axis, x), axis])
 
 
 def _crossed_angles(cross_angle: float, frame_a: Array, frame_b: Array) -> tuple[Array, Array]:
@@ -201,11 +201,11 @@ def _crossed_angles(cross_angle: float, frame_a: Array, frame_b: Array) -> tuple
 
 def _about_z(angle: float | Array) -> Array:
     c, s = np.cos(angle), np.sin(angle)
-    turn = np.zeros((*np.shape(angle), 3, 3))
-    turn[..., 0, 0] = turn[..., 1, 1] = c
-    turn[..., 0, 1], turn[..., 1, 0] = -s, s
-    turn[..., 2, 2] = 1.0
-    return turn
+    matrix = np.zeros((*np.shape(angle), 3, 3))
+    matrix[..., 0, 0] = matrix[..., 1, 1] = c
+    matrix[..., 0, 1], matrix[..., 1, 0] = -s, s
+    matrix[..., 2, 2] = 1.0
+    return matrix
 
 
 def antiparallel_message(joint: str, column: int) -> str:

@@ -14,40 +14,40 @@ from mechsim.numerics.inputs import number, numbers, require
 
 # axes whose sum has a smaller square are opposed, to rounding
 OPPOSED = 1e-14
-# a guess is rough, but which of several turns is meant it tells
-MEANT = np.pi / 4
+# largest angle in [rad] between a guess and the orientation that it selects
+MAX_GUESS_ERROR = np.pi / 4
 
 
-def least_turned(own: Array, axis: Array, mark: Array) -> Array:
-    """Return the mark beside an axis of one's own whose least turn onto another axis lays mark on mark, (3,).
+def least_turned(own: Array, axis: Array, reference: Array) -> Array:
+    """Return the reference direction that the smallest rotation of an axis onto another makes parallel, (3,).
 
-    Axes that are opposed are laid on each other about z, or about the other mark where that is not across.
+    Antiparallel axes are rotated about z, or about the other reference where z is not across.
     """
     across, between = np.cross(own, axis), own + axis
     if (nearness := float(between @ between)) > OPPOSED:
-        back = np.cross(across, mark)
-        return mark - back + 2.0 * np.cross(across, back) / nearness
-    about = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < OPPOSED else mark
-    return 2.0 * about * (about @ mark) - mark
+        back = np.cross(across, reference)
+        return reference - back + 2.0 * np.cross(across, back) / nearness
+    about = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < OPPOSED else reference
+    return 2.0 * about * (about @ reference) - reference
 
 
-def guessed(side: Array, frames: Sequence[Array], turned: Array) -> tuple[int, float]:
+def guessed(side: Array, frames: Sequence[Array], rotation: Array) -> tuple[int, float]:
     """Return which of several joint frames of side b is meant by a guess, and how far off in [rad] that is.
 
     Args:
         side: the joint's frame on side a, (3, 3), with the axis as its last column.
         frames: those of side b.
-        turned: rotation of link b seen from link a, as guessed.
+        rotation: rotation of link b seen from link a, as guessed.
 
     Where the guess lays the axes more against than along each other it says nothing: the first is taken.
     """
-    own = turned @ frames[0][:, 2]
+    own = rotation @ frames[0][:, 2]
     if not own @ side[:, 2] > 0.0:
         return 0, 0.0
-    meant = least_turned(own, side[:, 2], side[:, 0])
-    near = [float((turned @ frame[:, 0]) @ meant) for frame in frames]
-    best = int(np.argmax(near))
-    return best, float(np.arccos(np.clip(near[best], -1.0, 1.0)))
+    target = least_turned(own, side[:, 2], side[:, 0])
+    cosines = [float((rotation @ frame[:, 0]) @ target) for frame in frames]
+    best = int(np.argmax(cosines))
+    return best, float(np.arccos(np.clip(cosines[best], -1.0, 1.0)))
 
 
 # lengths and cosines of unit vectors across each other are off by less
@@ -79,24 +79,24 @@ class End:
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
             raise InputError(f"axis of a joint on link {self.link!r} is the zero vector; give a direction")
-        given = self.mark
-        if given is None:
-            given = EX if abs(axis[0]) < 0.9 * length else EY
-        mark = _finite(self, "mark", given)
+        reference_given = self.mark
+        if reference_given is None:
+            reference_given = EX if abs(axis[0]) < 0.9 * length else EY
+        reference = _finite(self, "mark", reference_given)
         # those of another End stay what they are to the last bit
-        if self.mark is None or not _unit_and_across(axis, mark):
+        if self.mark is None or not _unit_and_across(axis, reference):
             axis = axis / length
-            mark = mark - axis * (axis @ mark)
-            length = float(np.linalg.norm(mark))
+            reference = reference - axis * (axis @ reference)
+            length = float(np.linalg.norm(reference))
             if not length > 1e-9:
                 raise InputError(
-                    f"mark {given} of a joint on link {self.link!r} lies along its axis; "
+                    f"mark {reference_given} of a joint on link {self.link!r} lies along its axis; "
                     "give a direction across the axis"
                 )
-            mark = mark / length
+            reference = reference / length
         object.__setattr__(self, "point", tuple(point.tolist()))
         object.__setattr__(self, "axis", tuple(axis.tolist()))
-        object.__setattr__(self, "mark", tuple(mark.tolist()))
+        object.__setattr__(self, "mark", tuple(reference.tolist()))
 
     @property
     def frame(self) -> Array:
@@ -110,8 +110,8 @@ def _vector(values: Array) -> Vector:
 
 
 @cache
-def _frame(axis: Vector, mark: Vector) -> Array:
-    frame = np.column_stack([mark, np.cross(axis, mark), axis])
+def _frame(axis: Vector, reference: Vector) -> Array:
+    frame = np.column_stack([reference, np.cross(axis, reference), axis])
     frame.flags.writeable = False
     return frame
 
@@ -175,9 +175,9 @@ class Joint:
             )
         if 0 in KINDS[self.kind].aligned_columns and not (self.a.marked or self.b.marked):
             side = self.a.frame
-            mark = least_turned(np.array(self.b.axis), side[:, 2], side[:, 0])
-            if np.abs(mark - np.array(self.b.mark)).max() > ROUNDED:
-                object.__setattr__(self, "b", replace(self.b, mark=_vector(mark)))
+            reference = least_turned(np.array(self.b.axis), side[:, 2], side[:, 0])
+            if np.abs(reference - np.array(self.b.mark)).max() > ROUNDED:
+                object.__setattr__(self, "b", replace(self.b, mark=_vector(reference)))
                 object.__setattr__(self, "unmarked", True)
 
     @property
@@ -197,9 +197,9 @@ def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
     return coordinates(KINDS[joint.kind], gap, frame_a, frame_b, joint.cross_angle)
 
 
-def _unit_and_across(axis: Array, mark: Array) -> bool:
+def _unit_and_across(axis: Array, reference: Array) -> bool:
     """Whether axis and mark are unit vectors across each other already, to rounding."""
-    both = np.column_stack([axis, mark])
+    both = np.column_stack([axis, reference])
     return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDED)
 
 

@@ -27,19 +27,19 @@ def check_instants(low: float, high: float) -> Array:
     return np.linspace(low, high, INSTANTS * turns + 1)
 
 
-def extremes(at: Array, values: Iterable[Array]) -> Array:
+def extremes(parameter: Array, values: Iterable[Array]) -> Array:
     """Return the parameters between even instants (n,) at which quantities (n,) are largest or smallest.
 
     A parabola through three instants gives them; the value there errs by the fourth power of the spacing.
     """
-    found: list[Array] = [np.zeros(0)]
+    peaks: list[Array] = [np.zeros(0)]
     for value in values:
-        before, here, after = value[:-2], value[1:-1], value[2:]
-        bend = after - 2.0 * here + before
-        peak = ((here - before) * (after - here) <= 0.0) & (bend != 0.0)
-        share = 0.5 * (before[peak] - after[peak]) / bend[peak]
-        found.append(at[1:-1][peak] + np.clip(share, -1.0, 1.0) * (at[1] - at[0]))
-    return np.unique(np.concatenate(found))
+        before, middle, after = value[:-2], value[1:-1], value[2:]
+        curvature = after - 2.0 * middle + before
+        peak = ((middle - before) * (after - middle) <= 0.0) & (curvature != 0.0)
+        share = 0.5 * (before[peak] - after[peak]) / curvature[peak]
+        peaks.append(parameter[1:-1][peak] + np.clip(share, -1.0, 1.0) * (parameter[1] - parameter[0]))
+    return np.unique(np.concatenate(peaks))
 
 
 def require_within(
@@ -66,14 +66,14 @@ def require_within(
     for joint, (low, high) in ranges.items():
         if joint not in values:
             continue
-        at = values[joint]
-        beyond = np.maximum(low - at, at - high)
+        position = values[joint]
+        beyond = np.maximum(low - position, position - high)
         worst = int(np.argmax(beyond)) if len(beyond) else 0
         if len(beyond) and beyond[worst] > ROUNDED * max(1.0, high - low):
             raise AssemblyError(
-                f"{name}: joint {joint!r} would stand at {at[worst]:.6g} {units[joint]}, beyond its range of "
-                f"{low:.6g} to {high:.6g}, at {describe(worst)}; widen the range, start within "
-                f"it, or {remedy}"
+                f"{name}: joint {joint!r} would stand at {position[worst]:.6g} {units[joint]}, beyond its "
+                f"range of {low:.6g} to {high:.6g}, at {describe(worst)}; widen the range, start within it, "
+                f"or {remedy}"
             )
 
 

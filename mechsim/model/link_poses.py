@@ -22,7 +22,7 @@ Sides = tuple[Array, Array, Array, Array]
 def rough_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
     """Return one pose a moving link: the guess, else where its joints to placed links put it.
 
-    Coordinates of these joints are those that the description tells, as of drivers and holds, else nought.
+    Coordinates of these joints are those that the description states, as of drivers, else 0.
 
     Args:
         mechanism: the mechanism.
@@ -46,7 +46,7 @@ def completed(
     mechanism: Mechanism,
     sides: Mapping[str, Sides],
     guess: Mapping[str, Pose],
-    told: Mapping[str, float] | Mapping[str, Array],
+    coordinates: Mapping[str, float] | Mapping[str, Array],
 ) -> dict[str, Pose]:
     """Return poses of all moving links, of one mechanism or of d that are alike.
 
@@ -54,7 +54,7 @@ def completed(
         mechanism: one of them.
         sides: of its joints; of d designs (d, 3) and (d, 3, 3).
         guess: of some links.
-        told: coordinate -> its value, or (d,).
+        coordinates: coordinate -> its value, or (d,).
 
     Raises:
         AssemblyError: for links that no chain of joints leads to.
@@ -70,11 +70,11 @@ def completed(
             )
         waiting.remove(joint)
         forward = joint.a.link in placed
-        near, far = (joint.a.link, joint.b.link) if forward else (joint.b.link, joint.a.link)
-        if far not in placed:
+        placed_link, next_link = (joint.a.link, joint.b.link) if forward else (joint.b.link, joint.a.link)
+        if next_link not in placed:
             point_a, frame_a, point_b, frame_b = sides[joint.name]
             ends = (point_a, frame_a, point_b, frame_b) if forward else (point_b, frame_b, point_a, frame_a)
-            placed[far] = _attached(placed[near], ends, _displaced(joint, told, forward))
+            placed[next_link] = _attached(placed[placed_link], ends, _displaced(joint, coordinates, forward))
     lost = [link.name for link in mechanism.links if link.name not in placed]
     if lost:
         raise AssemblyError(
@@ -86,52 +86,52 @@ def completed(
 
 def _attached(pose: Pose, ends: Sides, displacement: tuple[Array, Array]) -> Pose:
     """Return the pose of a link that a joint holds to one that is placed, its near side first."""
-    (near, near_frame, far, far_frame), (shift, turn) = ends, displacement
+    (near_point, near_frame, far_point, far_frame), (shift, relative) = ends, displacement
     frame = pose.rotation @ near_frame
-    rotation = frame @ turn @ np.swapaxes(far_frame, -1, -2)
-    at = pose.position + turned(pose.rotation, near)
-    return Pose(at + turned(frame, shift) - turned(rotation, far), rotation)
+    rotation = frame @ relative @ np.swapaxes(far_frame, -1, -2)
+    joint_position = pose.position + rotated(pose.rotation, near_point)
+    return Pose(joint_position + rotated(frame, shift) - rotated(rotation, far_point), rotation)
 
 
-def turned(rotation: Array, vector: Array) -> Array:
-    """Return vectors (..., 3) turned by rotations (..., 3, 3)."""
+def rotated(rotation: Array, vector: Array) -> Array:
+    """Return vectors (..., 3) rotated by matrices (..., 3, 3)."""
     return (rotation @ vector[..., None])[..., 0]
 
 
 def starts(mechanism: Mechanism) -> dict[str, float]:
-    """Return the values of coordinates at the guess that the description tells, in [m] and [rad].
+    """Return the values of coordinates at the guess that the description states, in [m] and [rad].
 
-    Of a screw between guessed links the turns that lead to where these stand.
+    The angle of a screw between guessed links follows from its displacement.
     """
-    told = {**_wound(mechanism), **mechanism.counted, **mechanism.locked}
+    coordinates = {**_screw_angles(mechanism), **mechanism.counted, **mechanism.locked}
     if mechanism.has_crank:
-        told[mechanism.crank.name] = mechanism.start
-    return told
+        coordinates[mechanism.crank.name] = mechanism.start
+    return coordinates
 
 
-def _wound(mechanism: Mechanism) -> dict[str, float]:
-    """Return by how much screws between guessed links have turned to stand as far out, in [rad]."""
+def _screw_angles(mechanism: Mechanism) -> dict[str, float]:
+    """Return the angles of screws between guessed links that match their displacement, in [rad]."""
     placed = {GROUND: IDENTITY, **mechanism.guess}
-    found: dict[str, float] = {}
+    angles: dict[str, float] = {}
     for joint in mechanism.joints:
         if KINDS[joint.kind].helical and joint.a.link in placed and joint.b.link in placed:
-            way = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
-            found[joint.coordinates[1]] = TURN * way / joint.lead
-    return found
+            displacement = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
+            angles[joint.coordinates[1]] = TURN * displacement / joint.lead
+    return angles
 
 
 def _displaced(
-    joint: Joint, told: Mapping[str, float] | Mapping[str, Array], forward: bool
+    joint: Joint, coordinates: Mapping[str, float] | Mapping[str, Array], forward: bool
 ) -> tuple[Array, Array]:
     """Return where the far side's joint frame stands in the near side's: (..., 3) in [m] and (..., 3, 3)."""
-    values = [told.get(name, 0.0) for name in joint.coordinates]
+    values = [coordinates.get(name, 0.0) for name in joint.coordinates]
     if not (KINDS[joint.kind].crossed or any(np.any(value) for value in values)):
         return np.zeros(3), np.eye(3)
-    shift, turn = displaced(KINDS[joint.kind], np.broadcast_arrays(*values), joint.cross_angle)
+    shift, rotation = displaced(KINDS[joint.kind], np.broadcast_arrays(*values), joint.cross_angle)
     if forward:
-        return shift, turn
-    turn = np.swapaxes(turn, -1, -2)
-    return -turned(turn, shift), turn
+        return shift, rotation
+    rotation = np.swapaxes(rotation, -1, -2)
+    return -rotated(rotation, shift), rotation
 
 
 def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
@@ -140,31 +140,31 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
     Raises:
         InputError: where the motion lacks a link that stands for a body.
     """
-    found = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
     for link in mechanism.links:
         if link.name in motion.links:
             moved = motion.links[link.name]
-            found[link.name] = Pose(moved.position, moved.rotation)
+            poses[link.name] = Pose(moved.position, moved.rotation)
         elif link.is_body:
             raise InputError(
                 f"the motion does not say where link {link.name!r} is, so it cannot be drawn; "
                 "solve it with links"
             )
         else:
-            found[link.name] = _hidden_link_pose(mechanism, link.name, found, motion)
-    del found[GROUND]
-    return found
+            poses[link.name] = _hidden_link_pose(mechanism, link.name, poses, motion)
+    del poses[GROUND]
+    return poses
 
 
 def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:
     """Return where a link stands that hangs on another by a joint of one coordinate."""
-    joint = next(one for one in mechanism.joints if one.b.link == name)
-    near, value = poses[joint.a.link], motion.joints[joint.name].value
-    shift, turn = displaced(KINDS[joint.kind], (value,), joint.cross_angle)
-    frame = near.rotation @ joint.a.frame
-    rotation = np.broadcast_to(frame @ turn @ joint.b.frame.T, (len(value), 3, 3))
-    place = near.point(joint.a.point) + (frame @ shift[..., None])[..., 0]
-    return Pose(place - rotation @ joint.b.point, rotation)
+    joint = next(candidate for candidate in mechanism.joints if candidate.b.link == name)
+    carrier, value = poses[joint.a.link], motion.joints[joint.name].value
+    shift, relative = displaced(KINDS[joint.kind], (value,), joint.cross_angle)
+    frame = carrier.rotation @ joint.a.frame
+    rotation = np.broadcast_to(frame @ relative @ joint.b.frame.T, (len(value), 3, 3))
+    position = carrier.point(joint.a.point) + (frame @ shift[..., None])[..., 0]
+    return Pose(position - rotation @ joint.b.point, rotation)
 
 
 # between the names of a joint and of the link that its stand-in stands for
@@ -178,11 +178,11 @@ def virtual_body(joint: Joint) -> str:
 
 def with_virtual_bodies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Pose]:
     """Return poses of links, and where joints are split, of what stands in for some of them."""
-    known = {GROUND: IDENTITY, **poses}
+    all_poses = {GROUND: IDENTITY, **poses}
     stands = {
-        joint.a.link: known[joint.b.link]
+        joint.a.link: all_poses[joint.b.link]
         for joint in mechanism.joints
-        if joint.kind == FIXED and joint.name == joint.a.link and joint.b.link in known
+        if joint.kind == FIXED and joint.name == joint.a.link and joint.b.link in all_poses
     }
     return {**stands, **poses}
 
@@ -216,12 +216,12 @@ def _stood_for(joint: Joint) -> End:
     return joint.a if joint.b.link == GROUND else joint.b
 
 
-def _shared(inertia: Inertia, parts: int) -> Inertia:
+def _shared(inertia: Inertia, count: int) -> Inertia:
     """Return one of so many equal parts of a body that are rigidly joined."""
-    if parts == 1:
+    if count == 1:
         return inertia
-    x, y, z = ((a / parts, b / parts, c / parts) for a, b, c in inertia.moments)
-    return Inertia(inertia.mass / parts, inertia.centre, (x, y, z))
+    x, y, z = ((a / count, b / count, c / count) for a, b, c in inertia.moments)
+    return Inertia(inertia.mass / count, inertia.centre, (x, y, z))
 
 
 # directions this little out of parallel are parallel: frames are made to 1e-16, a real tilt is far larger
@@ -259,10 +259,10 @@ def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[
     normals = {hinge.link: np.asarray(hinge.axis)}
     for _ in mechanism.links:
         for joint in joints:
-            for here, there in ((joint.a, joint.b), (joint.b, joint.a)):
-                if here.link in normals and there.link not in normals:
-                    # where a joint turns about the normal only, both joint frames see the normal alike
-                    normals[there.link] = there.frame @ here.frame.T @ normals[here.link]
+            for start, other in ((joint.a, joint.b), (joint.b, joint.a)):
+                if start.link in normals and other.link not in normals:
+                    # a joint that rotates about the normal has it in the same direction of both frames
+                    normals[other.link] = other.frame @ start.frame.T @ normals[start.link]
     for joint in joints:
         for end in (joint.a, joint.b):
             if end.link not in normals or not _stays_in_plane(joint, end, normals[end.link]):
@@ -271,12 +271,12 @@ def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[
 
 
 def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
-    """Say whether a joint turns about a normal of one of its links and slides across it."""
+    """Whether a joint rotates about a normal of one of its links and slides across it."""
     kind = KINDS[joint.kind]
     if not kind.aligned:
         return False
-    seen = end.frame.T @ normal
-    across = [abs(seen[COLUMN[axis]]) for axis in kind.slides]
+    components = end.frame.T @ normal
+    across = [abs(components[COLUMN[axis]]) for axis in kind.slides]
     if kind.turns:
-        across += [abs(seen[0]), abs(seen[1])]
+        across += [abs(components[0]), abs(components[1])]
     return max(across, default=0.0) <= PARALLEL

@@ -78,14 +78,14 @@ class Inertia:
         return self.matrix + self.mass * _spread(np.asarray(self.centre) - np.asarray(point))
 
 
-def combine(parts: Iterable[Inertia]) -> Inertia:
+def combine(inertias: Iterable[Inertia]) -> Inertia:
     """Return the inertia of bodies joined rigidly, all given in the same frame."""
-    bodies = list(parts)
+    bodies = list(inertias)
     mass = sum(body.mass for body in bodies)
     centre = sum((body.mass * np.asarray(body.centre) for body in bodies), np.zeros(3)) / mass
-    place = (float(centre[0]), float(centre[1]), float(centre[2]))
-    moments = sum((body.about(place) for body in bodies), np.zeros((3, 3)))
-    return Inertia(mass, place, _rows(moments))
+    centre_of_mass = (float(centre[0]), float(centre[1]), float(centre[2]))
+    moments = sum((body.about(centre_of_mass) for body in bodies), np.zeros((3, 3)))
+    return Inertia(mass, centre_of_mass, _rows(moments))
 
 
 def _spread(arm: Array) -> Array:

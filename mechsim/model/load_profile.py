@@ -42,17 +42,17 @@ class LoadProfile:
             raise InputError(
                 "a load over time is asked for where only crank angles are known; give the motion its time"
             )
-        places = np.atleast_1d(np.asarray(time if self.over == "time" else angle, dtype=np.float64))
-        values = np.asarray(self.value(places), dtype=np.float64)
-        shape = (len(places),) if self.width == 1 else (len(places), self.width)
+        positions = np.atleast_1d(np.asarray(time if self.over == "time" else angle, dtype=np.float64))
+        values = np.asarray(self.value(positions), dtype=np.float64)
+        shape = (len(positions),) if self.width == 1 else (len(positions), self.width)
         if values.shape != shape:
             raise InputError(
-                f"a load over {self.over} gives values of shape {values.shape} at {len(places)} places; "
+                f"a load over {self.over} gives values of shape {values.shape} at {len(positions)} places; "
                 f"give them in shape {shape}"
             )
-        finite = np.isfinite(values).reshape(len(places), -1).all(1)
+        finite = np.isfinite(values).reshape(len(positions), -1).all(1)
         if not finite.all():
-            where = f"{places[~finite][0]:.6g} {'s' if self.over == 'time' else 'rad'}"
+            where = f"{positions[~finite][0]:.6g} {'s' if self.over == 'time' else 'rad'}"
             raise InputError(f"a load over {self.over} is no finite number at {where}; give one that is")
         return values
 
@@ -62,7 +62,9 @@ def constant(value: ArrayLike) -> LoadProfile:
     kept = np.asarray(value, dtype=np.float64)
     if kept.shape not in ((), (3,)) or not np.isfinite(kept).all():
         raise InputError(f"constant load is {value}; give a finite number or three")
-    return LoadProfile(None, lambda at: np.broadcast_to(kept, at.shape + kept.shape).copy(), kept.size)
+    return LoadProfile(
+        None, lambda position: np.broadcast_to(kept, position.shape + kept.shape).copy(), kept.size
+    )
 
 
 def function(call: Callable[[Array], Array], *, over: Over = "angle", width: int = 1) -> LoadProfile:
@@ -84,15 +86,15 @@ def harmonics(
     if not 0.0 < period < np.inf:
         raise InputError(f"period of a load is {period}; give one above 0")
 
-    def value(at: Array) -> Array:
-        x = at[:, None] * (TURN / period)
+    def value(position: Array) -> Array:
+        x = position[:, None] * (TURN / period)
         return np.cos(x * np.arange(len(c))) @ c + np.sin(x * np.arange(1, len(s) + 1)) @ s
 
     return function(value, over=over)
 
 
 def table(
-    at: ArrayLike,
+    places_given: ArrayLike,
     values: ArrayLike,
     *,
     over: Over = "angle",
@@ -102,7 +104,7 @@ def table(
     """Return a course through the rows of a table.
 
     Args:
-        at: crank angles in [rad] or times in [s], rising, (m,).
+        places_given: crank angles in [rad] or times in [s], rising, (m,).
         values: (m,) or (m, 3).
         over: what `at` is.
         periodic: whether the table repeats; its last row is then its first one again, and over the
@@ -114,7 +116,7 @@ def table(
     """
     from scipy.interpolate import make_interp_spline
 
-    x, y = np.asarray(at, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    x, y = np.asarray(places_given, dtype=np.float64), np.asarray(values, dtype=np.float64)
     repeats = over == "angle" if periodic is None else periodic
     _check_table(x, y, over)
     if repeats:
@@ -128,17 +130,17 @@ def table(
     spline = make_interp_spline(x, y, k=3 if smooth else 1, bc_type=ends)
     first, last = float(x[0]), float(x[-1])
 
-    def value(places: Array) -> Array:
+    def value(positions: Array) -> Array:
         if repeats:
-            return spline(first + np.mod(places - first, last - first))
+            return spline(first + np.mod(positions - first, last - first))
         slack = 1e-9 * (last - first)
-        outside = (places < first - slack) | (places > last + slack)
+        outside = (positions < first - slack) | (positions > last + slack)
         if outside.any():
             raise InputError(
-                f"load table covers {over} {first:.6g} to {last:.6g}, but {places[outside][0]:.6g} is asked "
+                f"load table covers {over} {first:.6g} to {last:.6g}, but {positions[outside][0]:.6g} is asked "
                 "for; make it longer"
             )
-        return spline(np.clip(places, first, last))
+        return spline(np.clip(positions, first, last))
 
     return function(value, over=over, width=1 if y.ndim == 1 else 3)
 
@@ -150,7 +152,7 @@ def _check_table(x: Array, y: Array, over: str) -> None:
             "give two rows or more, with one value or three each"
         )
     if not (np.isfinite(x).all() and (np.abs(y) < HUGE).all()):
-        raise InputError(f"load table holds what is no finite number below {HUGE:g}; mend the row")
+        raise InputError(f"load table holds what is no finite number below {HUGE:g}; correct the row")
     rises = np.diff(x) > 0.0
     if not rises.all():
         row = int(np.argmin(rises)) + 1

@@ -61,31 +61,33 @@ def masses_of(mechanism: Mechanism) -> tuple[LinkMass, ...]:
 
 def summary(masses: Sequence[LinkMass]) -> str:
     """Return in one line which masses are used and where they come from; empty without links."""
-    parts: list[str] = []
+    phrases: list[str] = []
     for source in ("given", "rod", "zero"):
-        some = [one for one in masses if one.source == source]
-        if some:
-            parts.append(f"{_names(some, len(masses))} {_said(source, some)}")
-    return f"masses: {'; '.join(parts)}" if parts else ""
+        group = [mass for mass in masses if mass.source == source]
+        if group:
+            phrases.append(f"{_names(group, len(masses))} {_source_text(source, group)}")
+    return f"masses: {'; '.join(phrases)}" if phrases else ""
 
 
-def _said(source: Source, some: Sequence[LinkMass]) -> str:
-    total = f"{sum(one.mass for one in some):.4g} kg"
+def _source_text(source: Source, group: Sequence[LinkMass]) -> str:
+    total = f"{sum(mass.mass for mass in group):.4g} kg"
     if source == "given":
         return f"given, {total}"
     if source == "zero":
         return "zero in the file"
-    rod = some[0]
+    rod = group[0]
     return (
         f"computed as round {_material(rod.density)} rods of diameter {rod.diameter:.4g} m, {total}, "
         "because no inertia is given"
     )
 
 
-def _names(some: Sequence[LinkMass], count: int) -> str:
-    if len(some) == count > LISTED:
+def _names(group: Sequence[LinkMass], count: int) -> str:
+    if len(group) == count > LISTED:
         return f"all {count} links"
-    return ", ".join(one.link for one in some) if len(some) <= LISTED else f"{len(some)} of {count} links"
+    return (
+        ", ".join(mass.link for mass in group) if len(group) <= LISTED else f"{len(group)} of {count} links"
+    )
 
 
 def _material(density: float | None) -> str:

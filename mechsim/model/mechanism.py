@@ -13,7 +13,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import MEANT, End, Joint, guessed
+from mechsim.model.joints import MAX_GUESS_ERROR, End, Joint, guessed
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import TURN
@@ -100,15 +100,15 @@ class Mechanism:
         _unique(self.name, "point", [*self.points])
         for joint in self.joints:
             for end in (joint.a, joint.b):
-                _known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
-        for point, (link, place) in self.points.items():
-            _known(f"point {point!r}", "link", link, [GROUND, *names])
-            if numbers(place).shape != (3,) or not (np.abs(numbers(place)) < FARTHEST).all():
+                _require_known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
+        for point, (link, position) in self.points.items():
+            _require_known(f"point {point!r}", "link", link, [GROUND, *names])
+            if numbers(position).shape != (3,) or not (np.abs(numbers(position)) < FARTHEST).all():
                 raise InputError(
-                    f"point {point!r} is at {place}; give three finite numbers in [m] below {FARTHEST:g}"
+                    f"point {point!r} is at {position}; give three finite numbers in [m] below {FARTHEST:g}"
                 )
         for link, pose in self.guess.items():
-            _known("guess", "link", link, names)
+            _require_known("guess", "link", link, names)
             _require_pose(link, pose)
         if not abs(number(self.start)) < np.inf:
             raise InputError(f"{self.name}: start is {self.start} rad; give a finite crank angle")
@@ -118,7 +118,7 @@ class Mechanism:
         for gear in self.gears:
             called = f"gear {gear.driver!r}-{gear.driven!r}"
             for joint in (gear.driver, gear.driven):
-                _known("gear", "revolute joint", joint, revolutes)
+                _require_known("gear", "revolute joint", joint, revolutes)
             if not 0.0 < abs(number(gear.ratio)) < np.inf:
                 raise InputError(f"ratio of {called} is {gear.ratio}; give a number, not 0")
             if not abs(number(gear.phase)) < np.inf:
@@ -130,25 +130,25 @@ class Mechanism:
         if not (joint.unmarked and joint.a.link in poses and joint.b.link in poses):
             return joint
         by_itself = End(joint.b.link, joint.b.point, joint.b.axis)
-        turned = numbers(poses[joint.a.link].rotation).T @ numbers(poses[joint.b.link].rotation)
-        meant, off = guessed(joint.a.frame, (joint.b.frame, by_itself.frame), turned)
-        if off > MEANT:
+        rotation = numbers(poses[joint.a.link].rotation).T @ numbers(poses[joint.b.link].rotation)
+        chosen, off = guessed(joint.a.frame, (joint.b.frame, by_itself.frame), rotation)
+        if off > MAX_GUESS_ERROR:
             raise InputError(
                 f"{self.name}: {joint.kind} joint {joint.name!r} has no marks, and the guess turns its "
                 f"links by {np.rad2deg(off):.3g} deg about its axis from where they are without any; give "
                 "each side a mark, a direction across the axis that meets the other side's"
             )
-        return replace(joint, b=replace(joint.b, mark=by_itself.mark)) if meant else joint
+        return replace(joint, b=replace(joint.b, mark=by_itself.mark)) if chosen else joint
 
     def _require_coordinates(self) -> None:
         """Refuse drivers, holds and couplings of what is no coordinate, and one prescribed twice."""
-        known = [name for joint in self.joints for name in joint.coordinates]
+        names = [name for joint in self.joints for name in joint.coordinates]
         drivable = [name for joint in self.joints if KINDS[joint.kind].drivable for name in joint.coordinates]
         for name in self.drivers:
-            _known("driver", "coordinate", name, drivable)
-        for what, given in (("locked", self.locked), ("counted", self.counted)):
-            for name, value in require(f"{what} of {self.name!r}", given, Mapping).items():
-                _known(what, "coordinate", name, known)
+            _require_known("driver", "coordinate", name, drivable)
+        for what, coordinates in (("locked", self.locked), ("counted", self.counted)):
+            for name, value in require(f"{what} of {self.name!r}", coordinates, Mapping).items():
+                _require_known(what, "coordinate", name, names)
                 if not abs(number(value)) < np.inf:
                     raise InputError(f"{what}: coordinate {name!r} is {value}; give a finite number")
         _unique(self.name, "driver or hold of the coordinate", [*self.drivers, *self.locked])
@@ -160,20 +160,24 @@ class Mechanism:
                 )
         for coupling in self.couplings:
             for name in coupling.coordinates:
-                _known(f"coupling {coupling.name!r}", "coordinate", name, known)
+                _require_known(f"coupling {coupling.name!r}", "coordinate", name, names)
 
     def _require_kinds(self) -> None:
         for name, kind in (("links", Link), ("joints", Joint), ("gears", Gear), ("couplings", Coupling)):
-            given: object = getattr(self, name)
-            if not isinstance(given, tuple | list):
-                raise InputError(f"{name} of {self.name!r} are of type {type(given).__name__}; give a tuple")
-            for one in given:
-                require(f"one of the {name} of {self.name!r}", one, kind)
+            entries: object = getattr(self, name)
+            if not isinstance(entries, tuple | list):
+                raise InputError(
+                    f"{name} of {self.name!r} are of type {type(entries).__name__}; give a tuple"
+                )
+            for entry in entries:
+                require(f"one of the {name} of {self.name!r}", entry, kind)
         for name in ("points", "guess"):
             require(f"{name} of {self.name!r}", getattr(self, name), Mapping)
-        for point, place in self.points.items():
-            if isinstance(place, str) or len(place) != 2:
-                raise InputError(f"point {point!r} is {place}; give a link and three numbers in its frame")
+        for point, point_place in self.points.items():
+            if isinstance(point_place, str) or len(point_place) != 2:
+                raise InputError(
+                    f"point {point!r} is {point_place}; give a link and three numbers in its frame"
+                )
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -204,24 +208,24 @@ class Mechanism:
     @property
     def driven_joints(self) -> tuple[Joint, ...]:
         """The joints whose coordinates are driven, in the order of the drivers."""
-        of = {name: joint for joint in self.joints for name in joint.coordinates}
-        return tuple(of[name] for name in self.drivers)
+        joint_of = {name: joint for joint in self.joints for name in joint.coordinates}
+        return tuple(joint_of[name] for name in self.drivers)
 
     def unit(self, coordinate: str) -> str:
         """Return the unit of a coordinate, "m" or "rad"."""
-        of = {
+        unit_of = {
             name: unit
             for joint in self.joints
             for name, unit in zip(joint.coordinates, KINDS[joint.kind].units, strict=True)
         }
-        return of[coordinate]
+        return unit_of[coordinate]
 
     @property
     def straight(self) -> frozenset[str]:
         """Names of those drivers, holds and couplings whose effort is a force."""
         named = [*((name, next(iter(law.left_terms))) for name, law in self.named_laws.items())]
         named += [(name, name) for name in (*self.drivers, *self.locked)]
-        return frozenset(called for called, of in named if self.unit(of) == "m")
+        return frozenset(called for called, coordinate in named if self.unit(coordinate) == "m")
 
     @property
     def laws(self) -> tuple[Coupling, ...]:
@@ -255,7 +259,7 @@ class Mechanism:
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name."""
-        _known(f"mechanism {self.name!r}", "joint", name, [joint.name for joint in self.joints])
+        _require_known(f"mechanism {self.name!r}", "joint", name, [joint.name for joint in self.joints])
         return next(joint for joint in self.joints if joint.name == name)
 
     def ends(self, link: str) -> list[End]:
@@ -264,19 +268,19 @@ class Mechanism:
 
     @property
     def size(self) -> float:
-        """The longest distance between two points of one link, in [m]: the yardstick of this mechanism."""
+        """The longest distance between two points of one link, in [m]: its characteristic length."""
         if not self.links:
             return 1.0  # nothing moves by which it could be measured
-        held = {name: list[Vector]() for name in (GROUND, *(link.name for link in self.links))}
+        points_of = {name: list[Vector]() for name in (GROUND, *(link.name for link in self.links))}
         for joint in self.joints:
             for end in (joint.a, joint.b):
-                held[end.link].append(end.point)
-        joints = max(_extent(points) for points in held.values())
+                points_of[end.link].append(end.point)
+        joints = max(_extent(points) for points in points_of.values())
         for link in self.links:
-            held[link.name] += link.outline
+            points_of[link.name] += link.outline
         for link, point in self.points.values():
-            held[link].append(point)
-        whole = max(_extent(points) for points in held.values())
+            points_of[link].append(point)
+        whole = max(_extent(points) for points in points_of.values())
         if joints > ONE_PLACE * whole:
             return joints
         # all joints of each link in one place, as in pendulums and spherical linkages: the rest counts
@@ -314,9 +318,9 @@ def _require_pose(link: str, pose: Pose) -> None:
 
 def _extent(points: list[Vector]) -> float:
     """Return the longest distance between two points."""
-    places = np.array(points).reshape(-1, 3)
+    positions = np.array(points).reshape(-1, 3)
     # the frame may hold thousands: not all pairs at once
-    rows = (places[i : i + ROWS, None] - places[None] for i in range(0, len(places), ROWS))
+    rows = (positions[i : i + ROWS, None] - positions[None] for i in range(0, len(positions), ROWS))
     return float(np.sqrt(max(((gaps**2).sum(-1).max(initial=0.0) for gaps in rows), default=0.0)))
 
 
@@ -338,9 +342,9 @@ def _require_name(who: str, name: str) -> None:
         raise InputError(f"{who} {name[:20]!r}..., of {len(name)} characters; give it {LONGEST_NAME} at most")
 
 
-def _known(who: str, what: str, name: str, known: list[str]) -> None:
-    if name not in known:
-        raise InputError(f"{who} names {what} {name!r}, but there are only {', '.join(known)}")
+def _require_known(who: str, what: str, name: str, names: list[str]) -> None:
+    if name not in names:
+        raise InputError(f"{who} names {what} {name!r}, but there are only {', '.join(names)}")
 
 
 def starting_at(source: Source, angles: Array, direction: float = 1.0) -> Source:

@@ -88,8 +88,8 @@ class Mesh:
 
 def meshes_of(mechanism: Mechanism) -> dict[str, Mesh]:
     """Return name of a coupling, as `Mechanism.named_laws` has it -> its mesh, of those that have one."""
-    found = {name: mesh_of(mechanism, law) for name, law in mechanism.named_laws.items()}
-    return {name: mesh for name, mesh in found.items() if mesh is not None}
+    meshes = {name: mesh_of(mechanism, law) for name, law in mechanism.named_laws.items()}
+    return {name: mesh for name, mesh in meshes.items() if mesh is not None}
 
 
 def threads_of(mechanism: Mechanism) -> dict[str, Joint]:
@@ -123,7 +123,7 @@ def mesh_of(mechanism: Mechanism, law: Coupling) -> Mesh | None:
     moved = driven.velocity(point)
     tangential = weights[0] * moved / (moved @ moved)
     apart = np.cross(line[1], tangential)
-    small = min((one for one in pair if one.turns), key=lambda one: _size(one.velocity(point)))
+    small = min((wheel for wheel in pair if wheel.turns), key=lambda wheel: _length(wheel.velocity(point)))
     inwards = np.real(apart @ small.inward(point)) > 0.0
     separating = apart * np.tan(law.pressure_angle or 0.0) * (1.0 if inwards == (small is driven) else -1.0)
     return Mesh(driven, driver, driven.end.link, point, tangential, separating)
@@ -158,29 +158,31 @@ def _wheel(joint: Joint, carrier: str) -> ToothedLink:
     return ToothedLink(joint, joint.a.link, joint.b, -1.0)
 
 
-def _pitch_line(spin: Array, origin: Array, size: float) -> tuple[Array, Array] | None:
+def _pitch_line(spin: Array, origin: Array, length: float) -> tuple[Array, Array] | None:
     """Return a point and the direction of the axis of a twist that has no pitch; None where it has none."""
     square = spin @ spin
-    if not _size(spin) > ROUNDING:
+    if not _length(spin) > ROUNDING:
         return None
-    if not abs(np.real(spin @ origin)) <= ROUNDING * size * np.real(square):
+    if not abs(np.real(spin @ origin)) <= ROUNDING * length * np.real(square):
         return None
     return np.cross(spin, origin) / square, spin / np.sqrt(square)
 
 
 def _pitch_point(
-    pair: tuple[ToothedLink, ToothedLink], start: Array, along: Array, size: float
+    pair: tuple[ToothedLink, ToothedLink], start: Array, along: Array, length: float
 ) -> Array | None:
     """Return the pitch point on a pitch line; None where a wheel would have no radius."""
 
     def rolls(point: Array) -> bool:
-        return all(_size(one.velocity(point)) > (ROUNDING * size if one.turns else 0.0) for one in pair)
+        return all(
+            _length(wheel.velocity(point)) > (ROUNDING * length if wheel.turns else 0.0) for wheel in pair
+        )
 
     points: list[Array] = []
-    for one in pair:
-        slope = one.axis @ along
-        if one.turns and abs(np.real(slope)) > ROUNDING:
-            points.append(start + along * (one.axis @ (np.asarray(one.end.point) - start) / slope))
+    for wheel in pair:
+        cosine = wheel.axis @ along
+        if wheel.turns and abs(np.real(cosine)) > ROUNDING:
+            points.append(start + along * (wheel.axis @ (np.asarray(wheel.end.point) - start) / cosine))
     points = [point for point in points if rolls(point)]
     if not points:
         return None
@@ -188,6 +190,6 @@ def _pitch_point(
     return point if rolls(point) else None
 
 
-def _size(vector: Array) -> float:
+def _length(vector: Array) -> float:
     """Return the length of a vector whose numbers may be complex steps."""
     return float(np.linalg.norm(np.real(vector)))

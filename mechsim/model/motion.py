@@ -1,4 +1,4 @@
-"""Motion: what the closed forms, the loop equations and MuJoCo all produce."""
+"""The record of a motion that closed forms, loop equations and MuJoCo return."""
 
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 WIDTH = 100
-# texts longer than this are cut
-LONGEST = 60
+# characters of a text that are shown
+MAX_TEXT = 60
 
 
 def short_repr(self: Any) -> str:
@@ -41,13 +41,13 @@ def _short(value: Any) -> str:
         return _array(value)
     if isinstance(value, Mapping):
         return "{" + ", ".join(str(key) for key in value) + "}"
-    if isinstance(value, tuple | list) and len(value) and all(is_dataclass(one) for one in value):
-        return "(" + ", ".join(str(getattr(one, "name", type(one).__name__)) for one in value) + ")"
+    if isinstance(value, tuple | list) and len(value) and all(is_dataclass(entry) for entry in value):
+        return "(" + ", ".join(str(getattr(entry, "name", type(entry).__name__)) for entry in value) + ")"
     if is_dataclass(value) or callable(value):
         return f"<{getattr(value, '__name__', type(value).__name__)}>"
     if isinstance(value, float):
         return f"{value:.6g}"
-    return textwrap.shorten(repr(value), LONGEST, placeholder=" ...")
+    return textwrap.shorten(repr(value), MAX_TEXT, placeholder=" ...")
 
 
 def _array(values: "np.ndarray[Any, Any]") -> str:
@@ -59,7 +59,7 @@ def _array(values: "np.ndarray[Any, Any]") -> str:
 
 
 Record = TypeVar("Record")
-# how a motion goes on where two assemblies meet: as a heavy drive does, or back into the one it came from
+# how a motion continues at a change point: smoothly, as with inertia, or in the assembly it came from
 ChangePointPolicy = Literal["smooth", "branch"]
 Source = Literal["closed form", "loop equations", "pose", "step", "user"]
 
@@ -115,7 +115,7 @@ class JointMotion:
 
 
 class Solver(Protocol):
-    """What can give a motion at other crank angles and speeds: a catalogue mechanism."""
+    """A solver that returns a motion at other crank angles and speeds: a catalogue mechanism."""
 
     @property
     def solve(self) -> Callable[..., "Motion"]:
@@ -123,7 +123,7 @@ class Solver(Protocol):
         ...
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return the signed geometry that is positive in the assembly meant."""
+        """Return the signed geometry that is positive in the selected assembly."""
         ...
 
 
@@ -132,7 +132,7 @@ class Motion:
     """The motion of a mechanism at n crank angles.
 
     Attributes:
-        source: which road it came by.
+        source: the method.
         angle: crank angle, not wrapped, (n,) in [rad].
         speed: crank speed, (n,) in [rad/s].
         acceleration: crank acceleration, (n,) in [rad/s2].
@@ -140,16 +140,15 @@ class Motion:
         links: link -> its motion; empty where only points are known.
         joints: joint -> its motion; only joints with one coordinate.
         time: (n,) in [s]; None where the motion is a function of the angle alone.
-        closure: worst distance by which the loops stood open at each instant, (n,) in [m]; None where
-            the road does not know it.
-        conditioning: distance of each pose from a singular one, (n,): the smallest singular value of the
-            loop Jacobian, the crank held, in units of the mechanism's size; None where it is not known.
-        spinning: links whose spin about their own line nothing determines, so that their orientation
-            means nothing.
-        origin: what can solve it again at other crank angles; None where nothing can.
-        broken: why the motion ended before its time; empty where it did not.
-        drivers: names of the joint coordinates that programs move; the angle is then that of their clock.
-            Empty where a crank is driven.
+        closure: largest loop-closure error at each instant, (n,) in [m]; None where the method does not
+            report it.
+        conditioning: distance of each configuration from a singular one, (n,): the smallest singular value
+            of the loop Jacobian with the crank fixed, in units of the mechanism's size; None if unknown.
+        spinning: links with a passive rotation about their own line, whose orientation has no meaning.
+        origin: solver that can solve the motion at other crank angles; None if there is none.
+        broken: why the motion ended early; empty where it did not.
+        drivers: names of the joint coordinates that follow motion laws; the angle is then the path
+            parameter. Empty where a crank is driven.
     """
 
     source: Source
@@ -173,7 +172,7 @@ class Motion:
         return len(self.angle)
 
     def position_errors(self, other: "Motion") -> dict[str, Array]:
-        """Return how far each tracked point is from another motion's at the same instants, (n,) in [m]."""
+        """Return the distance of each point from another motion's at the same instants, (n,) in [m]."""
         gaps = {name: self.points[name].position - point.position for name, point in other.points.items()}
         return {name: np.sqrt((gap**2).sum(1)) for name, gap in gaps.items()}
 
@@ -224,17 +223,19 @@ class Motion:
                 yield "time", self.time, "s"
             yield "angle", self.angle, "rad"
         for name, point in self.points.items():
-            parts = ("", "m", point.position), ("v", "m/s", point.velocity), ("a", "m/s2", point.acceleration)
-            for prefix, unit, values in parts:
+            rates = ("", "m", point.position), ("v", "m/s", point.velocity), ("a", "m/s2", point.acceleration)
+            for prefix, unit, values in rates:
                 for axis, column in zip("xyz", values.T, strict=True):
                     yield f"{name}.{prefix}{axis}", column, unit
         for name, joint in self.joints.items():
-            called, part = name, ""
+            called, number = name, ""
             if joint.index is not None:
-                called, part = name.rpartition(".")[0], str(joint.index)
-            rates = zip("qva", (joint.value, joint.rate, joint.acceleration), ("", "/s", "/s2"), strict=True)
-            for letter, column, per in rates:
-                yield f"{called}.{letter}{part}", column, joint.unit + per
+                called, number = name.rpartition(".")[0], str(joint.index)
+            columns = zip(
+                "qva", (joint.value, joint.rate, joint.acceleration), ("", "/s", "/s2"), strict=True
+            )
+            for letter, column, per in columns:
+                yield f"{called}.{letter}{number}", column, joint.unit + per
 
 
 def _library(name: str) -> Any:
@@ -243,75 +244,50 @@ def _library(name: str) -> Any:
 
 
 def at_unit_speed(motion: Motion) -> Motion:
-    """Return a motion under programs whose clock has unit speed: drivers' rates are derivatives by it."""
-    pace, one = motion.speed, np.ones_like(motion.speed)
+    """Return a motion under motion laws with rates by the path parameter instead of time."""
+    rate, ones = motion.speed, np.ones_like(motion.speed)
     joints = {
-        name: replace(joint, rate=joint.rate / pace, acceleration=joint.acceleration / pace**2)
+        name: replace(joint, rate=joint.rate / rate, acceleration=joint.acceleration / rate**2)
         for name, joint in motion.joints.items()
     }
-    return replace(motion, speed=one, acceleration=0.0 * one, joints=joints)
+    return replace(motion, speed=ones, acceleration=0.0 * ones, joints=joints)
 
 
-def join(parts: list[Record]) -> Record:
-    """Return the parts of one motion, or of another record of instants, put end to end."""
-    return parts[0] if len(parts) == 1 else _joined(parts)
+def join(records: list[Record]) -> Record:
+    """Return the records of consecutive instants, such as motions, as one record."""
+    return records[0] if len(records) == 1 else _mapped(lambda *arrays: np.concatenate(arrays), *records)
 
 
 def select_instants(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
-    """Return some instants of a motion, or of another record of instants."""
-    return _taken(record, rows)
+    """Return some instants of a motion, or of another record."""
+    return _mapped(lambda array: array[rows], record)
 
 
 def weighted_sums(record: Record, weights: Array) -> Record:
     """Return sums of a record's n instants by weights, (k, n): a record of k instants."""
-
-    def summed(one: Array) -> Array:
-        return np.asarray(np.tensordot(weights, one, 1), dtype=np.float64)
-
-    return _mapped(summed, record)
+    return _mapped(lambda array: np.asarray(np.tensordot(weights, array, 1), dtype=np.float64), record)
 
 
-def replace_instants(record: Record, rows: NDArray[np.intp], part: Record) -> Record:
+def replace_instants(record: Record, rows: NDArray[np.intp], other: Record) -> Record:
     """Return a record in which some instants, (k,), are those of another with k."""
 
-    def replaced(one: Array, other: Array) -> Array:
-        out = one.copy()
-        out[rows] = other
+    def replaced(array: Array, values: Array) -> Array:
+        out = array.copy()
+        out[rows] = values
         return out
 
-    return _mapped(replaced, record, part)
+    return _mapped(replaced, record, other)
 
 
 def _mapped(change: Callable[..., Array], *records: Any) -> Any:
+    """Return a record whose arrays a function makes of the arrays of several records."""
     first = records[0]
     if isinstance(first, np.ndarray):
         return change(*records)
     if isinstance(first, Mapping):
-        return {key: _mapped(change, *(one[key] for one in records)) for key in first}
-    if is_dataclass(first):
-        parts = {f.name: _mapped(change, *(getattr(one, f.name) for one in records)) for f in fields(first)}
-        return type(first)(**parts)  # pyright: ignore[reportCallIssue]
-    return first
-
-
-def _taken(record: Any, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Any:
-    if isinstance(record, np.ndarray):
-        return record[rows]
-    if isinstance(record, Mapping):
-        return {key: _taken(value, rows) for key, value in record.items()}
-    if is_dataclass(record) and hasattr(record, "__slots__"):
-        parts = {f.name: _taken(getattr(record, f.name), rows) for f in fields(record)}
-        return type(record)(**parts)  # pyright: ignore[reportCallIssue]
-    return record
-
-
-def _joined(parts: list[Any]) -> Any:
-    first = parts[0]
-    if isinstance(first, np.ndarray):
-        return np.concatenate(parts)
-    if isinstance(first, Mapping):
-        return {key: _joined([part[key] for part in parts]) for key in first}
-    if is_dataclass(first):
-        whole = {f.name: _joined([getattr(part, f.name) for part in parts]) for f in fields(first)}
-        return type(first)(**whole)  # pyright: ignore[reportCallIssue]
+        return {key: _mapped(change, *(record[key] for record in records)) for key in first}
+    # records have slots; a solver, which has none, stays as it is
+    if is_dataclass(first) and hasattr(first, "__slots__"):
+        values = {f.name: _mapped(change, *(getattr(r, f.name) for r in records)) for f in fields(first)}
+        return type(first)(**values)  # pyright: ignore[reportCallIssue]
     return first

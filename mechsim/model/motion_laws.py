@@ -128,7 +128,7 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
 
 
 def no_crank_range_error(name: str) -> AssemblyError:
-    """Return the refusal of a mechanism whose crank range is empty."""
+    """Return the error for a mechanism whose crank range is empty."""
     return AssemblyError(f"{name}: the loops close at no crank angle; change the dimensions")
 
 
@@ -138,9 +138,9 @@ def interval_around(arcs: CrankRange, angle: float) -> tuple[float, float] | Non
     A turn fewer or more is the same pose: an arc from 1 to 7 rad holds 0.5 rad as one from -5.3 to 0.7.
     """
     for low, high in arcs.arcs:
-        lap = TURN * np.floor((angle - low) / TURN)
-        if angle <= high + lap:
-            return float(low + lap), float(high + lap)
+        offset = TURN * np.floor((angle - low) / TURN)
+        if angle <= high + offset:
+            return float(low + offset), float(high + offset)
     return None
 
 
@@ -164,8 +164,10 @@ def within_range(
     angle = mechanism.start if through is None else through
     around = interval_around(arcs, angle)
     if around is None:
-        why = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
-        raise AssemblyError(f"{mechanism.name}: the loops do not close at crank angle {angle:.6g} rad, {why}")
+        reason = "where assembly begins; change the dimensions" if through is None else f"it can stand {arcs}"
+        raise AssemblyError(
+            f"{mechanism.name}: the loops do not close at crank angle {angle:.6g} rad, {reason}"
+        )
     low, high = around
     middle, reach = (low + high) / 2.0, PART_OF_RANGE * (high - low) / 2.0
     return swing(middle, reach if through is None else max(reach, abs(angle - middle)), speed)
@@ -178,8 +180,8 @@ State = Callable[[Array], tuple[Array, Array, Array]]
 # and so many at multiples of the golden ratio, for a law may have the period of the even ones
 PROBES = 2048
 GOLDEN = 0.6180339887498949
-# rates beyond these, in [rad/s] or sizes a second, and accelerations beyond the square of the larger, are
-# slips of the pen, and their squares soon beyond what a float holds
+# smallest and largest rate, in [rad/s] or mechanism sizes a second; accelerations are limited by the
+# square of the largest rate, beyond which squares overflow
 SLOWEST, FASTEST = 1e-12, 1e9
 
 
@@ -220,9 +222,9 @@ class MotionLaws:
 
     def state(self, time: Array) -> tuple[Array, Array, Array]:
         """Return values, rates and accelerations of the drivers at times (n,) in [s], (drivers, n) each."""
-        found = [state(time) for state in self.states]
+        states = [state(time) for state in self.states]
         value, rate, acceleration = (
-            np.array([np.broadcast_to(one[i], time.shape) for one in found]) for i in range(3)
+            np.array([np.broadcast_to(driver[i], time.shape) for driver in states]) for i in range(3)
         )
         return value, rate, acceleration
 
@@ -246,7 +248,7 @@ class MotionLaws:
     def fastest(self) -> float:
         """The pace, or the angular frequency where drivers oscillate faster, in [rad/s]: a cycle at least."""
         _, rate, second = self.state(_probes(self.duration))
-        quick, quicker = (np.sqrt((one**2).mean(1)) for one in (rate, second))
+        quick, quicker = (np.sqrt((derivative**2).mean(1)) for derivative in (rate, second))
         frequency = np.divide(quicker, quick, out=np.zeros_like(quick), where=quick > 0.0)
         return max(self.rate, float(frequency.max()), TURN / self.duration)
 
@@ -290,46 +292,49 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
     chosen = tuple(states[name] for name in mechanism.drivers)
     made = MotionLaws(float(duration), mechanism.drivers, chosen, 1.0)
     with np.errstate(all="ignore"):
-        found = made.state(_probes(duration))
-    for name, *parts in zip(made.drivers, *found, strict=True):
-        if not all(np.isfinite(part).all() for part in parts):
+        values = made.state(_probes(duration))
+    for name, *derivatives in zip(made.drivers, *values, strict=True):
+        if not all(np.isfinite(derivative).all() for derivative in derivatives):
             raise InputError(
                 f"{mechanism.name}: the program of {name} is not finite from 0 to {duration:g} s; "
                 "give one with two finite rates"
             )
-    paces = [_pace(mechanism, name, *parts[1:]) for name, *parts in zip(made.drivers, *found, strict=True)]
-    if not max(paces) > 0.0:
+    rates = [
+        _max_rate(mechanism, name, *derivatives[1:])
+        for name, *derivatives in zip(made.drivers, *values, strict=True)
+    ]
+    if not max(rates) > 0.0:
         raise InputError(f"{mechanism.name}: all drivers stand still; give one a program that moves")
-    if not max(paces) >= SLOWEST:
+    if not max(rates) >= SLOWEST:
         raise InputError(
-            f"{mechanism.name}: no driver moves by more than {max(paces):.3g} rad or sizes a second; give "
+            f"{mechanism.name}: no driver moves by more than {max(rates):.3g} rad or sizes a second; give "
             f"one a program that moves by {SLOWEST:g} at least"
         )
-    made = replace(made, rate=max(paces))
+    made = replace(made, rate=max(rates))
     require_revolutions(mechanism.name, made.revolutions, duration)
     return made
 
 
 def _probes(duration: float) -> Array:
     """Return times from 0 to a duration in [s], (2 * PROBES,)."""
-    parts = np.concatenate([np.linspace(0.0, 1.0, PROBES), GOLDEN * np.arange(PROBES) % 1.0])
-    return np.asarray(duration * parts, dtype=np.float64)
+    fractions = np.concatenate([np.linspace(0.0, 1.0, PROBES), GOLDEN * np.arange(PROBES) % 1.0])
+    return np.asarray(duration * fractions, dtype=np.float64)
 
 
-def _pace(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:
+def _max_rate(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:
     """Return how fast a driver's program goes at the most, in [rad/s] or sizes a second."""
     unit = mechanism.unit(name)
-    size = mechanism.size if unit == "m" else 1.0
+    length = mechanism.size if unit == "m" else 1.0
     for what, ending, values, most in (
-        ("rate", "s", rate, FASTEST * size),
-        ("acceleration", "s2", acceleration, FASTEST**2 * size),
+        ("rate", "s", rate, FASTEST * length),
+        ("acceleration", "s2", acceleration, FASTEST**2 * length),
     ):
         if not (worst := float(np.abs(values).max())) <= most:
             raise InputError(
                 f"{mechanism.name}: the {what} in the program of {name} is up to {worst:.3g} "
                 f"{unit}/{ending}; give one of {most:.3g} at the most"
             )
-    return float(np.abs(rate).max()) / size
+    return float(np.abs(rate).max()) / length
 
 
 def steady(start: float, rate: float) -> State:

@@ -154,10 +154,10 @@ Motor = PlainMotor | Geared
 
 
 def _require_finite(motor: PlainMotor) -> None:
-    for part in fields(motor):
-        value = getattr(motor, part.name)
+    for parameter in fields(motor):
+        value = getattr(motor, parameter.name)
         if not abs(value) < HUGE:
             raise InputError(
-                f"motor {part.name.replace('_', ' ')} is {value}; "
+                f"motor {parameter.name.replace('_', ' ')} is {value}; "
                 f"give a finite number, below {HUGE:g} either way"
             )

@@ -87,8 +87,8 @@ def _force_lines(forces: Forces) -> Iterator[str]:
         numbers = {field: number(getattr(spring, field)) for field in ("stiffness", "rest")}
         yield f"joint_springs.{key(spring.joint)} = {_table(numbers)}"
     for i, load in enumerate(forces.loads, 1):
-        force = ", ".join(_components(load.force, f"the load on {load.place}"))
-        yield f"loads.load{i} = {_table({'at': _point(load.place), 'force': f'[{force}]'})}"
+        force = ", ".join(_components(load.force, f"the load on {load.location}"))
+        yield f"loads.load{i} = {_table({'at': _point(load.location), 'force': f'[{force}]'})}"
     for couple in forces.couples:
         moment = ", ".join(_components(couple.moment, f"the couple on {couple.link}"))
         yield f"couples.{key(couple.link)} = [{moment}]"

@@ -103,7 +103,7 @@ def upside_down(machine: dynamics.Machine) -> dynamics.Machine:
 
 def load_next_door(machine: dynamics.Machine) -> dynamics.Machine:
     other = list(machine.mechanism.points)[-2]
-    loads = tuple(replace(load, place=other) for load in machine.forces.loads)
+    loads = tuple(replace(load, location=other) for load in machine.forces.loads)
     return machine.with_forces(replace(machine.forces, loads=loads))
 
 

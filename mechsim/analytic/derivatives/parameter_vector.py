@@ -201,7 +201,7 @@ def _force_values(forces: Forces) -> Iterator[object]:
     for turned in forces.joint_springs:
         yield (turned.stiffness, turned.rest)
     for load in forces.loads:
-        yield _local(load.place)
+        yield _local(load.location)
 
 
 def _local(place: Location) -> tuple[float, ...]:
@@ -224,7 +224,7 @@ def with_force_numbers(forces: Forces, row: Array) -> Forces:
     friction = tuple(GivenFriction(one.joint, *take.tuple(4)) for one in forces.friction)
     springs = tuple(spring(one) for one in forces.springs)
     turned = tuple(GivenJointSpring(one.joint, *take.tuple(2)) for one in forces.joint_springs)
-    loads = tuple(Load(place(one.place), one.force) for one in forces.loads)
+    loads = tuple(Load(place(one.location), one.force) for one in forces.loads)
     return GivenForces(
         gravity=gravity,
         friction=friction,

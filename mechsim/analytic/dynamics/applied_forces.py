@@ -224,7 +224,7 @@ def loads(machine: Machine, unit: UnitMotion, time: Array | None) -> Loads:
     """Return the loads at angles and times (n,) in [s]; None where the time is not known."""
     out = np.zeros_like(unit.twist)
     for load in machine.forces.loads:
-        link, place, _ = unit.place(load.place)
+        link, place, _ = unit.place(load.location)
         add_force(unit, out, link, place, load.force.evaluate(unit.angle, time))
     for couple in machine.forces.couples:
         slot = unit.slot(couple.link)

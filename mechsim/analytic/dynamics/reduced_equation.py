@@ -301,7 +301,7 @@ def load_leverage(machine: Machine, unit: UnitMotion) -> Array:
 
     Of a load the derivative of its point in [m/rad], of a couple that of its link's turning.
     """
-    rates = [unit.place(load.place)[2] for load in machine.forces.loads]
+    rates = [unit.place(load.location)[2] for load in machine.forces.loads]
     rates += [unit.spin(couple.link) for couple in machine.forces.couples]
     return np.stack(rates, 1) if rates else np.zeros((len(unit), 0, 3))
 

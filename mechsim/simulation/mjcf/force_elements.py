@@ -136,7 +136,7 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
     if forces.loads or forces.couples:
         spec.worldbody.add_site(name="ground axes")
     for number, load in enumerate(forces.loads, 1):
-        site = builder.point(f"load {number}", load.place)
+        site = builder.point(f"load {number}", load.location)
         for i, axis in enumerate(AXES):
             _between(spec, f"load {number}.{axis}", site, "ground axes", np.eye(6)[i])
     for number, couple in enumerate(forces.couples, 1):

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, KindName, coordinates, displaced
 from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import turned
+from mechsim.model.link_poses import rotated
 from mechsim.model.links import EZ, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -127,7 +127,7 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
 
 def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
     """Return where a side of a joint stands with its link: point (..., 3) and frame (..., 3, 3)."""
-    return link.position + turned(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
+    return link.position + rotated(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
 
 
 def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
@@ -135,8 +135,8 @@ def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
     to_parent = np.swapaxes(parent.rotation, -1, -2)
     rotation = to_parent @ child.rotation
     if KINDS[branch.joint.kind].floating:
-        return Pose(turned(to_parent, child.position - parent.position), rotation)
-    position = np.asarray(branch.parent.point) - turned(rotation, np.asarray(branch.child.point))
+        return Pose(rotated(to_parent, child.position - parent.position), rotation)
+    position = np.asarray(branch.parent.point) - rotated(rotation, np.asarray(branch.child.point))
     return Pose(position, rotation)
 
 
@@ -146,10 +146,10 @@ def _posed(branch: Branch, values: Sequence[float | Array]) -> Pose:
     shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
     if branch.sense < 0:
         relative = np.swapaxes(relative, -1, -2)
-        shift = -turned(relative, shift)
+        shift = -rotated(relative, shift)
     rotation = frame @ relative @ np.swapaxes(branch.child.frame, -1, -2)
     parent_point, local = np.asarray(branch.parent.point), np.asarray(branch.child.point)
-    return Pose(parent_point + turned(frame, shift) - turned(rotation, local), rotation)
+    return Pose(parent_point + rotated(frame, shift) - rotated(rotation, local), rotation)
 
 
 def model_joints(
@@ -176,7 +176,7 @@ def model_joints(
     if len(kind.slides) > 1 and branch.sense < 0:
         # a turn that comes before slides across it is about the parent's point
         back = np.swapaxes(local.rotation, -1, -2)
-        position = turned(back, np.asarray(branch.parent.point) - local.position)
+        position = rotated(back, np.asarray(branch.parent.point) - local.position)
     return [
         ModelJoint(name, made, position, _axis_of(branch, local, axis), value)
         for name, made, axis, value in coordinates
@@ -206,4 +206,4 @@ def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
     if shared or (axis == "b") == child_is_b:
         return branch.sense * branch.child.frame[..., COLUMN[axis]]
     back = np.swapaxes(local.rotation, -1, -2)
-    return branch.sense * turned(back, branch.parent.frame[..., COLUMN[axis]])
+    return branch.sense * rotated(back, branch.parent.frame[..., COLUMN[axis]])
