@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.model.efforts import Efforts
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.forces import Forces, located
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
@@ -60,7 +60,7 @@ class Posture:
 
 
 def largest_imbalance(
-    mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Efforts, without: str | None = None
+    mechanism: Mechanism, forces: Forces, motion: Motion, efforts: ForceRecord, without: str | None = None
 ) -> float:
     """Return by how much any link misses its balance, as a part of the largest force on any.
 
@@ -92,7 +92,7 @@ def largest_imbalance(
     return worst / scale
 
 
-def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Efforts) -> Iterator[Action]:
+def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: ForceRecord) -> Iterator[Action]:
     """Yield all that acts on the links: what is described, and what is reported."""
     at, none = Posture(motion), np.zeros((len(motion), 3))
     for link in mechanism.links:
@@ -141,7 +141,7 @@ def along_coordinate(
     return Action(name, joint.b.link, joint.a.link, parts[0], point, parts[1])
 
 
-def _ideal_transmissions(mechanism: Mechanism, at: Posture, efforts: Efforts) -> Iterator[Action]:
+def _ideal_transmissions(mechanism: Mechanism, at: Posture, efforts: ForceRecord) -> Iterator[Action]:
     """Yield the efforts of couplings that have neither teeth nor a thread."""
     screws = [{*joint.coordinates} for joint in mechanism.joints if joint.kind == "screw"]
     for name, law in mechanism.named_laws.items():
@@ -212,7 +212,7 @@ def _inertial(at: Posture, link: str, inertia: object) -> tuple[np.ndarray, np.n
     return inertia.mass * (moved.acceleration + turning), moment
 
 
-def largest_work(mechanism: Mechanism, motion: Motion, efforts: Efforts) -> float:
+def largest_work(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> float:
     """Return the largest power of any reaction in its joint, or of teeth at their pitch point.
 
     It is a part of the largest force times the largest speed. What geometry transmits does no work.
@@ -231,7 +231,7 @@ def largest_work(mechanism: Mechanism, motion: Motion, efforts: Efforts) -> floa
     return power / (force * speed)
 
 
-def largest_slip(mechanism: Mechanism, motion: Motion, efforts: Efforts) -> float:
+def largest_slip(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> float:
     """Return the largest speed with which pitch circles slip, as a part of the largest speed of any wheel."""
     at, slip, speed = Posture(motion), 0.0, 0.0
     for one in efforts.meshes.values():

@@ -33,7 +33,7 @@ from mechsim.cli.output import print_json
 from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
 from mechsim.cli.progress import Tick, progress
 from mechsim.errors import InputError
-from mechsim.model.efforts import Fluctuation, FreeRun
+from mechsim.model.force_record import Fluctuation, FreeRun
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import LEAST_TURNS, CrankProfile, MotionLaws
 from mechsim.numerics.resources import require_room

@@ -9,7 +9,7 @@ from mechsim.analytic.dynamics import InverseDynamics
 from mechsim.cli.output import print_table
 from mechsim.cli.output_units import SI_UNITS, OutputUnits
 from mechsim.cli.verdict_text import print_verdict
-from mechsim.model.efforts import Fluctuation, FreeRun
+from mechsim.model.force_record import Fluctuation, FreeRun
 from mechsim.report.facts import run_facts, study_facts
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.result import Driven

@@ -18,7 +18,7 @@ OPPOSED = 1e-14
 MAX_GUESS_ERROR = np.pi / 4
 
 
-def least_turned(own: Array, axis: Array, reference: Array) -> Array:
+def smallest_rotation_reference(own: Array, axis: Array, reference: Array) -> Array:
     """Return the reference direction that the smallest rotation of an axis onto another makes parallel, (3,).
 
     Antiparallel axes are rotated about z, or about the other reference where z is not across.
@@ -31,7 +31,7 @@ def least_turned(own: Array, axis: Array, reference: Array) -> Array:
     return 2.0 * about * (about @ reference) - reference
 
 
-def guessed(side: Array, frames: Sequence[Array], rotation: Array) -> tuple[int, float]:
+def guessed_frame(side: Array, frames: Sequence[Array], rotation: Array) -> tuple[int, float]:
     """Return which of several joint frames of side b is meant by a guess, and how far off in [rad] that is.
 
     Args:
@@ -44,7 +44,7 @@ def guessed(side: Array, frames: Sequence[Array], rotation: Array) -> tuple[int,
     own = rotation @ frames[0][:, 2]
     if not own @ side[:, 2] > 0.0:
         return 0, 0.0
-    target = least_turned(own, side[:, 2], side[:, 0])
+    target = smallest_rotation_reference(own, side[:, 2], side[:, 0])
     cosines = [float((rotation @ frame[:, 0]) @ target) for frame in frames]
     best = int(np.argmax(cosines))
     return best, float(np.arccos(np.clip(cosines[best], -1.0, 1.0)))
@@ -175,7 +175,7 @@ class Joint:
             )
         if 0 in KINDS[self.kind].aligned_columns and not (self.a.marked or self.b.marked):
             side = self.a.frame
-            reference = least_turned(np.array(self.b.axis), side[:, 2], side[:, 0])
+            reference = smallest_rotation_reference(np.array(self.b.axis), side[:, 2], side[:, 0])
             if np.abs(reference - np.array(self.b.mark)).max() > ROUNDED:
                 object.__setattr__(self, "b", replace(self.b, mark=_vector(reference)))
                 object.__setattr__(self, "unmarked", True)

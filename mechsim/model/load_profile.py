@@ -137,8 +137,8 @@ def table(
         outside = (positions < first - slack) | (positions > last + slack)
         if outside.any():
             raise InputError(
-                f"load table covers {over} {first:.6g} to {last:.6g}, but {positions[outside][0]:.6g} is asked "
-                "for; make it longer"
+                f"load table covers {over} {first:.6g} to {last:.6g}, but {positions[outside][0]:.6g} is "
+                "asked for; make it longer"
             )
         return spline(np.clip(positions, first, last))
 

@@ -13,7 +13,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import MAX_GUESS_ERROR, End, Joint, guessed
+from mechsim.model.joints import MAX_GUESS_ERROR, End, Joint, guessed_frame
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import TURN
@@ -131,7 +131,7 @@ class Mechanism:
             return joint
         by_itself = End(joint.b.link, joint.b.point, joint.b.axis)
         rotation = numbers(poses[joint.a.link].rotation).T @ numbers(poses[joint.b.link].rotation)
-        chosen, off = guessed(joint.a.frame, (joint.b.frame, by_itself.frame), rotation)
+        chosen, off = guessed_frame(joint.a.frame, (joint.b.frame, by_itself.frame), rotation)
         if off > MAX_GUESS_ERROR:
             raise InputError(
                 f"{self.name}: {joint.kind} joint {joint.name!r} has no marks, and the guess turns its "

@@ -12,7 +12,7 @@ from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.errors import MechsimError
-from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
+from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array

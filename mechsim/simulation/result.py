@@ -5,8 +5,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.finding import Outcome
+from mechsim.model.force_record import ForceRecord, FreeRun
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, short_repr
 from mechsim.simulation.settings import Settings
@@ -82,7 +82,7 @@ class Driven:
     """
 
     motion: Motion
-    efforts: Efforts
+    efforts: ForceRecord
     outcome: Outcome
     method: Method
     steps: int
@@ -114,7 +114,7 @@ class SteppedFreeRun:
     """
 
     motion: Motion
-    efforts: Efforts
+    efforts: ForceRecord
     free: FreeRun
     steps: int
     seconds: float

@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.analytic import dynamics
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
-from mechsim.model.efforts import Efforts
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import CrankProfile, within_range
@@ -84,7 +84,7 @@ def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -
     return {"forces": forces, "moments": moments}
 
 
-def simulated_efforts(drive: Form, profile: CrankProfile, samples: int) -> Efforts:
+def simulated_efforts(drive: Form, profile: CrankProfile, samples: int) -> ForceRecord:
     """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
     machine, motion_laws = weighing(drive.starting_at(profile.angles)), drive.motion_laws
     moved: dict[str, Any] = {"profile": profile} if motion_laws is None else {"motion_laws": motion_laws}

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.efforts import COMPONENTS, Efforts
+from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.joint_kinds import FIXED
 from mechsim.model.joint_kinds import KINDS as JOINT_KINDS
 from mechsim.model.link_poses import PARALLEL, plane_normals
@@ -42,7 +42,7 @@ class Column:
     """A column of a motion or of its forces.
 
     Attributes:
-        name: as `Motion.columns` or `Efforts.columns` yields it; of links, as `link_column` has it.
+        name: as `Motion.columns` or `ForceRecord.columns` yields it; of links, as `link_column` has it.
         unit: in SI.
         source: what knows it: points, joint coordinates or links of motions, forces, or formulas alone.
         subject: point, joint coordinate, link, or the column itself.
@@ -361,8 +361,8 @@ def _effort(name: str, mechanism: Mechanism) -> Quantity | None:
 
 
 def effort_units() -> dict[str, str]:
-    """Return the columns of energies, powers and the like, and their SI units: fields of `Efforts`."""
-    return {f.name: f.metadata["unit"] for f in fields(Efforts) if "unit" in f.metadata} | FORMULA_COLUMNS
+    """Return the columns of energies, powers and the like, and their SI units: fields of `ForceRecord`."""
+    return {f.name: f.metadata["unit"] for f in fields(ForceRecord) if "unit" in f.metadata} | FORMULA_COLUMNS
 
 
 def _length(values: Sequence[Array]) -> Array:

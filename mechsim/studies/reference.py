@@ -10,7 +10,7 @@ from mechsim.analytic.dynamics import Machine, machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
-from mechsim.model.efforts import Efforts
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion, PointMotion, select_instants
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
@@ -118,7 +118,7 @@ def _profile(solver: Form, reference: ReferenceData) -> CrankProfile:
 
 
 def _checked(
-    motion: Motion, reference: ReferenceData, method: str, efforts: Efforts | None = None
+    motion: Motion, reference: ReferenceData, method: str, efforts: ForceRecord | None = None
 ) -> Verdict:
     """Return the verdict over a motion, and its forces, at the instants of the data."""
     exact = replace(motion, points=reference.points, links={}, joints={})
@@ -148,7 +148,7 @@ def _quickest(motion: Motion) -> float:
     return max((value / extent for value, extent in zip(largest, extents, strict=True)), default=0.0)
 
 
-def _effort_checks(motion: Motion, reference: ReferenceData, efforts: Efforts) -> Iterator[Check]:
+def _effort_checks(motion: Motion, reference: ReferenceData, efforts: ForceRecord) -> Iterator[Check]:
     """Yield checks of drive forces, relative to the largest root mean square."""
     largest = max(float(np.sqrt(np.mean(values**2))) for values in reference.efforts.values())
     for name, exact in reference.efforts.items():

@@ -7,8 +7,8 @@ from typing import Literal, Protocol
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.efforts import Efforts, FreeRun
 from mechsim.model.finding import POSITION_TOLERANCE
+from mechsim.model.force_record import ForceRecord, FreeRun
 from mechsim.model.motion import Motion, PointMotion, Solver
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.arrays import Array
@@ -173,8 +173,8 @@ def crosscheck(
 
 
 def judge_efforts(
-    found: Efforts,
-    exact: Efforts,
+    found: ForceRecord,
+    exact: ForceRecord,
     *,
     method: Literal["pose", "step"],
     tolerance: float | None = None,

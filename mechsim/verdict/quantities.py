@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.model.efforts import Efforts, FreeRun
+from mechsim.model.force_record import ForceRecord, FreeRun
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import half_extent
@@ -333,7 +333,7 @@ def motion_scales(
     }
 
 
-def efforts_scales(exact: Efforts) -> dict[str, float]:
+def efforts_scales(exact: ForceRecord) -> dict[str, float]:
     """Return the scales of efforts: root mean squares of torque and forces, largest energies."""
     kinetic = float(np.abs(exact.kinetic).max())
     torque = max(_rms(exact.torque), IDLE * kinetic)

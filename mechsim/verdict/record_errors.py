@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.efforts import COMPONENTS, Efforts
+from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 
@@ -50,12 +50,12 @@ def links(found: Motion, exact: Motion) -> Iterable[str]:
     return [name for name in exact.links if name in found.links and name not in exact.spinning]
 
 
-def reactions(found: Efforts, exact: Efforts) -> Iterable[str]:
+def reactions(found: ForceRecord, exact: ForceRecord) -> Iterable[str]:
     """Return the joints that transmit forces."""
     return exact.reactions
 
 
-def gears(found: Efforts, exact: Efforts) -> Iterable[str]:
+def gears(found: ForceRecord, exact: ForceRecord) -> Iterable[str]:
     """Return the pairs of gears whose torque is determined."""
     return [name for name in exact.gears if name not in exact.undetermined]
 
@@ -110,7 +110,7 @@ def drive_angle(found: Motion, wanted: Motion, _: str) -> Array | None:
     return None if found.time is None else np.abs(found.angle - wanted.angle)
 
 
-def torque(found: Efforts, exact: Efforts, _: str) -> Array:
+def torque(found: ForceRecord, exact: ForceRecord, _: str) -> Array:
     """Return the error of the drive torque but where a crank with dry friction stands."""
     standing = exact.reversing & (np.abs(exact.speed) <= STANDING * np.abs(exact.speed).max())
     return np.where(standing, 0.0, np.abs(found.torque - exact.torque))
@@ -120,7 +120,7 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
     """Return the error of forces or moments in what rigid links determine of them."""
     names = COMPONENTS[:3] if kind == "force" else COMPONENTS[3:]
 
-    def error(found: Efforts, exact: Efforts, name: str) -> Array | None:
+    def error(found: ForceRecord, exact: ForceRecord, name: str) -> Array | None:
         one, other = exact.reactions[name], found.reactions[name]
         if {*names} <= {*one.undetermined} - {*one.partly_undetermined}:
             return None
@@ -131,37 +131,37 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
     return error
 
 
-def drives(found: Efforts, exact: Efforts) -> Iterable[str]:
+def drives(found: ForceRecord, exact: ForceRecord) -> Iterable[str]:
     """Return the drivers that programs move, and holds."""
     return [*exact.drives, *exact.locked]
 
 
-def drive_effort(found: Efforts, exact: Efforts, name: str) -> Array:
+def drive_effort(found: ForceRecord, exact: ForceRecord, name: str) -> Array:
     """Return the error of the torque of one drive, of a force times the size."""
     own, true = ({**one.drives, **one.locked}[name] for one in (found, exact))
     return _along(own, true, exact, name)
 
 
-def gear_torque(found: Efforts, exact: Efforts, name: str) -> Array:
+def gear_torque(found: ForceRecord, exact: ForceRecord, name: str) -> Array:
     """Return the error of the torque between two gears, of a force between racks times the size."""
     return _along(found.gears[name], exact.gears[name], exact, name)
 
 
-def meshes(found: Efforts, exact: Efforts) -> Iterable[str]:
+def meshes(found: ForceRecord, exact: ForceRecord) -> Iterable[str]:
     """Return the couplings with teeth whose force is determined."""
     return [name for name in exact.meshes if name not in exact.undetermined]
 
 
-def mesh_force(found: Efforts, exact: Efforts, name: str) -> Array:
+def mesh_force(found: ForceRecord, exact: ForceRecord, name: str) -> Array:
     """Return the error of the force at a pitch point."""
     return np.where(_untold(exact), 0.0, lengths(found.meshes[name].force - exact.meshes[name].force))
 
 
-def _along(found: Array, true: Array, exact: Efforts, name: str) -> Array:
+def _along(found: Array, true: Array, exact: ForceRecord, name: str) -> Array:
     error = np.where(_untold(exact), 0.0, np.abs(found - true))
     return error * exact.size if name in exact.straight else error
 
 
-def _untold(exact: Efforts) -> NDArray[np.bool_]:
+def _untold(exact: ForceRecord) -> NDArray[np.bool_]:
     """Return where forces between links jump, or grow beyond all bounds, (n,)."""
     return exact.reversing | exact.unbounded

@@ -29,7 +29,7 @@ def inverse():
         (lambda: run(), 3, "outcome='passed'"),
         (lambda: run().motion, 5, "angle=<(9,): 0 to 0.6283>"),
         (lambda: run().motion.points["P3"], 3, "position=<(9, 3): "),
-        (lambda: inverse(), 4, "efforts=<Efforts>"),
+        (lambda: inverse(), 4, "efforts=<ForceRecord>"),
         (lambda: inverse().efforts, 6, "reactions={crank, P2, P3"),
         (lambda: inverse().efforts.reactions["P2"], 3, "link='coupler', by='crank'"),
         (lambda: trace(DRIVE, starts=0), 8, "branch_points=()"),

@@ -16,7 +16,7 @@ from mechsim import course
 from mechsim.analytic import dynamics
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.couplings import Gear
-from mechsim.model.efforts import Efforts
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Inertia, Link
@@ -49,7 +49,7 @@ class Case:
         return make_motion_laws(self.mechanism, self.laws, 1.0)
 
 
-def solved(case: Case, method: str) -> tuple[Motion, Efforts]:
+def solved(case: Case, method: str) -> tuple[Motion, ForceRecord]:
     """Return motion and efforts at six instants, by one of the methods."""
     moves = case.moves
     if method == "MuJoCo":

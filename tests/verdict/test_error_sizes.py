@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from mechsim.model.efforts import Efforts, Reaction
+from mechsim.model.force_record import ForceRecord, Reaction
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.verdict import record_errors as errors
 
@@ -57,7 +57,7 @@ def efforts(**fields):
         "sliding": np.ones((N, 1)),
     }
     names = ("acceleration", "torque", "kinetic", "potential", "power_in", "power_loads", "power_lost")
-    return Efforts(**{**dict.fromkeys((*names, "residual"), zero), **given, **fields})
+    return ForceRecord(**{**dict.fromkeys((*names, "residual"), zero), **given, **fields})
 
 
 @pytest.mark.parametrize("turn", [1e-9, 1e-3, 0.4, 1.5, 2.5, 3.1])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.model.efforts import Efforts, FreeRun, Reaction
+from mechsim.model.force_record import ForceRecord, FreeRun, Reaction
 from mechsim.model.motion import LinkMotion, Motion, PointMotion
 from mechsim.verdict.checks import Verdict, check_of, combined, concluded, tolerances_of
 from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
@@ -207,7 +207,7 @@ def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0
     zeros = dict.fromkeys(names, np.zeros(N))
     given = {"size": 0.2, "time": None, "angle": ANGLE, "speed": -5.0 * ONES, "gears": {}, **zeros}
     given |= {"torque": np.array(torque), "kinetic": np.array(kinetic), "sliding": np.ones((N, 1))}
-    return Efforts(**{**given, "reactions": {"A": one}, **more})
+    return ForceRecord(**{**given, "reactions": {"A": one}, **more})
 
 
 def test_scales_of_efforts_are_root_mean_squares_of_forces_and_largest_energies():

@@ -9,7 +9,7 @@ from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescri
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, reduced
 from mechsim.analytic.dynamics.statics import Equilibrium, equilibria, holding, modes, response
-from mechsim.model.efforts import Fluctuation, FreeRun, Reaction
+from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 
 __all__ = [
     "Balance",

@@ -8,7 +8,7 @@ from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients
 from mechsim.errors import InputError
-from mechsim.model.efforts import Fluctuation
+from mechsim.model.force_record import Fluctuation
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root

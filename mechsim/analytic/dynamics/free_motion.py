@@ -12,8 +12,8 @@ from mechsim.analytic.dynamics.applied_forces import dry_sizes
 from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.reduced_equation import CrankTable
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.efforts import FreeRun
 from mechsim.model.finding import Outcome
+from mechsim.model.force_record import FreeRun
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root

@@ -14,7 +14,7 @@ from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.path_instants import PathInstants, path_instants
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
-from mechsim.model.efforts import Efforts, Reaction, wrench_columns
+from mechsim.model.force_record import ForceRecord, Reaction, wrench_columns
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, join, select_instants, short_repr
 from mechsim.numerics.arrays import Array
@@ -46,7 +46,7 @@ class InverseDynamics:
     """
 
     machine: Machine
-    efforts: Efforts
+    efforts: ForceRecord
     load: Array
     reduced: Reduced
     second_torque: Array
@@ -218,7 +218,7 @@ def moved_as(
     held = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
     torque = part.torque(w, e) - outside.torque
     force, moment = _shaking(machine, unit, inertial, acting.gravity + outside.wrenches, e)
-    efforts = Efforts(
+    efforts = ForceRecord(
         size=unit.mechanism.size,
         time=at,
         angle=angle,

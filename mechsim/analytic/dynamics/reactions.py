@@ -12,7 +12,7 @@ from mechsim.analytic.loops import RANK_TOLERANCE
 from mechsim.analytic.loops.maximal_coordinates import row_units
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.model.couplings import Coupling
-from mechsim.model.efforts import MeshForce, Reaction
+from mechsim.model.force_record import MeshForce, Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism

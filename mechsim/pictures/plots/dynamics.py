@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mechsim.model.efforts import Efforts, Fluctuation, FreeRun
+from mechsim.model.force_record import Fluctuation, ForceRecord, FreeRun
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
@@ -33,7 +33,7 @@ class Prescribed(Protocol):
     """A machine under a prescribed crank, by a road that knows what its drive torque is made of."""
 
     @property
-    def efforts(self) -> Efforts:
+    def efforts(self) -> ForceRecord:
         """Forces and energies."""
         ...
 
@@ -49,7 +49,7 @@ class Prescribed(Protocol):
 
 
 @styled()
-def torque_plot(study: Prescribed, simulated: Efforts | None = None) -> "Figure":
+def torque_plot(study: Prescribed, simulated: ForceRecord | None = None) -> "Figure":
     """Draw the drive torque over the crank angle and what it is made of; of drivers their efforts over time.
 
     Args:
@@ -138,7 +138,7 @@ def dynamics_sheet(
     study: Prescribed,
     fluctuation: Fluctuation | None = None,
     even: Fluctuation | None = None,
-    simulated: Efforts | None = None,
+    simulated: ForceRecord | None = None,
 ) -> "Figure":
     """Draw torque or drives, reactions, powers and speed fluctuation on one sheet."""
     figure, axes = blank(2, 2, (10.4, 6.6))
@@ -152,14 +152,14 @@ def dynamics_sheet(
     return figure
 
 
-def _driving(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
+def _driving(ax: "Axes", study: Prescribed, simulated: ForceRecord | None) -> None:
     if study.efforts.drives:
         _drives(ax, study.efforts, simulated)
     else:
         _torque(ax, study, simulated)
 
 
-def _torque(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
+def _torque(ax: "Axes", study: Prescribed, simulated: ForceRecord | None) -> None:
     result, lines, degrees = study.efforts, study.torque_parts, np.rad2deg(study.efforts.angle)
     factor, unit = readable(result.torque, "N m")
     shown = {name: values for name, values in lines.items() if np.abs(values).max() > 1e-6 * factor}
@@ -177,7 +177,7 @@ def _torque(ax: "Axes", study: Prescribed, simulated: Efforts | None) -> None:
     ax.legend(**LEGEND_RIGHT)
 
 
-def _drives(ax: "Axes", result: Efforts, simulated: Efforts | None) -> None:
+def _drives(ax: "Axes", result: ForceRecord, simulated: ForceRecord | None) -> None:
     """Each driver's torque or force over time."""
     assert result.time is not None
     scales = {name: readable(values, _unit(result, name)) for name, values in result.drives.items()}
@@ -204,7 +204,7 @@ def _determined_forces(study: Prescribed) -> dict[str, Array]:
     }
 
 
-def _unit(result: Efforts, name: str) -> str:
+def _unit(result: ForceRecord, name: str) -> str:
     return "N" if name in result.straight else "N m"
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 import mujoco
 import numpy as np
 
-from mechsim.model.efforts import MeshForce
+from mechsim.model.force_record import MeshForce
 from mechsim.model.joints import Joint
 from mechsim.model.meshes import Mesh, meshes_of, threads_of
 from mechsim.numerics.arrays import Array

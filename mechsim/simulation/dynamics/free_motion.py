@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.efforts import FreeRun
+from mechsim.model.force_record import FreeRun
 from mechsim.model.forces import Forces, acting_on
 from mechsim.model.limits import MAX_STIFF_STEPS, require_steps
 from mechsim.model.masses import masses_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mechsim.model.efforts import Efforts
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import join, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
@@ -117,7 +117,9 @@ def _on_clock(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array
     return -(multipliers[:, rows] * jacobian[:, rows, loaded.loops.crank]).sum(1)
 
 
-def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array, torque: Array) -> Efforts:
+def efforts(
+    loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array, torque: Array
+) -> ForceRecord:
     """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
     n, crank = len(qacc), loaded.loops.crank
     drive = loaded.nothing(n)
@@ -138,7 +140,7 @@ def efforts(loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array,
     even = float(np.abs(rates[:, crank]).max()) ** 2
     kept = float(np.abs(at.plain["qacc"]).max())
     largest = max(float(np.abs(qacc).max()), kept, even, np.finfo(np.float64).tiny)
-    return Efforts(
+    return ForceRecord(
         size=loaded.mechanism.size,
         time=at.states.time,
         angle=at.states.qpos[:, loaded.loops.crank_address],
@@ -265,7 +267,7 @@ class Posed:
     qpos: Array
     states: States
     near: NearRows
-    found: Efforts
+    found: ForceRecord
 
 
 def required(
@@ -315,7 +317,7 @@ def _beside(
     angle: float,
     speed: float,
     acceleration: float,
-) -> Efforts:
+) -> ForceRecord:
     """Return what one instant needs so near to a meeting that the loops say nothing: read off around it."""
     count, laps = len(meeting.nodes), angle - turned
     qpos = meeting.states.copy()
@@ -346,7 +348,7 @@ def efforts_of(
     compliance: float,
     states: States,
     force: Array | None = None,
-) -> Efforts:
+) -> ForceRecord:
     """Return the efforts at recorded states of a stepped model, from its own constraint forces.
 
     Where a coupling bends they are those of the states with the loops closed (`_straightened`).

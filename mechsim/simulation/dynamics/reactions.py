@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mechsim.model.efforts import Reaction
+from mechsim.model.force_record import Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.numerics.arrays import Array

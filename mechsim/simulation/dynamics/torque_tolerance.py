@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.model.efforts import Efforts
+from mechsim.model.force_record import ForceRecord
 from mechsim.numerics.arrays import Array, rms, worst
 from mechsim.numerics.convergence import believed_order
 from mechsim.simulation.dynamics.determinacy import Known, settled
@@ -118,7 +118,7 @@ def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, known: Known) -> 
     return max(_errors(loaded, gaps, true))
 
 
-def _posed(loaded: LoadedModel, run: Driven) -> Efforts:
+def _posed(loaded: LoadedModel, run: Driven) -> ForceRecord:
     """Return what the crank motion of a run needs, by solved poses."""
     motion = run.motion
     if run.outcome == "diverged" or motion.time is None:
@@ -126,7 +126,9 @@ def _posed(loaded: LoadedModel, run: Driven) -> Efforts:
     return required(loaded, motion.time, motion.angle, motion.speed, motion.acceleration).found
 
 
-def _gaps(loaded: LoadedModel, found: Efforts, true: Efforts, known: Known) -> list[tuple[str, Array]]:
+def _gaps(
+    loaded: LoadedModel, found: ForceRecord, true: ForceRecord, known: Known
+) -> list[tuple[str, Array]]:
     """Return the differences of torque [N m], and of forces and moments over the size [N]; (n, k) each."""
     size = loaded.mechanism.size
     # where a joint with dry friction turns round, forces jump from one value to another
@@ -140,7 +142,7 @@ def _gaps(loaded: LoadedModel, found: Efforts, true: Efforts, known: Known) -> l
     return [(kind, np.where(fair, gap, 0.0)) for kind, gap in gaps]
 
 
-def _errors(loaded: LoadedModel, gaps: list[tuple[str, Array]], true: Efforts) -> tuple[float, float]:
+def _errors(loaded: LoadedModel, gaps: list[tuple[str, Array]], true: ForceRecord) -> tuple[float, float]:
     """Return the largest errors of torque and of reactions, as in `within`."""
     torque = max(rms(true.torque), IDLE * worst(true.kinetic))
     force = max(rms(np.linalg.norm(one.force, axis=1)) for one in true.reactions.values())

@@ -15,7 +15,7 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MechsimError
-from mechsim.model.efforts import Efforts
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -128,7 +128,7 @@ class EvaluationPoints:
         return self._loaded.masses
 
     @cached_property
-    def efforts(self) -> Efforts:
+    def efforts(self) -> ForceRecord:
         """What drives and joints carry."""
         run = prescribed_along(self._loaded, self.angle, self.speed, self.acceleration, time=self.time)
         return run.efforts

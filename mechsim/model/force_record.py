@@ -95,7 +95,7 @@ class MeshForce:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Efforts:
+class ForceRecord:
     """Forces and energies of a machine under a moving crank at n instants, in SI; ground frame.
 
     Attributes:
