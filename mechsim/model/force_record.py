@@ -1,4 +1,4 @@
-"""Efforts: what a machine needs and what its joints carry, as the formulas and MuJoCo both tell it."""
+"""Records of forces and energies: inverse dynamics, free runs and speed fluctuation, by both methods."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

@@ -26,7 +26,7 @@ from mechsim.model.couplings import Coupling
 from mechsim.model.design_arrays import Sides
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import turned, with_virtual_bodies
+from mechsim.model.link_poses import rotated, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import TURN
@@ -309,7 +309,7 @@ class TreeLoops:
             )
             a, b = known[joint.a.link], known[joint.b.link]
             rotation_a, rotation_b = a.rotation @ frame_a, b.rotation @ frame_b
-            gap = b.position + turned(b.rotation, point_b) - a.position - turned(a.rotation, point_a)
+            gap = b.position + rotated(b.rotation, point_b) - a.position - rotated(a.rotation, point_a)
             if branch.kind.ball:
                 relative = np.swapaxes(rotation_a, -1, -2) @ rotation_b
                 rotations[ball] = np.moveaxis(relative.reshape(-1, 3, 3), 0, -1)
