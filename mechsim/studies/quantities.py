@@ -2,7 +2,7 @@
 
 A quantity follows from columns of motions and forces, so that one name means the same wherever it is written:
 in formulas and tables that `validate` compares, in measures of `sweep` and `optimise`, in `sensitivity` and
-`fit`. A new kind of quantity is a row of `KINDS`; a new field of `ForceRecord` with a unit is known by its name.
+`fit`. A new kind of quantity is a row of `KINDS`; a new field of `ForceRecord` with a unit is known by name.
 """
 
 import re
