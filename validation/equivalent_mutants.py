@@ -28,11 +28,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if len(self.others) + self.matrix.shape[1] == len(jacobian) and self._idle(jacobian):",
         "if len(self.others) + self.matrix.shape[2] == len(jacobian) and self._idle(jacobian):",
     ): "the matrices are square",
-    (
-        LOOPS,
-        "factor = np.where(angle > 1e-08, np.sin(half) / np.where(angle > 1e-08, angle, 1.0), 0.5)",
-        "factor = np.where(angle > 1e-08, np.sin(half) / np.where(angle > 1e-09, angle, 1.0), 0.5)",
-    ): "what is divided there is not taken",
     ("simulation/recording.py", "CHUNK = 2048", "..."): SPEED,
     (CUTS, "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
     (
@@ -136,15 +131,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
             "return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, 1.0), 1.0)",
             f"return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, {any_one}), 1.0)",
         ): "what is divided by it is not taken"
-        for any_one in ("0.1", "10.0")
-    },
-    **{
-        (
-            LOOPS,
-            f"factor = np.where({short}, np.sin(half) / np.where({short}, angle, 1.0), 0.5)",
-            f"factor = np.where({short}, np.sin(half) / np.where({short}, angle, {any_one}), 0.5)",
-        ): "what is divided by it is not taken"
-        for short in ("angle > 1e-08",)
         for any_one in ("0.1", "10.0")
     },
     (

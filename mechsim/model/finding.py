@@ -34,8 +34,8 @@ class Finding:
     kind: str
     what: str
     by: float
-    explains: float
     message: str
+    explains: float = 0.0
     remedy: str = ""
     line: int | None = None
     file: str = ""

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import Track
 
@@ -112,11 +111,7 @@ class ClosedModel:
     def undetermined_points(self) -> NDArray[np.bool_]:
         """Which tracked points can move with the drivers locked, (k,): poses do not determine them."""
         loops = self.loops
-        constrained = loops.constrained_jacobian(loops.linearise(self.qpos[None])[1])[0]
-        _, values, directions = np.linalg.svd(constrained)
-        rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-        moves = np.zeros((len(directions) - rank, self.model.nv))
-        moves[:, loops.free] = NUDGE * directions[rank:]
+        moves = NUDGE * loops.null_space(loops.linearise(self.qpos[None])[1])
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
         positions = self.point_positions(np.concatenate([self.qpos[None], nudged]))
         # a closed loop lets a point move by the second order of the displacement

@@ -160,7 +160,7 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
     revolutions = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
     first = float(path.revolutions(angle[:1])[0]) * TURN
     change_point_angles = [m.angle + first + whole for m in path.change_points for whole in revolutions]
-    return sorted(at for at in change_point_angles if low - AT_START <= at <= high + AT_START)
+    return sorted(a for a in change_point_angles if low - AT_START <= a <= high + AT_START)
 
 
 def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | BranchPath:
@@ -178,8 +178,8 @@ def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | BranchPath:
 def change_points_text(loops: ModelLoops, angles: Sequence[float]) -> str:
     """Return the positions of change points as text."""
     if loops.drivers is not None:
-        return ", ".join(loops.driver_text(at) for at in angles[:3])
-    return f"crank angle {', '.join(f'{at:.4g}' for at in angles[:3])} rad"
+        return ", ".join(loops.driver_text(angle) for angle in angles[:3])
+    return f"crank angle {', '.join(f'{angle:.4g}' for angle in angles[:3])} rad"
 
 
 def undecided_note(loops: ModelLoops, angles: Sequence[float]) -> str:
@@ -187,8 +187,8 @@ def undecided_note(loops: ModelLoops, angles: Sequence[float]) -> str:
     if not angles:
         return ""
     return (
-        f"at {change_points_text(loops, angles)} two assemblies meet, and dynamics alone cannot decide which "
-        "one goes on: hold it by a second parallel crank or a flywheel, take more steps, or run it by pose"
+        f"at {change_points_text(loops, angles)} two assemblies meet, and dynamics alone does not determine "
+        "which one continues: add a second parallel crank or inertia, take more steps, or run it by pose"
     )
 
 
@@ -198,7 +198,7 @@ def require_regular_start(loops: ModelLoops, angles: Sequence[float], start: flo
     Raises:
         AssemblyError: with the crank angle or the driver values.
     """
-    if any(abs(at - start) <= AT_START for at in angles):
+    if any(abs(angle - start) <= AT_START for angle in angles):
         raise AssemblyError(
             f"{loops.name}: it starts at {loops.driver_text(start)}, where two assemblies meet and dynamics "
             "alone cannot decide which one goes on; give a start at "

@@ -1,8 +1,8 @@
 """A model driven through one crank motion, by solved poses or by time stepping, and its verdict."""
 
 import copy
-import time as clock
 from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 
@@ -41,19 +41,19 @@ from mechsim.simulation.stepping import Progress, Steps, no_progress, step
 SAMPLES = 72
 # notes on the changes that stepping makes to a custom model
 CHANGED = (
-    "the model's own time step, integrator, solver and softness of constraints gave way to the settings of "
-    "the run, and its drivers carry flywheels; gravity, masses, friction and actuators are its own"
+    "the model's own time step, integrator, solver and constraint compliance were replaced by the settings "
+    "of the run, and its drivers carry virtual inertia; gravity, masses, friction and actuators are its own"
 )
 TOUCHING = ", and so are contacts of what the drivers leave open"
 UNTOUCHED = ", and contacts do not act, for the drivers settle every place"
 # bytes per recorded number, with intermediate arrays
-HELD = 32.0
+BYTES_PER_NUMBER = 32.0
 # crank angles at which a profile is probed for closure
 PROBES = 64
 # distance of the crank from its prescribed angle, in [rad], at which the drive has failed
-LOST = np.pi
+MAX_DRIVE_ERROR = np.pi
 # distance from a singular pose at which six significant digits of rates remain
-HELD_LEAST = 1e-7
+MIN_CONDITIONING = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class DrivenRun:
             self._change_points_note(),
             self.ending,
         )
-        return "; ".join(one for one in notes if one)
+        return "; ".join(text for text in notes if text)
 
     def _change_points_note(self) -> str:
         """Return the note on change points of the motion; empty without any."""
@@ -216,10 +216,14 @@ class DrivenRun:
         if steps.diverged:
             return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s, by {self._cause(steps)}"
         target = self.profile.state(steps.states.time)[0]
-        what: list[tuple[str, Array, Array, float, str]] = [("the crank", motion.angle, target, LOST, "rad")]
+        what: list[tuple[str, Array, Array, float, str]] = [
+            ("the crank", motion.angle, target, MAX_DRIVE_ERROR, "rad")
+        ]
         loops = self.closed.loops
         if loops.drivers is not None:
-            bounds = np.where(loops.drivers.slides, LOST * loops.characteristic_length, LOST)
+            bounds = np.where(
+                loops.drivers.slides, MAX_DRIVE_ERROR * loops.characteristic_length, MAX_DRIVE_ERROR
+            )
             driven = steps.states.qpos[:, loops.drivers.addresses].T
             units = np.where(loops.drivers.slides, "m", "rad")
             what = [
@@ -231,7 +235,7 @@ class DrivenRun:
                 index = int(np.argmax(lost))
                 return (
                     f"after {steps.states.time[index]:.6g} s {name} stands at {value[index]:.6g} {unit} "
-                    f"instead of {targets[index]:.6g}: the linkage turns its flywheel"
+                    f"instead of {targets[index]:.6g}: the linkage moves its virtual drive inertia"
                 )
         return ""
 
@@ -271,15 +275,15 @@ def solved_run(
     if not profile.steady:
         # the loops may fail to close between two samples
         first_state(closed, profile)
-    begin = clock.perf_counter()
+    begin = perf_counter()
     qpos, path = follow.follow_path(closed.loops, closed.qpos, angle)
-    seconds = clock.perf_counter() - begin
+    seconds = perf_counter() - begin
     require_path_within_limits(closed, angle)
     require_within_limits(closed, qpos)
     near_rows = list(path.near_change_points(angle))
     away = moved_away(qpos, near_rows)
     jacobian = closed.loops.linearise(away)[1]
-    _require_held(closed.loops, jacobian, angle)
+    _require_regular(closed.loops, jacobian, angle)
     states = States(time, away, closed.loops.tangent(jacobian) * speed[:, None])
     motion = evaluate(
         closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, progress=progress
@@ -301,9 +305,9 @@ def solved_run(
     )
 
 
-def _require_held(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
+def _require_regular(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
     """Reject singular poses, at which the continuation is ambiguous."""
-    lost = loops.conditioning(jacobian) < HELD_LEAST
+    lost = loops.conditioning(jacobian) < MIN_CONDITIONING
     if lost.any():
         where = loops.driver_text(float(angle[np.argmax(lost)]))
         raise AssemblyError(
@@ -320,6 +324,6 @@ def check_records(closed: ClosedModel, profile: CrankProfile, samples: int | Non
     require_room(
         f"{records:.3g} instants of {profile.turns:g} turns",
         records,
-        HELD * numbers,
+        BYTES_PER_NUMBER * numbers,
         "take {most} instants at the most: fewer turns, or records farther apart",
     )

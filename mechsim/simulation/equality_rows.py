@@ -227,12 +227,12 @@ def chained(couplings: Sequence[CouplingConstraint], driven: Sequence[int]) -> l
     """Return the couplings whose dependent coordinate follows from driven DOFs, in order of evaluation."""
     known_dofs, chain, waiting = {*driven}, list[CouplingConstraint](), list(couplings)
     while True:
-        found = next((coupling for coupling in waiting if _follows(coupling, known_dofs)), None)
-        if found is None:
+        row = next((row for row in waiting if _follows(row, known_dofs)), None)
+        if row is None:
             return chain
-        waiting = [coupling for coupling in waiting if coupling is not found]  # arrays have no plain equality
-        chain.append(found)
-        known_dofs.add(int(found.left.dofs[0]))
+        waiting = [other for other in waiting if other is not row]  # arrays have no plain equality
+        chain.append(row)
+        known_dofs.add(int(row.left.dofs[0]))
 
 
 def _follows(coupling: CouplingConstraint, known_dofs: set[int]) -> bool:
@@ -257,7 +257,7 @@ def rates(
         weight, address, dof = float(row.left.weights[0]), int(row.left.addresses[0]), int(row.left.dofs[0])
         target, derivative = row.evaluate(_sum(row.right, values))
         values[address] = row.left.zeros[0] + target / weight
-        right = sum(w * speeds[int(of)] for of, w in zip(row.right.dofs, row.right.weights, strict=True))
+        right = sum(w * speeds[int(k)] for k, w in zip(row.right.dofs, row.right.weights, strict=True))
         speeds[dof] = np.asarray(derivative * right / weight)
     return speeds
 

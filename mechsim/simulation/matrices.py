@@ -21,7 +21,7 @@ KINDS: dict[Jacobian, int] = {
 # quicker (validation/choices/matrices.py)
 SPARSE_MIN_DOFS, SPARSE_MAX_FILL = 40, 0.25
 # difference of accelerations, relative to the largest, above which it is not rounding
-SAME = 1e-6
+AGREEMENT_TOLERANCE = 1e-6
 
 
 def quicker(model: mujoco.MjModel) -> Jacobian:
@@ -36,7 +36,7 @@ def quicker(model: mujoco.MjModel) -> Jacobian:
         sparse, _ = look(model, "sparse")
     finally:
         model.opt.jacobian = before
-    agree = float(np.abs(sparse - dense).max()) <= SAME * float(np.abs(dense).max())
+    agree = float(np.abs(sparse - dense).max()) <= AGREEMENT_TOLERANCE * float(np.abs(dense).max())
     return "sparse" if agree else "dense"
 
 

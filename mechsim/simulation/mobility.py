@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.limits import check_instants, extremes, require_within
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.numerics.rank import pseudo_inverse
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
 from mechsim.simulation.poses import follow
@@ -29,9 +29,8 @@ def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
     if loops.drivers is not None:
         names, driver_columns = loops.drivers.names, np.eye(len(jacobian))[:, -len(loops.drivers.names) :]
     constrained = loops.constrained_jacobian(jacobian[None])[0]
-    errors = np.abs(
-        constrained @ (np.linalg.pinv(constrained, rcond=RANK_TOLERANCE) @ driver_columns) - driver_columns
-    ).max(0, initial=0.0)
+    projected = constrained @ (pseudo_inverse(constrained, floor=0.0) @ driver_columns)
+    errors = np.abs(projected - driver_columns).max(0, initial=0.0)
     tolerance = max(LOCKED_FRACTION * float(np.abs(jacobian).max(initial=0.0)), loops.rounding)
     return tuple(name for name, miss in zip(names, errors, strict=True) if not miss <= tolerance)
 
@@ -49,8 +48,8 @@ def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: floa
 
 
 # displacement, in [rad] and in characteristic lengths, by which a null-space direction is probed; fraction of
-# it that remains after closing the loops if the DOF is real; fraction by which a moving point or joint moves
-NUDGE, MIN_REMAINING, MIN_DISPLACEMENT = 1e-3, 0.5, 1e-2
+# it that remains after closing the loops if the DOF is real; displacement of a moving joint or point
+NUDGE, MIN_REMAINING, THRESHOLD = 1e-3, 0.5, 1e-5
 # maximum number of bodies that a note lists
 MAX_LISTED = 6
 
@@ -76,13 +75,10 @@ def residual_mobility(closed: ClosedModel) -> ResidualMobility:
     """Return what the drivers leave undetermined at the closed state of a model."""
     loops, state = closed.loops, closed.qpos[None]
     jacobian = loops.linearise(state)[1]
-    constrained = loops.constrained_jacobian(jacobian)[0]
-    _, values, directions = np.linalg.svd(constrained)
-    rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
     immobile = immobile_drivers(loops, jacobian[0])
     names: list[str] = []
     singular, determined = False, np.ones(loops.model.nbody, dtype=np.bool_)
-    for direction in directions[rank:]:
+    for direction in loops.null_space(jacobian):
         moved = _closed_after_nudge(loops, closed.qpos, direction)
         nudged = moved if moved is not None else _nudged(loops, closed.qpos, direction)
         moved_names = _moved_names(closed, closed.qpos, nudged)
@@ -124,7 +120,7 @@ def require_movable(closed: ClosedModel, mobility: ResidualMobility) -> None:
     if mobility.at_change_point:
         raise AssemblyError(
             f"{closed.loops.name}: it starts at {closed.loops.driver_text(closed.angle)}, where two "
-            "assemblies meet and none can be told from the other; give a start at "
+            "assemblies meet and cannot be distinguished; give a start at "
             f"{'another crank angle' if closed.loops.drivers is None else 'other values of the drivers'}"
         )
 
@@ -193,9 +189,7 @@ def _range_remedy(closed: ClosedModel) -> str:
 
 
 def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
-    step = np.zeros((1, loops.model.nv))
-    step[0, loops.free] = NUDGE * direction
-    return loops.displaced(state[None], step)[0]
+    return loops.displaced(state[None], NUDGE * direction[None])[0]
 
 
 def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Array | None:
@@ -205,11 +199,8 @@ def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Ar
         closed = loops.close(nudged[None])[0]
     except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
         return None
-    return (
-        closed
-        if np.abs(closed - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()
-        else None
-    )
+    remains = np.abs(closed - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()
+    return closed if remains else None
 
 
 def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
@@ -221,19 +212,16 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
         moved_bodies[model.body_parentid[body]] |= moved_bodies[body]
     for i, (kind, address) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
         scale = loops.characteristic_length if kind == SLIDE else 1.0
-        moved_joint = (
-            kind in (HINGE, SLIDE) and abs(moved[address] - state[address]) > MIN_DISPLACEMENT * NUDGE * scale
-        )
+        if kind not in (HINGE, SLIDE) or abs(moved[address] - state[address]) <= THRESHOLD * scale:
+            continue
         # a link that spins about its own axis has not moved
-        if moved_joint and moved_bodies[model.jnt_bodyid[i]]:
+        if moved_bodies[model.jnt_bodyid[i]]:
             names.append(f"joint {model.joint(i).name or i!r}")
     positions = closed.point_positions(np.stack([state, moved]))
     displacements = np.linalg.norm(positions[1] - positions[0], axis=1)
     for name, displacement in zip(closed.track.points, displacements, strict=True):
         body = int(model.site_bodyid[model.site(name).id])
-        if displacement > MIN_DISPLACEMENT * NUDGE * loops.characteristic_length and not _is_floating(
-            loops, body
-        ):
+        if displacement > THRESHOLD * loops.characteristic_length and not _is_floating(loops, body):
             names.append(f"point {name}")
     return names
 
@@ -241,7 +229,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
 def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
     """Return which bodies' centres of mass differ between two states, (nbody,)."""
     displacements = np.diff(loops.centres(np.stack([state, moved])), axis=0)[0]
-    return np.linalg.norm(displacements, axis=1) > MIN_DISPLACEMENT * NUDGE * loops.characteristic_length
+    return np.linalg.norm(displacements, axis=1) > THRESHOLD * loops.characteristic_length
 
 
 def _is_floating(loops: ModelLoops, body: int) -> bool:
@@ -270,6 +258,7 @@ def floating_bodies_note(closed: ClosedModel) -> str:
         else ("float", "they stand where they start", "them")
     )
     return (
-        f"{', '.join(names)}{more} {floats} beside what is driven, and poses say nothing of that: {state}; "
-        f"hold {pronoun} (--fix-base), or {STEPPED}"
+        f"{', '.join(names)}{more} {floats} independently of the drivers, which determine no pose of it: "
+        f"{state}; "
+        f"fix {pronoun} (--fix-base), or {STEPPED}"
     )

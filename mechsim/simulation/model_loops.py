@@ -11,11 +11,12 @@ from functools import cached_property
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, significant
 from mechsim.simulation import equality_rows
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
 from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, constraints
@@ -139,8 +140,8 @@ class ModelLoops:
     @property
     def characteristic_length(self) -> float:
         """Characteristic length of the model, in [m], where all states share its fields."""
-        (size,) = self.characteristic_lengths.tolist()
-        return size
+        (length,) = self.characteristic_lengths.tolist()
+        return length
 
     @property
     def units(self) -> Array:
@@ -304,10 +305,14 @@ class ModelLoops:
             matrix[:] = 0.0
         return matrix
 
+    def null_space(self, jacobian: Array) -> Array:
+        """Return the directions that the loops of one state, (1, m, nv), leave free, (k, nv)."""
+        return self._with_crank_rate(null_spaces(self.constrained_jacobian(jacobian)[0], floor=0.0)[1], 0.0)
+
     def solve(self, jacobian: Array, right: Array) -> Array:
         """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank."""
         matrix = self.constrained_jacobian(jacobian)
-        rows = self.independent.of(matrix)
+        rows = self.independent.basis_of(matrix)
         if rows is None:
             return np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right
         if rows.shape[1] < rows.shape[0]:
@@ -329,7 +334,7 @@ class ModelLoops:
         constant.
         """
         matrix = self.constrained_jacobian(jacobian)
-        rows = self.independent.of(matrix)
+        rows = self.independent.basis_of(matrix)
         return (
             np.zeros(len(matrix))
             if rows is None
@@ -356,7 +361,7 @@ class ModelLoops:
         and positive there; signs are then comparable within one call only.
         """
         matrix, independent, sign = self.constrained_jacobian(jacobian), self.independent, 1.0
-        rows = independent.of(matrix)
+        rows = independent.basis_of(matrix)
         if rows is None:
             rows = np.linalg.svd(matrix[0], full_matrices=False)[0][:, : len(independent.row_space)]
             sign = np.linalg.slogdet(independent.square(matrix[:1], rows))[0]
@@ -371,7 +376,7 @@ class ModelLoops:
         The crank is locked; unconstrained DOFs do not contribute.
         """
         matrix = self.constrained_jacobian(jacobian)
-        self.independent.of(matrix)
+        self.independent.basis_of(matrix)
         row_space = self.independent.row_space
         direction = np.linalg.svd(matrix @ row_space.T)[2][:, len(row_space) - 1] @ row_space
         return self._with_crank_rate(direction, 0.0)[0]
@@ -487,8 +492,9 @@ class ModelLoops:
             if kind == FREE:
                 out[:, address : address + 3] += step[:, dof : dof + 3]
                 address, dof = address + 3, dof + 3
-            turned = _rotated_quaternions(out[:, address : address + 4], step[:, dof : dof + 3])
-            out[:, address : address + 4] = turned
+            rotation = Rotation.from_quat(out[:, address : address + 4], scalar_first=True)
+            rotation *= Rotation.from_rotvec(step[:, dof : dof + 3])
+            out[:, address : address + 4] = rotation.as_quat(scalar_first=True)
         return out
 
 
@@ -514,7 +520,7 @@ class _IndependentRows:
         assert self.basis is not None
         return self.basis[2]
 
-    def of(self, matrix: Array) -> Array | None:
+    def basis_of(self, matrix: Array) -> Array | None:
         """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
         if self.basis is None:
             # a model may have thousands of unconstrained DOFs, of which no basis is needed
@@ -553,22 +559,3 @@ def _extent(model: mujoco.MjModel) -> float:
     """Return the largest distance of sites, joints and centres of mass from their bodies' origins, or 1 m."""
     positions = np.concatenate([model.site_pos, model.jnt_pos, model.body_ipos])
     return float(np.linalg.norm(positions, axis=1).max(initial=0.0)) or 1.0
-
-
-def _rotated_quaternions(quaternion: Array, vector: Array) -> Array:
-    """Return unit quaternions rotated by rotation vectors in their own frames, (n, 4)."""
-    angle = np.sqrt((vector * vector).sum(1))
-    half = 0.5 * angle
-    factor = np.where(angle > 1e-8, np.sin(half) / np.where(angle > 1e-8, angle, 1.0), 0.5)
-    w, x, y, z = quaternion.T
-    a, (b, c, d) = np.cos(half), (factor[:, None] * vector).T
-    turned = np.stack(
-        [
-            w * a - x * b - y * c - z * d,
-            w * b + x * a + y * d - z * c,
-            w * c - x * d + y * a + z * b,
-            w * d + x * c - y * b + z * a,
-        ],
-        1,
-    )
-    return turned / np.sqrt((turned * turned).sum(1))[:, None]

@@ -96,7 +96,7 @@ def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run, repo
 
     estimate = report.estimate
     improvement = improving_compliance(error, settings.compliance_used, estimate, tolerance)
-    steps_spent = report.trials + sum(one.steps for one in attempts)
+    steps_spent = report.trials + sum(attempt.steps for attempt in attempts)
     if improvement is None:
         return _with_report(run, replace(report, trials=steps_spent))
     compliance, remaining = improvement
@@ -118,7 +118,7 @@ def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run, repo
 
 def _with_report(run: Run, report: ToleranceReport, *notes: str) -> Run:
     """Return a run with its tolerance report and with notes added."""
-    note = "; ".join(one for one in (run.note, *notes, report.reason) if one)
+    note = "; ".join(filter(None, (run.note, *notes, report.reason)))
     return replace(run, tolerance_report=report, note=note)
 
 

@@ -159,7 +159,7 @@ def simulate(
         # what moves by its loop equations may have programs of its own
         own = getattr(source, "motion_laws", None)
         motion_laws = own if isinstance(own, MotionLaws) else None
-    require_programs(source, motion_laws, speed if profile is None else profile)
+    require_motion_laws(source, motion_laws, speed if profile is None else profile)
     if profile is not None:
         source = starting_at(source, profile.angles)
     drivers = drive if motion_laws is None else motion_laws.drivers
@@ -233,8 +233,8 @@ def _movable(
     )
 
 
-def require_programs(source: Source, motion_laws: MotionLaws | None, else_given: object) -> None:
-    """Refuse programs of other drivers than a mechanism's, drivers without, and a crank's motion beside them.
+def require_motion_laws(source: Source, motion_laws: MotionLaws | None, else_given: object) -> None:
+    """Reject motion laws that do not fit the mechanism's drivers, and a crank motion next to them.
 
     Raises:
         InputError: naming the drivers.

@@ -17,9 +17,9 @@ from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 
 
-def choice(default: str | None, options: tuple[str, ...], about: str, **told: Any) -> Any:
+def choice(default: str | None, options: tuple[str, ...], about: str, **declared: Any) -> Any:
     """Declare a setting that takes one of a few words."""
-    return setting(default, about, options=options, **told)
+    return setting(default, about, options=options, **declared)
 
 
 def switch(default: bool, about: str, **options: Any) -> Any:
@@ -85,7 +85,7 @@ ITERATIONS = 100
 
 
 def _compliance(value: float | None) -> str:
-    return f"{COMPLIANCE if value is None else value:g} of MuJoCo's softness"
+    return f"{COMPLIANCE if value is None else value:g} of MuJoCo's compliance"
 
 
 def _steps(value: float | None) -> str:
@@ -334,8 +334,8 @@ def drive_inertia(mass: Array, inertia: Array, length: Any, compliance: float) -
 def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
     """Return the tendons of a model's couplings."""
     numbers = [setting_.equality for setting_ in loops.couplings]
-    of = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
-    return sorted({int(end) for i in of for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
+    ends = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
+    return sorted({int(end) for i in ends for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
 
 
 def _set(option: Any, field: str, bits: int, on: bool) -> None:

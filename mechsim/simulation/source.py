@@ -182,8 +182,8 @@ def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
     model = compiled(spec.copy())
     names = [model.key(i).name for i in range(model.nkey)]
     if key not in names:
-        known = ", ".join(names) or "none"
-        raise InputError(f"{spec.modelname}: there is no keyframe {key!r} (it has {known})")
+        listing = ", ".join(names) or "none"
+        raise InputError(f"{spec.modelname}: there is no keyframe {key!r} (it has {listing})")
     return model.key_qpos[names.index(key)]
 
 
@@ -191,8 +191,8 @@ def from_mechanism(
     mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, programmed: bool
 ) -> ClosedModel:
     """Return the model generated from a mechanism; `programmed` if its drivers follow motion laws."""
-    asked = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
-    closed = from_spec(spec, points, asked, coordinates=_coordinate_names(mechanism, programmed=programmed))
+    names = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
+    closed = from_spec(spec, points, names, coordinates=_coordinate_names(mechanism, programmed=programmed))
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
     return replace(closed, track=replace(closed.track, hidden=hidden))
 

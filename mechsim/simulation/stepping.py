@@ -1,8 +1,8 @@
 """Time stepping in MuJoCo under a driven crank or driven joints."""
 
-import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import perf_counter, thread_time
 
 import mujoco
 import numpy as np
@@ -105,10 +105,10 @@ def step(
     while count_done < total and not diverged:
         count = min(BLOCK, total - count_done)
         control = _controls(loops, slice(count_done, count_done + count), controls, torque)
-        begin, busy = clock.perf_counter(), clock.thread_time()
+        begin, busy = perf_counter(), thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
-        spent += clock.perf_counter() - begin
-        processor += clock.thread_time() - busy
+        spent += perf_counter() - begin
+        processor += thread_time() - busy
         number = np.arange(count_done + 1, count_done + count + 1)
         kept = np.flatnonzero((number % interval == 0) | (number == total))
         number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())

@@ -110,13 +110,13 @@ def refine(
         attempt: steps per revolution -> a run.
         tolerance: of the estimates.
         first: steps per revolution of the first attempt.
-        why: steps of the last attempt and estimate that is left -> why the tolerance is not kept.
+        reason_text: steps of the last attempt and its estimate -> why the tolerance is not satisfied.
         trials: steps taken so far.
-        tried: steps in a turn of the finest trial: an attempt with fewer has not begun to converge, and is
-            followed by one with as many, whatever its estimate foretells.
+        trial_steps: steps per revolution of the finest trial: an attempt with fewer may not converge yet, and
+            is followed by one with as many, whatever its estimate predicts.
         multiple: a divisor of all numbers of steps.
-        most: steps in a turn that are spent where fewer than these, and more than `MOST`, are foretold to do.
-        budget: of processor time; an attempt that would exceed it is not begun. None is no limit.
+        max_steps: limit on the steps per revolution if the prediction lies between `MAX_STEPS` and it.
+        budget: of processor time; an attempt that would exceed it is not started. None is no limit.
 
     Raises:
         BudgetError: where the budget ends before the first attempt does.

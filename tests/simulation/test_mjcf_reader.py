@@ -268,7 +268,7 @@ BAD = {
         "<mujoco>\n<worldbody>\n<bodie/></worldbody></mujoco>",
         r"line 3: MuJoCo refuses it: .*'bodie'",
     ),
-    "cut off": ("<mujoco>\n<worldbody>", "line 2, column 12: no well-formed XML, no element found; mend"),
+    "cut off": ("<mujoco>\n<worldbody>", "line 2, column 12: no well-formed XML, no element found; correct"),
     "a pointer": ("version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "Git LFS.*git lfs pull"),
     "a part": ("<mujocoinclude/>", "is a part that other files include; name the file that includes it"),
     "no such plugin": (
@@ -282,7 +282,7 @@ BAD = {
     ),
     "beyond sense": (
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 1e80 0"),
-        r"line 8: body 'c' holds 1e\+80; give 1e\+12 in SI at most; mend the file",
+        r"line 8: body 'c' holds 1e\+80; give 1e\+12 in SI at most; correct the file",
     ),
     "too much of it": (
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option gravity="0 0 -1e200"/>'),

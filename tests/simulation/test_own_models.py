@@ -83,7 +83,7 @@ def test_what_stepping_changes_of_ones_own_model_is_said():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     said = swept(text, drive="motor", speed=2.0, method="step").note
     assert "own time step" in said
-    assert "flywheels" in said
+    assert "virtual inertia" in said
     assert swept(text, drive="motor", speed=2.0, method="pose").note == ""
 
 

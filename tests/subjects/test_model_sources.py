@@ -127,5 +127,5 @@ def test_urdf_is_read_and_a_mimic_joint_is_a_coupling(tmp_path):
 def test_urdf_that_mujoco_rejects_ends_in_one_sentence(tmp_path):
     file = tmp_path / "arm.urdf"
     file.write_text(URDF.format(mimic="").replace('<child link="lower"/>', '<child link="nothing"/>'))
-    with pytest.raises(InputError, match=r"^\S+arm.urdf.*: MuJoCo refuses it: .*; mend the file$"):
+    with pytest.raises(InputError, match=r"^\S+arm.urdf.*: MuJoCo refuses it: .*; correct the file$"):
         load(str(file))

@@ -121,8 +121,8 @@ def wrong() -> str:
     for _ in range(RANDOM):
         model = ready(tangle(random))
         found.append((gap(model)[0], matrices.quicker(model)))
-    bad = [(differ, taken) for differ, taken in found if differ > matrices.SAME]
-    right = [differ for differ, _ in found if differ <= matrices.SAME]
+    bad = [(differ, taken) for differ, taken in found if differ > matrices.AGREEMENT_TOLERANCE]
+    right = [differ for differ, _ in found if differ <= matrices.AGREEMENT_TOLERANCE]
     kinds = [taken for _, taken in bad]
     return (
         f"MuJoCo {mujoco.__version__}, {RANDOM} random models: accelerations differ in {len(bad)}, by "

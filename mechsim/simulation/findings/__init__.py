@@ -23,7 +23,7 @@ from mechsim.simulation.mjcf_reader import MjcfModel
 __all__ = ["findings"]
 
 
-# what is looked for, in the order in which it is told: what breaks a run, what bends it, what is to be known
+# checks in the order of their findings: what breaks a run, what distorts it, what the user should know
 CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
     timestep,
     gaps,

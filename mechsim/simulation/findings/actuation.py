@@ -43,7 +43,6 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
             kind="actuator",
             what=name,
             by=_stiffness(scene, a),
-            explains=0.0,
             message=f"actuator {name} moves what other servos move already: they work against each other "
             "unless their controls agree to the last bit",
             remedy=f"leave {name} out, or make it a motor",
@@ -75,7 +74,6 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
             kind="actuator",
             what=name,
             by=abs(force),
-            explains=0.0,
             message=f"actuator {name} is {abs(off):.3g} from what its control of 0 asks for where the scene "
             f"starts, and begins with an effort of {abs(force):.3g}",
             remedy="give it the control of the start, in a keyframe or by --ctrl",
@@ -98,7 +96,6 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
             kind="actuator",
             what=name,
             by=largest,
-            explains=0.0,
             message=f"actuator {name} fights the drive: with its control at 0 it works against the programs "
             f"by up to {largest:.3g} N or N m",
             remedy="drive by its own control (--ctrl), or leave it out of the scene",

@@ -49,7 +49,6 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
             kind="soft",
             what=loop.name,
             by=by,
-            explains=0.0,
             message=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
             remedy=f"{remedy}; mechsim tune finds what your tolerance needs",
             **loop.place,
@@ -94,7 +93,6 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
             kind="refsafe",
             what=names,
             by=least / constant,
-            explains=0.0,
             message=f"the time constant {constant:g} s of {names} is raised to {least:g} s, two steps: "
             f"gaps are {(least / constant) ** 2:.3g} times wider than the file asks for",
             remedy=f"take a step of {constant / MIN_STEPS:g} s, or a time constant of {least:g} s",
@@ -127,7 +125,6 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
         kind="timestep",
         what=loop.name,
         by=step / stable,
-        explains=0.0,
         message=f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}",
         remedy=f"take a step of {stable:.2g} s, or make the loop {step / stable:.2g} times slower",
         **loop.place,
@@ -156,7 +153,7 @@ def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     mobility = jacobian @ np.linalg.solve(inertia, jacobian.T)
-    # part of an asked acceleration that the softness of the loops lets through
+    # fraction of a requested acceleration that the compliance of the loops transmits
     transmitted = mobility @ np.linalg.inv(mobility + np.diag(data.efc_R[rows]))
     k, b, d, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
     number = int(data.efc_id[rows][int(np.argmax(np.maximum(b, np.sqrt(k * d))))])

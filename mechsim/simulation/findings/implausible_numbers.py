@@ -15,7 +15,7 @@ ROUNDING = 1e-9
 # a body whose mass is spread wider than this many sizes of the whole scene, or whose centre lies so far off
 MAX_SPREAD = 3.0
 # far beyond any solid, in [kg/m3]: osmium has 22,600, masses made up for a scene without weight up to 2e7,
-# and a mass in g beside an inertia in kg m2 makes 1e3**2.5 of any
+# and a mass in g with an inertia in kg m2 makes 1e3**2.5 of any
 MAX_DENSITY = 1e8
 # part of the heaviest moving body's mass below which one is weightless
 MASSLESS = 1e-7
@@ -41,7 +41,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
         if not problem and model.body_jntnum[b] and by <= MASSLESS * heaviest:
             problem = (
                 by,
-                f"with all it carries weighs {by:.2g} kg, nothing beside {heaviest:.2g} kg",
+                f"with all it carries weighs {by:.2g} kg, nothing compared with {heaviest:.2g} kg",
                 "weigh it",
             )
         if problem:
@@ -50,7 +50,6 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
                 kind="inertia",
                 what=name,
                 by=abs(by),
-                explains=0.0,
                 message=f"body {name} {what}",
                 remedy=remedy,
                 **scene.place(element),
@@ -88,7 +87,7 @@ def _triangle_violation(moments: Array) -> tuple[float, str, str] | None:
     low, middle, high = (float(value) for value in moments)
     listed = ", ".join(f"{value:.4g}" for value in (low, middle, high))
     if not low >= 0.0:
-        return low, f"has a negative moment of inertia ({listed} kg m2)", "mend its inertia"
+        return low, f"has a negative moment of inertia ({listed} kg m2)", "correct its inertia"
     if high > (low + middle) * (1.0 + ROUNDING) + 1e-300:
         return (
             high / (low + middle) if low + middle else np.inf,
@@ -147,7 +146,6 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
             kind="units",
             what="lengths",
             by=scene.size,
-            explains=0.0,
             message=f"the linkage is {scene.size:.3g} m large: its lengths look like mm",
             remedy="MuJoCo takes lengths as they stand and gravity as 9.81: write m",
         )
@@ -163,7 +161,6 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
                 kind="units",
                 what=name,
                 by=by,
-                explains=0.0,
                 message=f"body {name} is {by:.3g} m from its parent, others {middle:.2g} m: it looks like mm",
                 remedy="write m",
                 **scene.place(bodies[name]),
@@ -188,7 +185,6 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             kind="units",
             what=names,
             by=max(widths[j] for j in wide),
-            explains=0.0,
             message=f"{names} of a loop may turn from {low:g} to {high:g} rad: that looks like degrees",
             remedy='write rad, or angle="degree" for the whole file',
             **scene.place(joints[str(model.joint(wide[0]).name)]),
@@ -200,7 +196,6 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             kind="units",
             what="angles",
             by=widths[j],
-            explains=0.0,
             message=f"no hinge may turn by more than {np.rad2deg(widths[j]):.3g} deg: "
             "the ranges look like rad",
             remedy='angles are degrees unless the file says <compiler angle="radian"/>',

@@ -48,7 +48,6 @@ def _immobile(name: str, limit: float, unit: str, location: FilePosition) -> Fin
         kind="limit",
         what=name,
         by=0.0,
-        explains=0.0,
         message=f"joint {name} is limited to {limit:g} {unit} alone, "
         "and every motion of its loop breaks that",
         remedy='give it a range, or limited="false"',
@@ -66,7 +65,6 @@ def _outside(
             kind="limit",
             what=name,
             by=excess,
-            explains=0.0,
             message=f"{label} starts at {value:.6g} {unit}, {excess:.3g} "
             f"beyond its range, {low:.6g} to {high:.6g}",
             remedy="widen the range, or start from a keyframe within it",
@@ -77,14 +75,14 @@ def _outside(
 # links this far in each other collide, in parts of the size
 MIN_DEPTH = 1e-6
 # every so many states of a motion are looked at
-STATE_STRIDE = 10
+STATE_INTERVAL = 10
 
 
 def collisions(scene: Inspected) -> Iterator[Finding]:
     """Yield the pairs of links that touch though they are joined, or stand in each other at the start."""
     model, joined = scene.model, _joined(scene)
     motion = swing(scene)
-    states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_STRIDE])]
+    states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_INTERVAL])]
     deepest: dict[tuple[int, int], tuple[float, tuple[int, int]]] = {}
     for number, qpos in enumerate(states):
         for pair, geoms, depth in _contacts(model, qpos):
@@ -103,7 +101,6 @@ def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined
         kind="collision",
         what=f"{first}, {second}",
         by=depth,
-        explains=0.0,
         message=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
         remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
         **scene.place(list(scene.read.spec.geoms)[geoms[0]]),

@@ -12,6 +12,7 @@ import numpy as np
 from mechsim.errors import MechsimError
 from mechsim.model.finding import NO_POSITION, FilePosition
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
+from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.matrices import dense_rows
@@ -104,7 +105,7 @@ class Inspected:
 
     @cached_property
     def size(self) -> float:
-        """The yardstick of lengths, in [m]."""
+        """Characteristic length of the mechanism, in [m]."""
         return self.read.mechanism.size
 
     @property
@@ -158,7 +159,7 @@ class Inspected:
         )
 
     def without_rounding(self, jacobian: Array) -> Array:
-        """Return the Jacobian of the loops, (m, nv), nought where it is all rounding of the file."""
+        """Return the Jacobian of the loops, (m, nv), zero where all of it is rounding of the file."""
         return jacobian * (np.abs(jacobian).max(initial=0.0) > RANK_TOLERANCE * min(1.0, self.size))
 
     @cached_property
@@ -221,17 +222,12 @@ def _bodies(model: mujoco.MjModel, i: int) -> tuple[int, ...]:
 
 def rank(matrix: Array) -> int:
     """Return the rank of a Jacobian, (m, n)."""
-    if not matrix.size:
-        return 0
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
+    return numerical_rank.rank(matrix, RANK_TOLERANCE, 0.0)
 
 
 def null_space(matrix: Array) -> Array:
     """Return the directions that a Jacobian (m, n) does not see, (k, n)."""
-    if not len(matrix):
-        return np.eye(matrix.shape[1])
-    return np.linalg.svd(matrix)[2][rank(matrix) :]
+    return numerical_rank.null_spaces(matrix, RANK_TOLERANCE, 0.0)[1]
 
 
 # of a swing that nobody asked for: reach in [rad] or parts of the size, duration in [s], tries at half of it
@@ -315,11 +311,11 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str) -> Swing:
     angle, speed, _ = parameter_profile(laws).state(time)
     states = follow(closed.loops, closed.qpos, angle)
     rates = closed.loops.tangent(closed.loops.linearise(states)[1]) * speed[:, None]
-    qpos, qvel = _without_clock(scene.model, closed.model, states, rates)
+    qpos, qvel = _without_parameter(scene.model, closed.model, states, rates)
     return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), description)
 
 
-def _without_clock(
+def _without_parameter(
     model: mujoco.MjModel, with_parameter: mujoco.MjModel, states: Array, rates: Array
 ) -> tuple[Array, Array]:
     """Return states and rates of a model with a clock as those of the model without."""

@@ -49,7 +49,6 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
         kind="gap",
         what=loop.name,
         by=by,
-        explains=0.0,
         message=f"{loop.name} stands open where the scene starts: {what} are {by:.3g} {unit} apart",
         remedy="MuJoCo snaps it shut in the first steps: move an anchor or start from a closed keyframe",
         **loop.place,
@@ -72,7 +71,6 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
                 kind="redundant",
                 what=loop.name,
                 by=len(rows[loop.number]),
-                explains=0.0,
                 message=f"{loop.name} says what {other.name} says: the loop is closed twice over, "
                 f"and its {len(rows[loop.number])} rows add no rank",
                 remedy=f"leave out {loop.name}",
@@ -82,7 +80,7 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
 
 
 def _apart(scene: Inspected, loop: Loop, other: Loop) -> float:
-    """Return how far apart two loops are closed, in [m]; nought for those that couple coordinates."""
+    """Return how far apart two loops are closed, in [m]; zero for couplings."""
     first, second = (_anchor(scene, loop_) for loop_ in (loop, other))
     return float(np.linalg.norm(first - second))
 
@@ -135,7 +133,6 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
         kind="redundant",
         what=names or "loops",
         by=extra,
-        explains=0.0,
         message=message,
         remedy="harmless" if zero_rows == extra and flat else remedy,
     )
@@ -171,7 +168,6 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         kind="open",
         what=listed,
         by=count,
-        explains=0.0,
         message=f"{model.nv - rank(jacobian)} freedoms, {count} of them open with {', '.join(locked)} held: "
         f"{listed} can still move, and only springs, weight, friction and contacts say how",
         remedy=f"drive, hold or couple them (--drive, --lock{floats})",

@@ -1,9 +1,10 @@
-"""How far soft loops will open: the gap at which a constraint's own stiffness carries its force.
+"""Predicts loop-closure errors: the gap at which a constraint's own stiffness carries its force.
 
-A constraint asks MuJoCo for the acceleration -b v - k d r of its gap r, gets it but for R f, the force f
-times its softness, and stands still where r = -R f / (k d): b and k come from `solref`, the impedance d and
-R from `solimp`. The forces are those that a motion with closed loops takes, and dampers that the integrator
-takes implicitly hold back a part of it besides. Motions must be slow beside the time constant of the loops.
+A constraint requests the acceleration -b v - k d r of its gap r and gets it but for R f, its force f times
+its regularisation R. It is at rest where r = -R f / (k d): b and k come from `solref`, the impedance d and R
+from `solimp`. The forces are those of a motion with closed loops; dampers that the integrator treats
+implicitly withhold a fraction of the acceleration. Motions must be slow compared with the time constant of
+the loops.
 """
 
 import mujoco
@@ -117,8 +118,8 @@ def moment_arms(scene: Inspected, qpos: Array) -> Array:
 def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Array) -> Array:
     """Return the forces in the rows of the loops that a motion takes, (m,), at a state in `data`.
 
-    Drivers move by what efforts along `inputs` (k, nv) it takes. Rows that repeat others share a force as
-    their softness has it.
+    Drivers move by what efforts along `inputs` (k, nv) it takes. Redundant rows share a force in proportion
+    to their regularisation.
     """
     model = scene.loops_only
     inertia = np.zeros((model.nv, model.nv))
@@ -152,7 +153,7 @@ def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array) -
     """
     model, rows = scene.loops_only, data.efc_type == EQUALITY
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
-    # a gap is softness (1 - d) / d^2 + missed / d at the impedance d
+    # a gap is free_gap (1 - d) / d^2 + deficit / d at the impedance d
     free_gap = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
     gaps: dict[int, float] = {}
     for loop in np.unique(data.efc_id[rows]):
@@ -164,12 +165,12 @@ def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array) -
 
 
 def overridden(model: mujoco.MjModel) -> bool:
-    """Say whether one softness stands for those of all constraints."""
+    """Return whether one compliance replaces those of all constraints."""
     return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
 
 
 def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array) -> float:
-    """Return the gap that its own impedance makes of softness and what is missed, by halving."""
+    """Return the gap that is consistent with its own impedance, by bisection."""
 
     def gap_at(gap: float) -> float:
         d = impedance(solimp, gap)

@@ -72,7 +72,7 @@ def assembled_fields(
         fields["body_quat"][:, body] = quaternions(local.rotation)
         for made in model_joints(tree.mechanism, branch, local, values):
             joint = model.joint(made.name).id
-            fields["jnt_pos"][:, joint], fields["jnt_axis"][:, joint] = made.place, made.axis
+            fields["jnt_pos"][:, joint], fields["jnt_axis"][:, joint] = made.position, made.axis
             if made.value is not None:
                 qpos[:, model.jnt_qposadr[joint]] = made.value
         offset = (parent.rotation @ local.position[..., None])[..., 0]
@@ -85,7 +85,7 @@ def _branch(branch: Branch, arrays: DesignArrays) -> Branch:
     point_a, frame_a, point_b, frame_b = arrays.sides()[branch.joint.name]
     a = EndArrays(branch.joint.a.link, point_a, frame_a)
     b = EndArrays(branch.joint.b.link, point_b, frame_b)
-    return Branch(branch.joint, *((a, b) if branch.sense > 0 else (b, a)), branch.sense)
+    return Branch(branch.joint, *((a, b) if branch.direction > 0 else (b, a)), branch.direction)
 
 
 def site_fields(model: mujoco.MjModel, tree: Tree, arrays: DesignArrays) -> Fields:

@@ -12,7 +12,7 @@ from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion import JointMotion, Motion, PointMotion, join
 from mechsim.numerics.angles import TURN
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.driven_run import LOST
+from mechsim.simulation.driven_run import MAX_DRIVE_ERROR
 from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
 from mechsim.simulation.many.design_models import (
     Bools,
@@ -111,7 +111,7 @@ def stepped_designs(
     # MuJoCo resets a bad state to time zero
     valid = (np.abs(recorded_time[..., 0] - time) < 0.5 * timestep).all(1) & ~sims.warning[..., 1].any(-1)
     valid &= np.isfinite(qpos).all((1, 2)) & np.isfinite(qvel).all((1, 2))
-    valid &= (np.abs(qpos[..., loops.crank_address] - target) < LOST).all(1)
+    valid &= (np.abs(qpos[..., loops.crank_address] - target) < MAX_DRIVE_ERROR).all(1)
     return SteppedDesigns(models, fields, loops, time, qpos, qvel, valid & models.valid)
 
 
@@ -259,8 +259,8 @@ OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: float) -> Array:
     """Return the drive torque of some designs at some records, (designs, records) in [N m].
 
-    As `dynamics.efforts.efforts_of` has it for one: what M q'' takes at the crank beyond gravity, gyroscopic
-    forces and those of the constraints, the flywheel not counted.
+    It is the inertial force at the crank less gravity, gyroscopic and constraint forces, without virtual
+    drive inertia, as for a single model.
 
     Args:
         stepped: designs with real inertias.

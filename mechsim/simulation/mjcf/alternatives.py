@@ -17,14 +17,14 @@ from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of
 MOTOR = "crank@motor"
 # what the names of the sites at the ends of a length end with
 LENGTH = "@length"
-# of a motor's rotor beside the flywheel on it, in [kg m2]
+# inertia of a motor's rotor without its virtual inertia, in [kg m2]
 ROTOR_INERTIA = 1e-6
 # points of a link nearer than this, in units of the mechanism's size, are one
 COINCIDENT = 1e-9
 
 
 def gear_to_motor(spec: mujoco.MjSpec) -> None:
-    """Drive the crank by an equality with a wheel beside the mechanism, which has the flywheel."""
+    """Drive the crank by an equality with a separate wheel, which has the virtual inertia."""
     body = spec.worldbody.add_body(name=MOTOR)
     body.mass, body.inertia, body.explicitinertial = 1.0, np.full(3, ROTOR_INERTIA), True
     wheel = body.add_joint(name=MOTOR, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))

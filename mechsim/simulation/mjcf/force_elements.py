@@ -1,4 +1,4 @@
-"""What acts on a mechanism, as parts of a MuJoCo model: springs, dampers, friction, loads, flywheel, motor.
+"""Inertias and forces of a MuJoCo model: springs, dampers, friction, loads, drive inertia, motor.
 
 Springs between points are tendons. What acts in a tree joint along its own coordinate stands in the
 joint. What acts in a joint that is cut, or turns as an angle between -pi and pi, is an actuator between

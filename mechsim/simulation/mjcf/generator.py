@@ -34,12 +34,12 @@ from mechsim.simulation.mjcf.joints import (
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 
-# at which the solver stops: beside a flywheel what is left of a gradient is always a small part of the whole,
-# and with 0 it would never stop (validation/choices/exported_solver.py)
+# tolerance of the solver: with a virtual drive inertia the relative gradient is always small, and with 0 the
+# solver would never stop (validation/choices/exported_solver.py)
 SOLVER_TOLERANCE = 1e-24
 # time constant of the loops in steps
 TIME_CONSTANT_STEPS = 20.0
-# inertia of the crank beside that of the links: reactions then change its speed by 1e-12 of itself a turn
+# ratio of the virtual drive inertia to that of the links: reactions change the speed by 1e-12 per revolution
 DRIVE_INERTIA_RATIO = 1e12
 
 
@@ -94,7 +94,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
 
 @contextmanager
 def _repeated_names(mechanism: Mechanism) -> Generator[None]:
-    """Refuse a name that a MuJoCo model has already, as "world" for a link or "A+" for a joint beside "A"."""
+    """Reject a name that a MuJoCo model has already, such as "world" of a link."""
     try:
         yield
     except ValueError as error:
@@ -132,7 +132,7 @@ def _add_links(
 
 
 def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
-    """Return coordinates of a joint read off a pose, with the turns that no pose tells."""
+    """Return coordinates of a joint read off a pose, with revolutions, which no pose determines."""
     stated = starts(mechanism)
     kind = KINDS[joint.kind]
     if kind.floating:

@@ -40,13 +40,13 @@ class Branch:
         joint: the joint.
         parent: its end on the placed link.
         child: its end on the next.
-        sense: +1 if the joint's own order is parent to child, else -1.
+        direction: +1 if the joint's own order is parent to child, else -1.
     """
 
     joint: Joint
     parent: End | EndArrays
     child: End | EndArrays
-    sense: int
+    direction: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +56,14 @@ class ModelJoint:
     Attributes:
         name: of it.
         type: MuJoCo's.
-        place: in the child's frame, (..., 3) in [m].
+        position: in the child's frame, (..., 3) in [m].
         axis: in the child's frame, (..., 3).
         value: of its coordinate in the reference configuration, in [m] or [rad]; None for a ball.
     """
 
     name: str
     type: mujoco.mjtJoint
-    place: Array
+    position: Array
     axis: Array | Vector
     value: float | Array | None
 
@@ -117,7 +117,7 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
     if kind.ball:
         return _ball(branch, parent, child), ()
     parent_side, child_side = _placed(branch.parent, parent), _placed(branch.child, child)
-    a, b = (parent_side, child_side) if branch.sense > 0 else (child_side, parent_side)
+    a, b = (parent_side, child_side) if branch.direction > 0 else (child_side, parent_side)
     values_ = coordinates(kind, b[0] - a[0], a[1], b[1], branch.joint.cross_angle)
     values = (
         tuple(np.moveaxis(values_, -1, 0)) if values_.ndim > 1 else tuple(float(value) for value in values_)
@@ -144,7 +144,7 @@ def _posed(branch: Branch, values: Sequence[float | Array]) -> Pose:
     """Return the child's pose in the parent's frame at coordinates of the joint."""
     joint, frame = branch.joint, branch.parent.frame
     shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
-    if branch.sense < 0:
+    if branch.direction < 0:
         relative = np.swapaxes(relative, -1, -2)
         shift = -rotated(relative, shift)
     rotation = frame @ relative @ np.swapaxes(branch.child.frame, -1, -2)
@@ -170,10 +170,10 @@ def model_joints(
     types = [SLIDE] * len(kind.slides) + [HINGE] * len(kind.turns)
     axes: list[Axis] = [*kind.slides, *kind.turns]
     coordinates = list(zip(names, types, axes, values, strict=True))
-    if branch.sense < 0 and len(set(axes)) > 1:
+    if branch.direction < 0 and len(set(axes)) > 1:
         # an axis fixed in the parent comes first, one fixed in the child last
         coordinates.reverse()
-    if len(kind.slides) > 1 and branch.sense < 0:
+    if len(kind.slides) > 1 and branch.direction < 0:
         # a turn that comes before slides across it is about the parent's point
         back = np.swapaxes(local.rotation, -1, -2)
         position = rotated(back, np.asarray(branch.parent.point) - local.position)
@@ -194,16 +194,16 @@ def add_joint(
         if made.type == FREE:
             body.add_freejoint(name=made.name)
         elif made.value is None:
-            body.add_joint(name=made.name, type=made.type, pos=made.place)
+            body.add_joint(name=made.name, type=made.type, pos=made.position)
         else:
-            body.add_joint(name=made.name, type=made.type, pos=made.place, axis=made.axis, ref=made.value)
+            body.add_joint(name=made.name, type=made.type, pos=made.position, axis=made.axis, ref=made.value)
 
 
 def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
     """Return an axis of a joint in the child's frame, in the direction in which the child moves along it."""
-    child_is_b = branch.sense > 0
+    child_is_b = branch.direction > 0
     shared = axis == "a" and KINDS[branch.joint.kind].aligned
     if shared or (axis == "b") == child_is_b:
-        return branch.sense * branch.child.frame[..., COLUMN[axis]]
+        return branch.direction * branch.child.frame[..., COLUMN[axis]]
     back = np.swapaxes(local.rotation, -1, -2)
-    return branch.sense * rotated(back, branch.parent.frame[..., COLUMN[axis]])
+    return branch.direction * rotated(back, branch.parent.frame[..., COLUMN[axis]])

@@ -75,7 +75,7 @@ def cut_loops(
         whole = tuple(virtual_body(joint) if joint.name in names else joint.name for joint in cuts)
         return cut_loops(split(mechanism, names), whole, keep=keep, splits=True)
     if rejected:
-        raise InputError(f"{mechanism.name}: {_why_refused(rejected[0], needed)}")
+        raise InputError(f"{mechanism.name}: {_rejection_reason(rejected[0], needed)}")
     if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != requested:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(requested)) or 'no joint'} does not leave a tree; "
@@ -112,30 +112,23 @@ def _weighed(
     graph.add_nodes_from([GROUND, *(link.name for link in mechanism.links)])
     distance = _distance_from_crank(mechanism)
 
-    def held(joint: Joint) -> tuple[bool | int, ...]:
-        """Say what speaks against cutting a joint, the gravest first.
+    def priority(joint: Joint) -> tuple[bool | int, ...]:
+        """Return the reasons against cutting a joint, the strongest first.
 
         Rows count for more than nearness to the crank: validation/choices/cut_joint.py measures it.
         """
-        near = -min(distance[joint.a.link], distance[joint.b.link])
-        cuttable = _cuttable(KINDS[joint.kind])
-        free = cuttable and KINDS[joint.kind].dof
-        return (
-            joint.name not in requested,
-            joint.name in needed,
-            not cuttable,
-            joint.name in keep,
-            -free,
-            near,
-        )
+        steps, kind = min(distance[joint.a.link], distance[joint.b.link]), KINDS[joint.kind]
+        name, cuttable = joint.name, _cuttable(kind)
+        dof = cuttable and kind.dof
+        return name not in requested, name in needed, not cuttable, name in keep, -dof, -steps
 
     # among equals the first stays
-    for order, joint in enumerate(sorted(mechanism.joints, key=held, reverse=True)):
+    for order, joint in enumerate(sorted(mechanism.joints, key=priority, reverse=True)):
         graph.add_edge(joint.a.link, joint.b.link, key=joint.name, weight=-order)
     return graph
 
 
-def _why_refused(joint: Joint, needed: set[str]) -> str:
+def _rejection_reason(joint: Joint, needed: set[str]) -> str:
     """Say why a loop cannot be cut at the joint at which it would have to be."""
     if joint.name in needed:
         return (
@@ -196,7 +189,9 @@ def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, floa
     sums: dict[str, dict[str, float]] = {GROUND: {}}
     for branch in tree.branches:
         own = (
-            {branch.joint.name: branch.sense * along(branch.child)} if KINDS[branch.joint.kind].turns else {}
+            {branch.joint.name: branch.direction * along(branch.child)}
+            if KINDS[branch.joint.kind].turns
+            else {}
         )
         sums[branch.child.link] = {**sums[branch.parent.link], **own}
     a, b, sign = sums[cut.a.link], sums[cut.b.link], along(cut.b)

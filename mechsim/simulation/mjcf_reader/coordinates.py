@@ -16,7 +16,7 @@ ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPAREN
 ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 # the joint that is driven where nothing else says which
 CRANK = "crank"
-# names that a refusal lists
+# maximum number of names in a message
 MAX_LISTED = 12
 
 
@@ -26,13 +26,13 @@ def coordinates(model: mujoco.MjModel) -> list[str]:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names as a refusal lists them, no more than a line holds."""
+    """Return names as a message lists them, at most one line."""
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     return ", ".join(names[:MAX_LISTED]) + more if names else "none"
 
 
 def did_you_mean(name: str, names: Sequence[str]) -> str:
-    """Return what was probably meant, as a refusal says it before it lists what there is; else nothing."""
+    """Return a suggestion for a mistyped name, as text; empty without a similar name."""
     close = get_close_matches(name, names, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 

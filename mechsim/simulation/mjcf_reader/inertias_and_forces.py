@@ -11,7 +11,7 @@ from mechsim.model.links import Inertia, Link
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, Carrier, rotation, vector
 
-# part of the heaviest link's mass that one without any is given: nothing beside it, but no nought
+# fraction of the heaviest link's mass that a massless link gets: negligible, but not zero
 MASSLESS = 1e-12
 # of a sum of masses
 ROUNDING = 1e-9

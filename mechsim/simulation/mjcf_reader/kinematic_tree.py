@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mechsim.model.joint_kinds import KINDS, KindName, displaced
 from mechsim.model.joints import End, Joint
@@ -57,14 +58,7 @@ def shifted(pose: Pose, position: Array, quaternion: Array) -> Pose:
 
 def rotation(quaternion: Array) -> Array:
     """Return the rotation matrix of a quaternion (w, x, y, z), (3, 3)."""
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    return np.asarray(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), dtype=np.float64)
 
 
 def vector(values: Array) -> Vector:

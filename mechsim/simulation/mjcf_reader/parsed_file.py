@@ -1,4 +1,4 @@
-"""An MJCF file parsed and compiled, or MuJoCo's refusal in one line with file and line number."""
+"""Parses and compiles files and objects of MuJoCo; errors in one line with file and line number."""
 
 import os
 import re
@@ -25,16 +25,16 @@ MIN_MASS, MIN_INERTIA = 1e-6, 1e-12
 
 
 def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
-    """Have MuJoCo even out inertias that break the triangle inequality, or raise those that are nought.
+    """Let MuJoCo repair inertias that break the triangle inequality, and raise those that are zero.
 
     Meshes that bound no volume weigh as shells.
 
     Args:
         spec: changed in place.
-        message: what MuJoCo said.
+        message: of MuJoCo.
 
     Returns:
-        What was changed, in words; empty where the refusal is of something else.
+        The change, as text; empty where the error has another cause.
     """
     text = " ".join(message.split())
     if "A + B >= C" in text and not spec.compiler.balanceinertia:
@@ -71,10 +71,10 @@ def without_missing(spec: mujoco.MjSpec, message: str) -> str:
 
     Args:
         spec: changed in place.
-        message: what MuJoCo said.
+        message: of MuJoCo.
 
     Returns:
-        What was left out, in words; empty where the refusal names no asset's file.
+        What was left out, as text; empty where the error names no file of an asset.
     """
     match = _FILE.search(message)
     if not match:
@@ -177,8 +177,8 @@ _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
     """Return the specification of an MJCF or URDF file or an object, its model, and what was left out.
 
-    Meshes, textures and height fields whose files are missing are left out, and masses that no body has are
-    mended: no joint needs them.
+    Meshes, textures and height fields whose files are missing are left out, and impossible masses are
+    repaired: no joint needs them.
 
     Raises:
         InputError: for a file that cannot be read or that MuJoCo refuses; names file and line.
@@ -254,7 +254,7 @@ def _disable_sleep(path: str, spec: mujoco.MjSpec) -> list[str]:
 
 @quiet()
 def compile_repaired(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
-    """Return the model of a specification, and what had to be left out or mended for MuJoCo to take it."""
+    """Return the model of a specification, and what had to be left out or repaired."""
     left_out: list[str] = []
     while True:
         try:
@@ -267,7 +267,7 @@ def compile_repaired(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, li
 
 
 def readable_error(path: str, error: Exception) -> InputError:
-    """Return MuJoCo's refusal of a file in one line: file, line, and what it said."""
+    """Return MuJoCo's error about a file in one line: file, line and message."""
     text = " ".join(str(error).split())
     if "XML parse error" in text and (ill_formed := _ill_formed(path)):
         return ill_formed
@@ -276,7 +276,7 @@ def readable_error(path: str, error: Exception) -> InputError:
     if include := _NOT_INCLUDED.search(text):
         folder, name = os.path.split(os.path.abspath(include[1]))
         return InputError(
-            f"{location}: it includes {name}, which is not in {folder}; put it there, or mend its <include>"
+            f"{location}: it includes {name}, which is not in {folder}; put it there, or correct the file"
         )
     if _TOO_DEEP in text:
         return InputError(
@@ -286,7 +286,7 @@ def readable_error(path: str, error: Exception) -> InputError:
     message = " ".join(_NOISE.sub("", _LINE.sub("", text)).split()).strip(" ,;:")
     message = _ELEMENT.sub(r" (element \1)", message)
     message = cut(message, MAX_SHOWN)
-    remedy = "take the plugin out of a copy" if _PLUGIN.search(message) else "mend the file"
+    remedy = "take the plugin out of a copy" if _PLUGIN.search(message) else "correct the file"
     return InputError(f"{location}: MuJoCo refuses it: {message}; {remedy}")
 
 
@@ -298,7 +298,7 @@ def _ill_formed(path: str) -> InputError | None:
     except expat.ExpatError as error:
         return InputError(
             f"{path}, line {error.lineno}, column {error.offset + 1}: no well-formed XML, "
-            f"{expat.ErrorString(error.code)}; mend the file"
+            f"{expat.ErrorString(error.code)}; correct the file"
         )
     return None
 
@@ -396,7 +396,7 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
             if not np.linalg.norm(quaternions[element.id]) > 0.0:
                 raise _error(path, what, element, "a quat that is no turn")
     if not np.isfinite(start).all():
-        raise InputError(f"{path}: where it starts is not finite; mend ref or the keyframe")
+        raise InputError(f"{path}: where it starts is not finite; correct ref or the keyframe")
     if not 0.0 < model.opt.timestep <= HUGE:
         raise InputError(
             f"{path}: the timestep of <option> is {model.opt.timestep:g} s, by which no run goes on; "
@@ -409,7 +409,7 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
 def _error(path: str, what: str, element: Any, content: str) -> InputError:
     location = ", ".join([path, *filter(None, [element.info])])
     label = f" {element.name!r}" if element.name else ""
-    return InputError(f"{location}: {what}{label} holds {content}; mend the file")
+    return InputError(f"{location}: {what}{label} holds {content}; correct the file")
 
 
 def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:

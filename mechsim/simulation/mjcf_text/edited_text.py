@@ -87,7 +87,7 @@ def elements_of(text: str, where: str = "the text") -> Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise InputError(f"{where} is no XML: {error}; mend it") from None
+        raise InputError(f"{where} is no XML: {error}; correct it") from None
     return roots[0]
 
 

@@ -41,7 +41,7 @@ def with_included(
         The text, and the paths of the files that were put in.
     """
     if depth > MAX_DEPTH:
-        raise InputError("files include each other without end; mend the file")
+        raise InputError("files include each other without end; correct the file")
     edited, put_in = EditedText(text), list[str]()
     for include in edited.root.every("include"):
         path = find_include(include.attributes.get("file", ""), folder, base)
@@ -59,7 +59,7 @@ def with_included(
 
 
 def find_include(name: str, folder: Path, base: Path | None) -> Path | None:
-    """Return where an included file lies: beside the main file, or beside the one that includes it."""
+    """Return the path of an included file, in the folder of the main or the including file; else None."""
     for directory in (folder, base):
         if directory is not None and (directory / name).is_file():
             return directory / name

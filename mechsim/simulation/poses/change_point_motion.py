@@ -40,7 +40,7 @@ def interpolated(
         loops: of the model.
         track: what was recorded.
         qpos: states of all rows, (n, nq).
-        near_rows: what is close to meetings.
+        near_rows: rows close to change points.
         rates: the crank's speed and acceleration at all rows, (n,) each.
     """
     if near_rows:

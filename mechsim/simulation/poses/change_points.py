@@ -48,7 +48,7 @@ class ChangePoint:
         """Distance over which the path is known on both sides, in [rad]."""
         return float(np.abs(self.nodes - self.angle).max())
 
-    def near(self, angles: Array) -> NDArray[np.bool_]:
+    def contains(self, angles: Array) -> NDArray[np.bool_]:
         """Return which crank angles are in the singular neighbourhood, (n,); poses are interpolated there."""
         return np.abs(angles - self.angle) < SINGULAR_RADIUS
 

@@ -268,7 +268,9 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
 
         def along(angle: float) -> str:
             values = straight(np.array([angle]))[0][:, 0]
-            text = ", ".join(f"{name} = {at:.6g}" for name, at in zip(drivers.names, values, strict=True))
+            text = ", ".join(
+                f"{name} = {value:.6g}" for name, value in zip(drivers.names, values, strict=True)
+            )
             return f"{text} on the way to {target_text}"
 
         start = follow(replace(loops, drivers=drivers.with_law(straight, along)), start, [distance])[0]

@@ -50,7 +50,7 @@ class AssemblyPath:
         guess = self._guess(reduced)
         is_near = np.zeros(len(angles), dtype=np.bool_)
         for change_point in self.change_points:
-            close = change_point.near(reduced)
+            close = change_point.contains(reduced)
             guess[close] = change_point.states_at(reduced[close])
             is_near |= close
         if self.gain is not None:
@@ -71,7 +71,7 @@ class AssemblyPath:
         """
         reduced = angles - self.revolutions(angles) * TURN
         for change_point in self.change_points:
-            close = np.flatnonzero(change_point.near(reduced))
+            close = np.flatnonzero(change_point.contains(reduced))
             if len(close):
                 yield change_point, close, reduced[close]
 

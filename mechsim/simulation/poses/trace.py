@@ -56,7 +56,7 @@ def trace(loops: ModelLoops, start: Array, end: float, *, past_change_points: bo
     """
     angle = float(start[loops.crank_address])
     tracer = _Tracer(loops, end, 1.0 if end > angle else -1.0, start[None])
-    while tracer.sense * (end - tracer.angle) > MIN_STEP and not tracer.arrived:
+    while tracer.direction * (end - tracer.angle) > MIN_STEP and not tracer.arrived:
         change_point = tracer.change_point_ahead()
         if change_point is None:
             tracer.advance()
@@ -82,7 +82,7 @@ class _Tracer:
     """
 
     def __init__(self, loops: ModelLoops, end: float, direction: float, start: Array):
-        self.loops, self.end, self.sense = loops, end, direction
+        self.loops, self.end, self.direction = loops, end, direction
         self.states: list[Array] = []
         self.change_points: list[ChangePoint] = []
         self.arrived = False
@@ -91,18 +91,18 @@ class _Tracer:
     def _restart(self, state: Array, step: float) -> None:
         """Restart the trace at a state."""
         jacobian = self.loops.linearise(state)[1]
-        self.here, self.angle = state, float(state[0, self.loops.crank_address])
-        self.slope, self.determinant_sign = (
+        self.state, self.angle = state, float(state[0, self.loops.crank_address])
+        self.tangent, self.determinant_sign = (
             self.loops.tangent(jacobian),
             self.loops.determinant_sign(jacobian),
         )
         self.determinant = self.loops.determinant(jacobian)[0]
-        self.curvature = np.zeros_like(self.slope)
+        self.curvature = np.zeros_like(self.tangent)
         # a first step past a change point could end in the other assembly
-        probe = self.loops.displaced(state, PROBE_STEP * self.sense * self.slope)
+        probe = self.loops.displaced(state, PROBE_STEP * self.direction * self.tangent)
         probe_determinant = self.loops.determinant(self.loops.linearise(probe)[1])[0]
         self.descent_rate = (self.determinant - probe_determinant) / PROBE_STEP
-        self.trial, self.stride = TRIAL_DISTANCE, step
+        self.trial, self.step = TRIAL_DISTANCE, step
 
     @property
     def zero_distance(self) -> float:
@@ -116,25 +116,25 @@ class _Tracer:
             return None
         self.trial = 0.03 * zero_distance
         for times in ZERO_FACTORS:
-            distance = times * self.sense * zero_distance
+            distance = times * self.direction * zero_distance
             beyond = self.loops.displaced(
-                self.here, distance * self.slope + 0.5 * distance**2 * self.curvature
+                self.state, distance * self.tangent + 0.5 * distance**2 * self.curvature
             )
-            change_point = _change_point_before(self.loops, self.here[0], beyond, self.angle + distance)
+            change_point = _change_point_before(self.loops, self.state[0], beyond, self.angle + distance)
             if change_point is not None:
                 return change_point
         return None
 
     def beyond(self, change_point: ChangePoint) -> Array:
         """Return the states of a change point that lie ahead, (k, nq)."""
-        rows = change_point.states[:: int(self.sense)]
-        return rows[self.sense * (rows[:, self.loops.crank_address] - self.angle) > 0.0]
+        rows = change_point.states[:: int(self.direction)]
+        return rows[self.direction * (rows[:, self.loops.crank_address] - self.angle) > 0.0]
 
     def pass_change_point(self, change_point: ChangePoint) -> None:
         """Go to the far side of a change point, or to the end if that is within its interval."""
         self.change_points.append(change_point)
         rows = self.beyond(change_point)
-        inside = rows[self.sense * (self.end - rows[:, self.loops.crank_address]) >= 0.0]
+        inside = rows[self.direction * (self.end - rows[:, self.loops.crank_address]) >= 0.0]
         self.states += list(inside)
         if len(inside) < len(rows):
             self.states.append(_state_near(self.loops, change_point, self.end))
@@ -144,27 +144,27 @@ class _Tracer:
 
     def advance(self) -> None:
         """Go one step, or shorten the next one where it could lead into another assembly."""
-        loops, direction = self.loops, self.sense
-        max_step = MAX_DISPLACEMENT / max(loops.max_rate(self.slope), 1.0)
-        self.stride = min(self.stride, max(min(0.7 * self.zero_distance, max_step), MIN_STEP))
+        loops, direction = self.loops, self.direction
+        max_step = MAX_DISPLACEMENT / max(loops.max_rate(self.tangent), 1.0)
+        self.step = min(self.step, max(min(0.7 * self.zero_distance, max_step), MIN_STEP))
         # a step longer by a tenth avoids a tiny last one
         remaining = abs(self.end - self.angle)
-        step = remaining if remaining < 1.1 * self.stride else self.stride
+        step = remaining if remaining < 1.1 * self.step else self.step
         target = self.end if step == remaining else self.angle + direction * step
-        guess = loops.displaced(self.here, direction * step * self.slope + 0.5 * step**2 * self.curvature)
+        guess = loops.displaced(self.state, direction * step * self.tangent + 0.5 * step**2 * self.curvature)
         guess[0, loops.crank_address] = target
-        corrected = _corrected(loops, self.here, guess, self.determinant_sign)
+        corrected = _corrected(loops, self.state, guess, self.determinant_sign)
         if corrected is None:
             self._shorten(step / 2.0)
             return
-        self.here, tangent = corrected
-        determinant = loops.determinant(loops.linearise(self.here)[1])[0]
+        self.state, tangent = corrected
+        determinant = loops.determinant(loops.linearise(self.state)[1])[0]
         self.descent_rate, self.determinant = (self.determinant - determinant) / step, determinant
         self.trial = min(max(self.trial, 0.03 * self.zero_distance), TRIAL_DISTANCE)
-        self.curvature = direction * (tangent - self.slope) / step
-        self.slope, self.angle = tangent, target
-        self.states.append(self.here[0])
-        self.stride = min(2.0 * step, MAX_STEP)
+        self.curvature = direction * (tangent - self.tangent) / step
+        self.tangent, self.angle = tangent, target
+        self.states.append(self.state[0])
+        self.step = min(2.0 * step, MAX_STEP)
 
     def _shorten(self, step: float) -> None:
         """Shorten the step and close the state, because its closure error counts more in a shorter step."""
@@ -173,9 +173,9 @@ class _Tracer:
                 f"{self.loops.name}: the {_limit_text(self.loops, self.angle)} in this assembly; "
                 "stay on this side of the dead centre or change the dimensions"
             )
-        self.here = self.loops.close(self.here)
-        self.slope = self.loops.tangent(self.loops.linearise(self.here)[1])
-        self.curvature, self.stride = np.zeros_like(self.slope), step
+        self.state = self.loops.close(self.state)
+        self.tangent = self.loops.tangent(self.loops.linearise(self.state)[1])
+        self.curvature, self.step = np.zeros_like(self.tangent), step
 
 
 def _limit_text(loops: ModelLoops, angle: float) -> str:
@@ -200,7 +200,8 @@ def _state_near(loops: ModelLoops, change_point: ChangePoint, angle: float) -> A
     """Return the state at a crank angle close to a change point, (nq,)."""
     state = change_point.states_at(np.array([angle]))
     state[0, loops.crank_address] = angle
-    return (closed_near(loops, state) if change_point.near(np.array([angle]))[0] else loops.close(state))[0]
+    singular = change_point.contains(np.array([angle]))[0]
+    return (closed_near(loops, state) if singular else loops.close(state))[0]
 
 
 def _corrected(loops: ModelLoops, previous: Array, guess: Array, sign: Array) -> tuple[Array, Array] | None:
