@@ -32,9 +32,9 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     (CUTS, "if TYPE_CHECKING:", "if not TYPE_CHECKING:"): SPEED,
     (
         CUTS,
-        "own = {branch.joint.name: branch.sense * along(branch.child)} "
+        "own = {branch.joint.name: branch.direction * along(branch.child)} "
         "if KINDS[branch.joint.kind].turns else {}",
-        "own = {branch.joint.name: branch.sense / along(branch.child)} "
+        "own = {branch.joint.name: branch.direction / along(branch.child)} "
         "if KINDS[branch.joint.kind].turns else {}",
     ): "both are signs",
     (
