@@ -27,14 +27,14 @@ def extremes(
     as_json: Json = False,
 ) -> None:
     """Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does."""
-    from mechsim.studies.extremes.stability_map import axes_of, study
+    from mechsim.studies.extremes.stability_map import study
 
     for name in names or ():
         closed_form(form_of(name, None), "how far it can be pushed")
     folder = None if report is None else folder_for(report)
 
-    with progress("extremes", axes_of(names, quick)) as tick:
-        found = study(names, quick=quick, done=tick)
+    with progress("extremes", None) as tick:
+        found = study(names, quick=quick, progress=tick)
     if folder is not None:
         _write(folder, found)
     if as_json:
@@ -63,7 +63,7 @@ def _print(found: "StabilityMap") -> None:
     if found.drifts:
         _print_drifts(found)
     for trial in found.wrong:
-        foretold = f", foretold {trial.foretold}" if trial.foretold else ""
+        foretold = f", foretold {trial.expected}" if trial.expected else ""
         typer.echo(
             f"WRONG: {trial.mechanism}, {trial.axis} {trial.value:.3g}: said {trial.outcome}, "
             f"right {trial.right}{foretold}"

@@ -79,7 +79,7 @@ class PlotSource:
     options: PlotOptions = field(default_factory=PlotOptions)
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
-    progress: Callable[[str], None] = lambda _: None
+    progress: Callable[[str, float], None] = lambda _message, _fraction: None
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
 
     def motion(self, method: str, samples: int = SAMPLES) -> Motion:
@@ -199,7 +199,7 @@ def _stability(source: PlotSource) -> "Figure":
     solver = closed_form(source.solver, "a stability map")
     if solver != type(solver)():
         raise InputError("a stability map is of the catalogue's own dimensions; leave out --set")
-    return extremes_map(stability_map.study([solver.name], quick=True, done=source.progress))
+    return extremes_map(stability_map.study([solver.name], quick=True, progress=source.progress))
 
 
 PLOTS = {

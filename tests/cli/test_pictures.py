@@ -157,7 +157,7 @@ def test_a_torque_plot_carries_both_roads(mechsim, tmp_path):
 def test_studies_are_drawn_as_they_are_measured(mechsim, tmp_path, monkeypatch):
     monkeypatch.setattr(plot_table, "BUDGET", 0.5)
     few = [("steps", axes.steps, [100.0, 50.0])]
-    monkeypatch.setattr(stability_map, "pushes_of", lambda drive, quick: few)
+    monkeypatch.setattr(stability_map, "axes_of", lambda solver, quick: few)
     for kind in ("precision", "stability"):
         code, _, err = mechsim("plot", "slider_crank", "--kind", kind, "-o", f"{kind}.svg")
         assert code == 0, err

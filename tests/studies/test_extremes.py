@@ -13,7 +13,7 @@ from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes import axes
 from mechsim.studies.extremes.stability_map import StabilityMap
-from mechsim.studies.extremes.trial import Trial, pushed
+from mechsim.studies.extremes.trial import Trial, borders_along
 
 SWINGING = [name for name, drive in catalog.DRIVES.items() if drive.swinging]
 
@@ -21,7 +21,7 @@ SWINGING = [name for name, drive in catalog.DRIVES.items() if drive.swinging]
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett")))
 def test_the_same_problem_has_the_same_error_at_every_size(name):
     drive = catalog.make(name)
-    trials = [axes.size(drive, value) for value in (1e-5, 1e-1, 1e3)]
+    trials = [axes.length(drive, value) for value in (1e-5, 1e-1, 1e3)]
     assert all(trial.passed for trial in trials)
     errors = np.array([trial.error for trial in trials])
     assert errors.max() <= 1.1 * errors.min()
@@ -101,7 +101,7 @@ def test_a_run_that_says_what_is_not_so_fails_the_study():
     honest = Trial(axis="steps", mechanism="rssr", value=9.0, outcome="failed", right="failed")
     assert StabilityMap([honest]).passed
     assert not StabilityMap([replace(honest, outcome="passed")]).passed
-    assert not StabilityMap([replace(honest, foretold="passed")]).passed
+    assert not StabilityMap([replace(honest, expected="passed")]).passed
     assert not StabilityMap([], [], [axes.Drift("rssr", 1e4, 1e-7, 3e-7)]).passed
     assert not StabilityMap([], [], [axes.Drift("rssr", 1e4, 1e-7, np.nan)]).passed
 
@@ -111,7 +111,7 @@ def test_bisection_finds_a_border_that_is_known():
         outcome = "passed" if value < 300.0 else "failed"
         return Trial(axis="steps", mechanism="rssr", value=value, outcome=outcome, right=outcome)
 
-    _, borders = pushed(attempted, [1.0, 1e3, 1e6], 20)
+    _, borders = borders_along(attempted, [1.0, 1e3, 1e6], 20)
     assert len(borders) == 1
     assert borders[0].inside < 300.0 <= borders[0].outside
     assert borders[0].outside / borders[0].inside < 1.0001

@@ -8,7 +8,7 @@ from mechsim.studies.reduction import fit_parameters as refitting
 from mechsim.studies.reduction import reduced, with_comment
 from mechsim.studies.reduction.candidates import bodies, stepping
 from mechsim.studies.reduction.candidates.bodies import disconnected_bodies
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, changed
 from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
 from mechsim.studies.reduction.fit_parameters import Parameter, refit, set_in_spec
 from mechsim.studies.reduction.observations import observe
@@ -168,7 +168,7 @@ def test_the_bench_condemns_a_scene_that_lacks_what_it_needs(cluttered):
     assert evaluator.errors(evaluator.scene(evaluator.spec)).trajectory == 0.0
     spring = next(c for c in springs(observed(evaluator)) if c.what == "spring of swing")
     assert evaluator.errors(evaluator.scene(changed(evaluator.spec, spring))).trajectory > BOUND
-    heavy = Candidate("wrong", "a mass", lambda spec: setattr(spec.body("lever"), "mass", 0.3))
+    heavy = RemovalCandidate("wrong", "a mass", lambda spec: setattr(spec.body("lever"), "mass", 0.3))
     wrong = evaluator.errors(evaluator.scene(changed(evaluator.spec, heavy)))
     assert wrong.trajectory > BOUND
     assert wrong.torque > 1e-3
@@ -291,7 +291,7 @@ def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_no
 def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
     spec = mujoco.MjSpec.from_string(FINGER)
     parameter = Parameter("equality", ("elbow_of_knuckle",), (("eq_solref", 0),))
-    fitted = Candidate("stepping", "fitted", lambda spec: set_in_spec(spec, [parameter], np.ones(1)))
+    fitted = RemovalCandidate("stepping", "fitted", lambda spec: set_in_spec(spec, [parameter], np.ones(1)))
     with pytest.raises(NotApplicable, match="elbow_of_knuckle"):
         changed(spec, fitted)
 

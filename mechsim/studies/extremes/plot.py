@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from mechsim.studies.extremes import StabilityMap
 
-# outcome -> where it is drawn (None: at its error), mark and colour
-MARKS: dict[str, tuple[float | None, str, str]] = {
+# outcome -> height at which it is drawn (None: at its error), marker and colour
+MARKERS: dict[str, tuple[float | None, str, str]] = {
     "passed": (None, "o", "#1b7f5c"),
     "failed": (None, "s", "#c77700"),
     "changed assembly": (None, "D", "#8e44ad"),
@@ -25,12 +25,12 @@ FLOOR = 1e-17
 
 @styled()
 def extremes_map(study: "StabilityMap") -> "Figure":
-    """Draw one panel an axis: the error in units of the size, a line a mechanism, a mark an outcome.
+    """Draw one panel per axis: errors in characteristic lengths, a line per mechanism, a marker per outcome.
 
     Borders found by bisection are thin upright lines; the bound is dashed.
     """
     from mechsim.studies.extremes.stability_map import AXES
-    from mechsim.studies.extremes.trial import PLACE
+    from mechsim.studies.extremes.trial import POSITION_TOLERANCE
 
     names = [axis for axis in AXES if any(trial.axis == axis for trial in study.trials)]
     rows = math.ceil(len(names) / 2)
@@ -38,7 +38,7 @@ def extremes_map(study: "StabilityMap") -> "Figure":
     figure, axes = blank(rows, 2, (11.0, 2.6 * rows + 0.6))
     for ax, name in zip(axes.flat, names, strict=False):
         _panel(ax, study, name, mechanisms)
-        ax.axhline(PLACE, color="#b00020", lw=1.0, ls="--")
+        ax.axhline(POSITION_TOLERANCE, color="#b00020", lw=1.0, ls="--")
         ax.set_xlabel(AXES[name])
         ax.set_ylabel("error / size")
         ax.set_title(name)
@@ -55,14 +55,14 @@ def _panel(ax: "Axes", study: "StabilityMap", name: str, mechanisms: list[str]) 
         line = [(t.value, max(t.error, FLOOR)) for t in own if t.error is not None and t.value > 0.0]
         if line:
             ax.loglog(*zip(*line, strict=True), lw=0.8, color=COLOURS[i % 6], alpha=0.5)
-    for outcome, (level, mark, colour) in MARKS.items():
-        at = [
+    for outcome, (level, marker, colour) in MARKERS.items():
+        points = [
             (t.value, level or max(t.error or FLOOR, FLOOR))
             for t in trials
             if t.outcome == outcome and t.value > 0.0
         ]
-        if at:
-            ax.loglog(*zip(*at, strict=True), mark, ms=3.5, color=colour, mfc="none", mew=0.9)
+        if points:
+            ax.loglog(*zip(*points, strict=True), marker, ms=3.5, color=colour, mfc="none", mew=0.9)
     for border in study.borders:
         if border.axis == name and border.outside > 0.0:
             ax.axvline((border.inside * border.outside) ** 0.5, color="#9aa3ad", lw=0.6)
@@ -75,8 +75,8 @@ def _legend(figure: "Figure") -> None:
     with needs("pictures"):
         from matplotlib.lines import Line2D
 
-    marks = [
-        Line2D([], [], ls="", marker=mark, color=colour, mfc="none", label=outcome)
-        for outcome, (_, mark, colour) in MARKS.items()
+    handles = [
+        Line2D([], [], ls="", marker=marker, color=colour, mfc="none", label=outcome)
+        for outcome, (_, marker, colour) in MARKERS.items()
     ]
-    figure.legend(handles=marks, loc="outside lower center", ncols=len(marks))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))

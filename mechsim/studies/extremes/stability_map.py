@@ -1,7 +1,7 @@
-"""All axes, for chosen mechanisms, with their borders."""
+"""The stability map: all axes of chosen mechanisms, and the borders between outcomes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
@@ -9,11 +9,12 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.extremes import axes
 from mechsim.studies.extremes.axes import Drift
-from mechsim.studies.extremes.trial import Border, Trial, pushed
+from mechsim.studies.extremes.trial import Border, Trial, borders_along
 
-# name of an axis -> what it is, with its unit
+# name of an axis -> its quantity and unit
 AXES: dict[str, str] = {
     "steps": "steps in a turn",
     "speed": "crank speed [rpm]",
@@ -26,21 +27,21 @@ AXES: dict[str, str] = {
     "change point": "distance to the change point [rad]",
     "gear ratio": "gear ratio",
 }
-# bisections of a border: to a twentieth of a decade, and quickly
-HALVINGS, FEW = 5, 2
-# the largest gear ratio that a quick and a whole study try; turns of the long run
-RATIOS, TURNS = (8.0, 64.0), (200.0, 10_000.0)
+# bisections of a border, to a twentieth of a decade, and in a quick study
+HALVINGS, QUICK_HALVINGS = 5, 2
+# largest power of two of the gear ratio, and revolutions of the long run, in a quick and a full study
+MAX_EXPONENT, TURNS = (3, 6), (200.0, 10_000.0)
 
 Push = Callable[[ClosedForm, float], Trial]
 
 
 @dataclass
 class StabilityMap:
-    """What came of it.
+    """The result of a study.
 
     Attributes:
-        trials: every run.
-        borders: where outcomes change along an axis.
+        trials: all runs.
+        borders: between outcomes along an axis.
         drifts: of the long runs.
     """
 
@@ -50,103 +51,90 @@ class StabilityMap:
 
     @property
     def passed(self) -> bool:
-        """Whether every run ended as the closed form says, and no long run drifted."""
-        return all(one.passed for one in self.trials) and all(one.passed for one in self.drifts)
+        """Whether every run ended as the closed form requires, and no long run drifted."""
+        return not self.wrong and all(drift.passed for drift in self.drifts)
 
     @property
     def wrong(self) -> list[Trial]:
-        """The runs that did not."""
+        """The runs that ended otherwise."""
         return [trial for trial in self.trials if not trial.passed]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the study as plain data."""
-        drifts = [
-            {"mechanism": d.mechanism, "turns": d.turns, "first": d.first, "last": d.last, "passed": d.passed}
-            for d in self.drifts
-        ]
         return {
             "passed": self.passed,
             "borders": [border.as_dict() for border in self.borders],
-            "drifts": drifts,
+            "drifts": [asdict(drift) | {"passed": drift.passed} for drift in self.drifts],
             "trials": [trial.as_dict() for trial in self.trials],
         }
 
 
-def _decades(low: float, high: float, stride: int = 1) -> list[float]:
-    return [10.0**n for n in range(round(np.log10(low)), round(np.log10(high)) + 1, stride)]
+def _decades(low: float, high: float, interval: int = 1) -> list[float]:
+    return [10.0**n for n in range(round(np.log10(low)), round(np.log10(high)) + 1, interval)]
 
 
-def pushes_of(drive: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
-    """Return the axes of one mechanism: name, what to do at a value, values from sound to unsound."""
+def axes_of(solver: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[float]]]:
+    """Return the axes of one mechanism: name, trial at a value, values from stable to unstable."""
     coarse = 2 if quick else 1
-    most = 4 if quick else 5
+    steps = [1e4, 1e3, 100.0, 50.0, 20.0, 10.0]
     pushes: list[tuple[str, Push, Sequence[float]]] = [
-        ("steps", axes.steps, [10.0**most, *([1e4] if most > 4 else []), 1e3, 100.0, 50.0, 20.0, 10.0]),
+        ("steps", axes.steps, steps if quick else [1e5, *steps]),
         ("speed", axes.speed, [1.0, 1e3, 1e5, 1e6, 1e7]),
-        ("size", axes.size, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
-        ("size", axes.size, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
+        ("size", axes.length, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
+        ("size", axes.length, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
         ("mass ratio", axes.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
         ("mass ratio", axes.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
     ]
-    if drive.swinging:
-        near = _decades(1e-12, 1e-1, 3 if quick else 1)[::-1]
+    if solver.swinging:
+        distances = _decades(1e-12, 1e-1, 3 if quick else 1)[::-1]
         for method in ("pose", "step"):
-            pushes.append(("dead centre", partial(_dead_centre, method=method, beyond=False), near))
-            pushes.append(("near tangent", partial(axes.tangent, method=method), near))
-        pushes.append(
-            (
-                "beyond dead centre",
-                partial(_dead_centre, method="pose", beyond=True),
-                near[:: 2 if quick else 1],
-            )
-        )
+            before = partial(axes.dead_centre, method=method, beyond=False)
+            pushes.append(("dead centre", before, distances))
+            pushes.append(("near tangent", partial(axes.tangent, method=method), distances))
+        beyond = partial(axes.dead_centre, method="pose", beyond=True)
+        pushes.append(("beyond dead centre", beyond, distances[::coarse]))
     for seed in range(2 if quick else 6):
-        far = [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0]
-        pushes.append(("far start", partial(axes.far_start, seed=seed), far))
+        errors = [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0]
+        pushes.append(("far start", partial(axes.far_start, seed=seed), errors))
     return pushes
-
-
-def _dead_centre(drive: ClosedForm, value: float, method: str, beyond: bool) -> Trial:
-    return axes.dead_centre(drive, value, method, beyond)
 
 
 def study(
     names: Sequence[str] | None = None,
     *,
     quick: bool = False,
-    done: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> StabilityMap:
     """Push every axis until something breaks.
 
     Args:
         names: mechanisms of the catalogue; None takes all.
         quick: fewer values, coarser borders, shorter runs.
-        done: called after each axis of each mechanism.
+        progress: called after each axis of each mechanism.
     """
-    found = StabilityMap()
-    for name in names or list(catalog.DRIVES):
-        drive = catalog.make(name)
-        for axis, push, values in pushes_of(drive, quick):
-            trials, borders = pushed(partial(push, drive), values, FEW if quick else HALVINGS)
-            found.trials += trials
-            found.borders += borders if axis != "far start" else []
-            done(f"{name}: {axis}")
-        found.trials += [
-            axes.change_point(drive, which, on) for which in drive.laid_flat for on in (True, False)
+    result = StabilityMap()
+    solvers = {name: catalog.make(name) for name in names or catalog.DRIVES}
+    total = sum(len(axes_of(solver, quick)) + solver.long_runs for solver in solvers.values())
+    finished = 0
+    for name, solver in solvers.items():
+        for axis, push, values in axes_of(solver, quick):
+            trials, borders = borders_along(
+                partial(push, solver), values, QUICK_HALVINGS if quick else HALVINGS
+            )
+            result.trials += trials
+            result.borders += borders if axis != "far start" else []
+            finished += 1
+            progress(f"{name}: {axis}", finished / total)
+        result.trials += [
+            axes.change_point(solver, which, swing_only)
+            for which in solver.laid_flat
+            for swing_only in (True, False)
         ]
-        if drive.gear:
-            found.trials += [axes.gears(drive, ratio) for ratio in _ratios(RATIOS[0 if quick else 1])]
-        if drive.long_runs:
-            found.drifts.append(axes.drift(drive, TURNS[0 if quick else 1]))
-            done(f"{name}: {found.drifts[-1].turns:g} turns")
-    return found
-
-
-def axes_of(names: Sequence[str] | None, quick: bool) -> int:
-    """Return how often `study` will call `done`."""
-    drives = [catalog.make(name) for name in names or catalog.DRIVES]
-    return sum(drive.long_runs + len(pushes_of(drive, quick)) for drive in drives)
-
-
-def _ratios(most: float) -> list[float]:
-    return [2.0**n for n in range(round(np.log2(most)) + 1)]
+        if solver.gear:
+            exponents = range(MAX_EXPONENT[0 if quick else 1] + 1)
+            result.trials += [axes.gears(solver, 2.0**exponent) for exponent in exponents]
+        if solver.long_runs:
+            result.drifts.append(axes.drift(solver, TURNS[0 if quick else 1]))
+            finished += 1
+            progress(f"{name}: {result.drifts[-1].turns:g} turns", finished / total)
+    return result

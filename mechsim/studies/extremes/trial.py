@@ -1,4 +1,4 @@
-"""One run at an extreme, how it ended, and whether that is true; the border between two endings."""
+"""One run at an extreme and its outcome; the border between two outcomes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -10,11 +10,13 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Outcome
+from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
 from mechsim.simulation import Run, simulate
 from mechsim.verdict.judge import crosscheck
 
-# bound on the place of any tracked point, in units of the mechanism's size
-PLACE = 1e-6
+# largest position error of a tracked point, in characteristic lengths
+POSITION_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,13 +24,13 @@ class Trial:
     """One run at an extreme.
 
     Attributes:
-        axis: what was pushed.
-        mechanism: of the catalogue, with a word on what was changed.
-        value: how far, in the unit of the axis.
-        outcome: what the simulator says of itself, without the closed form.
-        right: what the closed form says of the same run.
-        foretold: what the closed form says before the run; None where it does not know.
-        error: worst place error against the closed form, in units of the size; None where there is none.
+        axis: the changed quantity.
+        mechanism: of the catalogue, with a note on the change.
+        value: in the unit of the axis.
+        outcome: that the simulator reports, without the closed form.
+        right: outcome of the same run by the closed form.
+        expected: outcome that the closed form predicts; None if it cannot.
+        error: largest position error against the closed form, in characteristic lengths; None without a run.
     """
 
     axis: str
@@ -36,26 +38,28 @@ class Trial:
     value: float
     outcome: Outcome
     right: Outcome
-    foretold: Outcome | None = None
+    expected: Outcome | None = None
     error: float | None = None
 
     @property
     def passed(self) -> bool:
-        """Whether the run ended as it had to, and knew it."""
-        return self.outcome == self.right and self.foretold in (None, self.outcome)
+        """Whether the run ended as the closed form requires, and reported it."""
+        return self.outcome == self.right and self.expected in (None, self.outcome)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the trial as plain data."""
-        return asdict(self) | {"passed": self.passed}
+        """Return the trial as `mechsim extremes --json` prints it."""
+        values = asdict(self)
+        expected = values.pop("expected")
+        return values | {"foretold": expected, "passed": self.passed}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Border:
-    """Where one outcome gives way to another.
+    """The border between two outcomes along an axis.
 
     Attributes:
-        axis, mechanism: as of the trials.
-        inside, outside: neighbouring values, as near as the bisection came.
+        axis, mechanism: of the trials.
+        inside, outside: neighbouring values after bisection.
         before, after: outcomes at them.
     """
 
@@ -71,95 +75,96 @@ class Border:
         return asdict(self)
 
 
-Attempt = Callable[[float], Trial]
-
-
 def attempt(
     axis: str,
-    drive: ClosedForm,
+    solver: ClosedForm,
     value: float,
-    source: Any,
+    source: Any = None,
     *,
-    foretold: Outcome | None = None,
+    expected: Outcome | None = None,
     reachable: bool = False,
     note: str = "",
-    **how: Any,
+    **options: Any,
 ) -> Trial:
-    """Run a source in MuJoCo and judge the run by the closed form of a drive.
+    """Run a source in MuJoCo and check the run by the closed form.
 
     Args:
-        axis, value, foretold: as of the trial.
-        drive: gives the truth.
-        source: what `simulate` takes.
-        reachable: whether the closed form knows that the crank can go there, so that a refusal is wrong.
-        note: what was changed.
-        how: other arguments of `simulate`.
+        axis, value, expected: of the trial.
+        solver: the closed form.
+        source: model for `simulate`; None for the mechanism of the closed form.
+        reachable: whether the closed form knows that the crank reaches its motion, so that an error is wrong.
+        note: on the change.
+        options: other arguments of `simulate`; stepped by default.
     """
-    made = Trial(
+    trial = Trial(
         axis=axis,
-        mechanism=f"{drive.name} {note}".strip(),
+        mechanism=f"{solver.name} {note}".strip(),
         value=value,
         outcome="cannot assemble",
         right="cannot assemble",
-        foretold=foretold,
+        expected=expected,
     )
-    how.setdefault("method", "step")
     try:
-        run = simulate(source, **how)
+        run = simulate(solver.mechanism if source is None else source, **{"method": "step", **options})
     except MechsimError:
-        return replace(made, right=foretold or ("passed" if reachable else "cannot assemble"))
-    right, error = _truth(drive, run)
-    return replace(made, outcome=_said(run, drive), right=right, error=error)
+        return replace(trial, right=expected or ("passed" if reachable else "cannot assemble"))
+    right, error = _true_outcome(solver, run)
+    outcome = run.outcome
+    if outcome == "passed" and not run.estimate <= POSITION_TOLERANCE * solver.mechanism.size:
+        outcome = "failed"
+    return replace(trial, outcome=outcome, right=right, error=error)
 
 
-def _said(run: Run, drive: ClosedForm) -> Outcome:
-    """Return the simulator's own verdict for the bound of this study."""
-    if run.outcome == "passed" and not run.estimate <= PLACE * drive.mechanism.size:
-        return "failed"
-    return run.outcome
+def position_errors(solver: ClosedForm, motion: Motion) -> Array:
+    """Return the largest position error of the tracked points at each record, (n,) in characteristic lengths.
+
+    Raises:
+        MechsimError: if the closed form has no position at a recorded crank angle.
+    """
+    exact = solver.positions(motion.angle)
+    errors = [np.linalg.norm(motion.points[name].position - points, axis=1) for name, points in exact.items()]
+    return np.max(errors, axis=0) / solver.mechanism.size
 
 
-def _truth(drive: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
-    """Return the closed form's verdict on the places alone, and the worst error in units of the size."""
+def _true_outcome(solver: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
+    """Return the outcome by the closed form, by positions only, and the largest relative error."""
     if run.motion.broken:
         return "diverged", None
-    size = drive.mechanism.size
     try:
-        exact = drive.positions(run.motion.angle)
+        error = float(position_errors(solver, run.motion).max())
     except MechsimError:
         return "failed", None
-    gaps = [np.sqrt(((run.motion.points[n].position - p) ** 2).sum(1)).max() for n, p in exact.items()]
-    error = float(max(gaps)) / size
     if not np.isfinite(error):
         return "diverged", None
-    if error <= PLACE:
+    if error <= POSITION_TOLERANCE:
         return "passed", error
-    judged = crosscheck(run.motion, drive, tolerance=PLACE * size).outcome
-    return ("changed assembly" if judged == "changed assembly" else "failed"), error
+    tolerance = POSITION_TOLERANCE * solver.mechanism.size
+    outcome = crosscheck(run.motion, solver, tolerance=tolerance).outcome
+    return ("changed assembly" if outcome == "changed assembly" else "failed"), error
 
 
-def pushed(attempted: Attempt, values: Sequence[float], halvings: int) -> tuple[list[Trial], list[Border]]:
-    """Try values along an axis and find, by bisection of their logarithms, where the outcome changes."""
+def borders_along(
+    attempted: Callable[[float], Trial], values: Sequence[float], halvings: int
+) -> tuple[list[Trial], list[Border]]:
+    """Try values along an axis and locate changes of the outcome by bisection of their logarithms."""
     trials = [attempted(value) for value in values]
-    borders: list[Border] = []
-    found = list(trials)
+    borders, refined = list[Border](), list(trials)
     for first, second in pairwise(trials):
         if first.outcome == second.outcome or first.mechanism != second.mechanism:
             continue
-        a, b, between = first, second, list[Trial]()
+        inside, outside = first, second
         for _ in range(halvings if first.value > 0.0 and second.value > 0.0 else 0):
-            middle = attempted(float(np.sqrt(a.value * b.value)))
-            between.append(middle)
-            a, b = (middle, b) if middle.outcome == first.outcome else (a, middle)
-        found += between
+            middle = attempted(float(np.sqrt(inside.value * outside.value)))
+            refined.append(middle)
+            inside, outside = (middle, outside) if middle.outcome == first.outcome else (inside, middle)
         borders.append(
             Border(
                 axis=first.axis,
                 mechanism=first.mechanism,
-                inside=a.value,
-                outside=b.value,
-                before=a.outcome,
-                after=b.outcome,
+                inside=inside.value,
+                outside=outside.value,
+                before=inside.outcome,
+                after=outside.outcome,
             )
         )
-    return sorted(found, key=lambda trial: trial.value), borders
+    return sorted(refined, key=lambda trial: trial.value), borders

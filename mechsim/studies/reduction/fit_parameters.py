@@ -17,7 +17,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate
 from mechsim.studies.reduction.candidates.stepping import (
     EULER,
     IMPEDANCES,
@@ -211,7 +211,7 @@ class Refit:
         values: parameter -> fitted value; the start for still longer steps.
     """
 
-    candidate: Candidate
+    candidate: RemovalCandidate
     error: float
     values: dict[Parameter, float]
 
@@ -252,7 +252,7 @@ def refit(
     )
     edit = partial(_refitted, times=times, integrator=kind, parameters=best.parameters, values=values)
     values_of = dict(zip(best.parameters, values.tolist(), strict=True))
-    return Refit(Candidate(LONGER_STEPS, what, edit), worst * observed.tolerance, values_of)
+    return Refit(RemovalCandidate(LONGER_STEPS, what, edit), worst * observed.tolerance, values_of)
 
 
 def _refitted(

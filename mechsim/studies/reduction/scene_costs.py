@@ -10,7 +10,12 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.reduction.candidates import VISUAL_ONLY
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed, count_text
+from mechsim.studies.reduction.candidates.candidate import (
+    NotApplicable,
+    RemovalCandidate,
+    changed,
+    count_text,
+)
 from mechsim.studies.reduction.observations import Evidence, observe
 from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator
 from mechsim.studies.scene import UserScene, step_times
@@ -84,7 +89,7 @@ def scene_costs(
     ]
 
 
-def _candidates(observed: Evidence) -> list[Candidate]:
+def _candidates(observed: Evidence) -> list[RemovalCandidate]:
     """Return all that can be turned on or off, or left out, in a scene."""
     option = observed.spec.option
     candidates = [
@@ -114,22 +119,22 @@ def _candidates(observed: Evidence) -> list[Candidate]:
     loops = [candidate.name for candidate in observed.spec.equalities if candidate.active]
     if loops:
         what = f"without {count_text(len(loops), 'loop')}: none of their rows"
-        candidates.append(Candidate("rows", what, _no_loops))
+        candidates.append(RemovalCandidate("rows", what, _no_loops))
     return candidates
 
 
-def _flag(what: str, field: str, bit: int, flags: int, *, off: bool) -> Candidate:
+def _flag(what: str, field: str, bit: int, flags: int, *, off: bool) -> RemovalCandidate:
     """Return the turning of a flag; `off` where it is one that disables."""
     enabled = bool(flags & bit) != off
 
     def with_parameters(spec: mujoco.MjSpec) -> None:
         setattr(spec.option, field, getattr(spec.option, field) ^ bit)
 
-    return Candidate("flags", f"{what} {'off' if enabled else 'on'}", with_parameters)
+    return RemovalCandidate("flags", f"{what} {'off' if enabled else 'on'}", with_parameters)
 
 
-def _set(what: str, field: str, value: object) -> Candidate:
-    return Candidate("options", what, partial(_put, field=field, value=value))
+def _set(what: str, field: str, value: object) -> RemovalCandidate:
+    return RemovalCandidate("options", what, partial(_put, field=field, value=value))
 
 
 def _put(spec: mujoco.MjSpec, field: str, value: object) -> None:

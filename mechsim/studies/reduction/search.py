@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.candidates import CATEGORIES
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, changed
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, changed
 from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps
 from mechsim.studies.reduction.fit_parameters import Parameter, refit
 from mechsim.studies.reduction.observations import Evidence, observe
@@ -53,7 +53,7 @@ class LeftOut:
         error: of the scene with this change and all before it, in the unit of the tolerance.
     """
 
-    candidate: Candidate
+    candidate: RemovalCandidate
     alone_errors: SceneErrors
     time_ratio: float
     error: float
@@ -133,8 +133,8 @@ def reduced(
     return search.verified(second)
 
 
-_Steps = tuple[float, Candidate, float]
-_Kept = tuple[Candidate, ReducedScene, float]
+_Steps = tuple[float, RemovalCandidate, float]
+_Kept = tuple[RemovalCandidate, ReducedScene, float]
 _State = tuple[mujoco.MjSpec, float, tuple[LeftOut, ...], tuple[_Steps, ...]]
 
 
@@ -193,7 +193,7 @@ class _Search:
             for candidate in propose(self.observe(self.spec)):
                 self.together(candidate)
 
-    def together(self, candidate: Candidate) -> None:
+    def together(self, candidate: RemovalCandidate) -> None:
         """Apply a candidate in addition to the others if the tolerance holds and it saves time."""
         tried = self.trial(candidate)
         if tried is None:
@@ -208,7 +208,7 @@ class _Search:
                 return
         self.take(candidate, spec, error)
 
-    def trial(self, candidate: Candidate) -> tuple[mujoco.MjSpec, ReducedScene, float] | None:
+    def trial(self, candidate: RemovalCandidate) -> tuple[mujoco.MjSpec, ReducedScene, float] | None:
         """Return the scene with a candidate applied, and its error; None if that is too large."""
         self.tried += 1
         try:
@@ -219,7 +219,7 @@ class _Search:
         error = self.error_of(scene)
         return (spec, scene, error) if error <= self.fraction * self.tolerance else None
 
-    def take(self, candidate: Candidate, spec: mujoco.MjSpec, error: float) -> None:
+    def take(self, candidate: RemovalCandidate, spec: mujoco.MjSpec, error: float) -> None:
         self.left_out.append(LeftOut(candidate, DIVERGED, np.nan, error))
         self.spec, self.error = spec, error
 

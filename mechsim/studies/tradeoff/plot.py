@@ -43,7 +43,7 @@ def work_precision(result: Tradeoff, quantity: str = "position") -> "Figure":
     decades(ax.yaxis)
     round_numbers(ax.xaxis)
     low, high = ax.get_ylim()
-    ax.set_yticks([tick for tick in (1.0, *BOUNDS, 1e-11, 1e-13) if low <= tick <= high])
+    ax.set_yticks([error for error in (1.0, *BOUNDS, 1e-11, 1e-13) if low <= error <= high])
     ax.set_xlabel("processor time of one turn [ms]")
     row = QUANTITIES[quantity]
     ax.set_ylabel(f"worst {row.title} [{row.scale}]")

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from mechsim.studies.reduction.candidates.bodies import disconnected_bodies, fused_bodies, locked_joints
-from mechsim.studies.reduction.candidates.candidate import Candidate
+from mechsim.studies.reduction.candidates.candidate import RemovalCandidate
 from mechsim.studies.reduction.candidates.elements import (
     actuators,
     contacts,
@@ -18,7 +18,7 @@ from mechsim.studies.reduction.candidates.rods import passive_chains, rods_as_le
 from mechsim.studies.reduction.candidates.stepping import cheaper_steps
 from mechsim.studies.reduction.observations import Evidence
 
-CATEGORIES: tuple[Callable[[Evidence], list[Candidate]], ...] = (
+CATEGORIES: tuple[Callable[[Evidence], list[RemovalCandidate]], ...] = (
     contacts,
     visual_elements,
     limits,

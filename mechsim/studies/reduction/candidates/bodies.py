@@ -7,7 +7,12 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text, name_list
+from mechsim.studies.reduction.candidates.candidate import (
+    NotApplicable,
+    RemovalCandidate,
+    count_text,
+    name_list,
+)
 from mechsim.studies.reduction.observations import Evidence
 
 if TYPE_CHECKING:
@@ -19,9 +24,9 @@ SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 MAX_DISPLACEMENT = 0.02
 
 
-def locked_joints(observed: Evidence) -> list[Candidate]:
+def locked_joints(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to lock each hinge and slide that hardly moves, the smallest displacement first."""
-    candidates: list[tuple[float, Candidate]] = []
+    candidates: list[tuple[float, RemovalCandidate]] = []
     for joint in observed.spec.joints:
         if joint.type not in SINGLE or joint.name in observed.scene.joint_laws:
             continue
@@ -34,7 +39,7 @@ def locked_joints(observed: Evidence) -> list[Candidate]:
         distance = f"{displacement * unit:.2g} {'rad' if unit == 1.0 else 'm'}"
         what = f"joint {joint.name}, which moved by {distance}: locked"
         edit = lambda spec, name=joint.name, value=middle: fuse(spec, name, value)  # noqa: E731
-        candidates.append((displacement, Candidate(LOCKED, what, edit)))
+        candidates.append((displacement, RemovalCandidate(LOCKED, what, edit)))
     return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
 
 
@@ -104,7 +109,7 @@ DISCONNECTED = "disconnected bodies"
 TENDON, JOINT = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtEq.mjEQ_JOINT
 
 
-def disconnected_bodies(observed: Evidence) -> list[Candidate]:
+def disconnected_bodies(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove all bodies that only the world connects to the tracked or driven bodies."""
     import networkx as nx
 
@@ -128,7 +133,7 @@ def disconnected_bodies(observed: Evidence) -> list[Candidate]:
     if not moving:
         return []
     what = f"{count_text(len(moving), 'part')} that nothing connects to what is tracked: {name_list(moving)}"
-    return [Candidate(DISCONNECTED, what, lambda spec: _without(spec, moving))]
+    return [RemovalCandidate(DISCONNECTED, what, lambda spec: _without(spec, moving))]
 
 
 def ties(observed: Evidence) -> "nx.Graph[str]":
@@ -240,7 +245,7 @@ def _without(spec: mujoco.MjSpec, names: list[str]) -> None:
 FUSED = "fused bodies"
 
 
-def fused_bodies(observed: Evidence) -> list[Candidate]:
+def fused_bodies(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse all bodies without joints with their parents, except tracked bodies."""
     bodies = [
         body
@@ -250,7 +255,7 @@ def fused_bodies(observed: Evidence) -> list[Candidate]:
     if not bodies:
         return []
     what = f"{count_text(len(bodies), 'body', 'bodies')} without joints, fused with their parents"
-    return [Candidate(FUSED, what, lambda spec: _fused(spec, observed.tracked))]
+    return [RemovalCandidate(FUSED, what, lambda spec: _fused(spec, observed.tracked))]
 
 
 def _fused(spec: mujoco.MjSpec, tracked: frozenset[str]) -> None:

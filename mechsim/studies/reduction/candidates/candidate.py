@@ -15,7 +15,7 @@ class NotApplicable(Exception):  # noqa: N818
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class RemovalCandidate:
     """A change of a scene's specification that may reduce it.
 
     Attributes:
@@ -31,7 +31,7 @@ class Candidate:
     only_if_faster: bool = False
 
 
-def changed(spec: mujoco.MjSpec, candidate: Candidate) -> mujoco.MjSpec:
+def changed(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.MjSpec:
     """Return a copy of a specification with a candidate applied.
 
     Raises:

@@ -6,19 +6,24 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text, name_list
+from mechsim.studies.reduction.candidates.candidate import (
+    NotApplicable,
+    RemovalCandidate,
+    count_text,
+    name_list,
+)
 from mechsim.studies.reduction.observations import Evidence
 
 OFF = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 CONTACTS = "contacts"
 
 
-def contacts(observed: Evidence) -> list[Candidate]:
+def contacts(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to disable contacts if none occurred, otherwise those of geoms that touched nothing."""
     if observed.spec.option.disableflags & OFF:
         return []
     if not observed.touched:
-        return [Candidate(CONTACTS, "looking for contacts: nothing touched", _disable_contacts)]
+        return [RemovalCandidate(CONTACTS, "looking for contacts: nothing touched", _disable_contacts)]
     apart = [
         geom.name
         for geom in observed.spec.geoms
@@ -27,7 +32,7 @@ def contacts(observed: Evidence) -> list[Candidate]:
     if not apart:
         return []
     what = f"contacts of {count_text(len(apart), 'geom')} that touched nothing"
-    return [Candidate(CONTACTS, what, lambda spec: _without_contacts(spec, apart))]
+    return [RemovalCandidate(CONTACTS, what, lambda spec: _without_contacts(spec, apart))]
 
 
 def _disable_contacts(spec: mujoco.MjSpec) -> None:
@@ -46,22 +51,22 @@ def _without_contacts(spec: mujoco.MjSpec, names: list[str]) -> None:
 VISUAL = "visual-only elements"
 
 
-def visual_elements(observed: Evidence) -> list[Candidate]:
+def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove each kind of visual-only element."""
-    spec, candidates = observed.spec, list[Candidate]()
+    spec, candidates = observed.spec, list[RemovalCandidate]()
     if spec.sensors:
-        candidates.append(Candidate(VISUAL, count_text(len(spec.sensors), "sensor"), _no_sensors))
+        candidates.append(RemovalCandidate(VISUAL, count_text(len(spec.sensors), "sensor"), _no_sensors))
     if count := len(spec.cameras) + len(spec.lights):
         candidates.append(
-            Candidate(VISUAL, count_text(count, "camera or light", "cameras and lights"), _no_cameras)
+            RemovalCandidate(VISUAL, count_text(count, "camera or light", "cameras and lights"), _no_cameras)
         )
     used = _used_geoms(spec) | observed.touched
     geoms = [geom.name for geom in spec.geoms if geom.name not in used]
     if geoms:
         what = f"{count_text(len(geoms), 'geom')} that touched nothing, with their meshes and materials"
-        candidates.append(Candidate(VISUAL, what, lambda spec: _no_geoms(spec, geoms)))
+        candidates.append(RemovalCandidate(VISUAL, what, lambda spec: _no_geoms(spec, geoms)))
     elif spec.materials or spec.textures or spec.meshes:
-        candidates.append(Candidate(VISUAL, "materials, textures and meshes", _no_assets))
+        candidates.append(RemovalCandidate(VISUAL, "materials, textures and meshes", _no_assets))
     return candidates
 
 
@@ -119,20 +124,20 @@ LIMITS = "limits"
 NONE = int(mujoco.mjtLimited.mjLIMITED_FALSE)
 
 
-def limits(observed: Evidence) -> list[Candidate]:
+def limits(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove all limits that were never reached, and each of the others."""
     model = observed.model
     joints = [model.joint(j).name for j in range(model.njnt) if model.jnt_limited[j]]
     tendons = [model.tendon(t).name for t in range(model.ntendon) if model.tendon_limited[t]]
     free = [name for name in (*joints, *tendons) if name not in observed.limited]
-    candidates: list[Candidate] = []
+    candidates: list[RemovalCandidate] = []
     if free:
         what = f"{count_text(len(free), 'limit')} that {'was' if len(free) == 1 else 'were'} never reached"
-        candidates.append(Candidate(LIMITS, what, lambda spec: _without_limits(spec, free)))
+        candidates.append(RemovalCandidate(LIMITS, what, lambda spec: _without_limits(spec, free)))
     for name in (*joints, *tendons):
         if name in observed.limited:
             edit = lambda spec, names=(name,): _without_limits(spec, names)  # noqa: E731
-            candidates.append(Candidate(LIMITS, f"limit of {name}", edit, only_if_faster=True))
+            candidates.append(RemovalCandidate(LIMITS, f"limit of {name}", edit, only_if_faster=True))
     return candidates
 
 
@@ -147,7 +152,7 @@ ACTUATORS = "actuators"
 MAX_FORCE_AT_REST = 1e-12
 
 
-def actuators(observed: Evidence) -> list[Candidate]:
+def actuators(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove the actuators that no motion law controls and that exerted no force."""
     still = [
         name
@@ -157,7 +162,7 @@ def actuators(observed: Evidence) -> list[Candidate]:
     if not still:
         return []
     what = f"{count_text(len(still), 'actuator')} at rest: {name_list(still)}"
-    return [Candidate(ACTUATORS, what, lambda spec: _without_actuators(spec, still))]
+    return [RemovalCandidate(ACTUATORS, what, lambda spec: _without_actuators(spec, still))]
 
 
 def _without_actuators(spec: mujoco.MjSpec, names: list[str]) -> None:
@@ -170,12 +175,12 @@ def _without_actuators(spec: mujoco.MjSpec, names: list[str]) -> None:
 EQUALITIES = "redundant equalities"
 
 
-def redundant_equalities(observed: Evidence) -> list[Candidate]:
+def redundant_equalities(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove each equality that is inactive or implied by the others."""
-    candidates: list[Candidate] = []
+    candidates: list[RemovalCandidate] = []
     for name in observed.redundant:
         edit = lambda spec, name=name: _without_equality(spec, name)  # noqa: E731
-        candidates.append(Candidate(EQUALITIES, f"equality {name}, which the others imply", edit))
+        candidates.append(RemovalCandidate(EQUALITIES, f"equality {name}, which the others imply", edit))
     return candidates
 
 
@@ -195,9 +200,9 @@ KINDS = {
 }
 
 
-def springs(observed: Evidence) -> list[Candidate]:
+def springs(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove each kind from all joints and tendons that have it, and from each one."""
-    candidates: list[Candidate] = []
+    candidates: list[RemovalCandidate] = []
     for field, what in KINDS.items():
         elements = (*observed.spec.joints, *observed.spec.tendons)
         # in a prescribed joint these only change the drive force
@@ -211,13 +216,13 @@ def springs(observed: Evidence) -> list[Candidate]:
         if len(names) > 1:
             edit = lambda spec, names=tuple(names), field=field: _without_springs(spec, names, field)  # noqa: E731
             candidates.append(
-                Candidate(
+                RemovalCandidate(
                     SPRINGS, f"{what} of all {len(names)} joints that have one", edit, only_if_faster=True
                 )
             )
         for name in names:
             edit = lambda spec, names=(name,), field=field: _without_springs(spec, names, field)  # noqa: E731
-            candidates.append(Candidate(SPRINGS, f"{what} of {name}", edit, only_if_faster=True))
+            candidates.append(RemovalCandidate(SPRINGS, f"{what} of {name}", edit, only_if_faster=True))
     return candidates
 
 

@@ -14,7 +14,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidates.bodies import body_of, joints_of
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, count_text
 from mechsim.studies.reduction.candidates.rods import kept_bodies
 from mechsim.studies.reduction.observations import Evidence
 
@@ -45,11 +45,11 @@ class JointPolynomials:
     high: float
 
 
-def loops_as_polynomials(observed: Evidence) -> list[Candidate]:
+def loops_as_polynomials(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to replace all loops by polynomials of one joint, with all bodies or only those needed."""
     if not any(relations.type != mujoco.mjtEq.mjEQ_JOINT for relations in observed.spec.equalities):
         return []
-    candidates: list[Candidate] = []
+    candidates: list[RemovalCandidate] = []
     for joint in _leaders(observed):
         relations = joint_polynomials_of(observed, joint)
         if relations is None:
@@ -62,7 +62,7 @@ def loops_as_polynomials(observed: Evidence) -> list[Candidate]:
             text = f"{count_text(len(kept), 'joint')} by polynomials of {joint} of degrees {degrees}"
             what = f"{count_text(len(observed.spec.equalities), 'loop or tie', 'loops and ties')}: {text}"
             candidates.append(
-                Candidate(POLYNOMIALS, what, partial(_replaced, relations=relations, kept=kept))
+                RemovalCandidate(POLYNOMIALS, what, partial(_replaced, relations=relations, kept=kept))
             )
     return candidates
 

@@ -7,21 +7,26 @@ import mujoco
 import numpy as np
 
 from mechsim.studies.reduction.candidates.bodies import body_of, joints_of, needed_bodies, ties
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text, name_list
+from mechsim.studies.reduction.candidates.candidate import (
+    NotApplicable,
+    RemovalCandidate,
+    count_text,
+    name_list,
+)
 from mechsim.studies.reduction.observations import Evidence
 
 MIRRORED = "mirrored mechanisms"
 JOINT = mujoco.mjtEq.mjEQ_JOINT
 
 
-def mirrored_mechanisms(observed: Evidence) -> list[Candidate]:
+def mirrored_mechanisms(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove each side that a joint equality couples one to one to a side that remains.
 
     An actuator that acts on both by a tendon acts on the remaining joint with its share of the force.
     """
     import networkx as nx
 
-    candidates: list[Candidate] = []
+    candidates: list[RemovalCandidate] = []
     for equality in observed.spec.equalities:
         ratio = _one_to_one(equality)
         if ratio is None:
@@ -38,7 +43,7 @@ def mirrored_mechanisms(observed: Evidence) -> list[Candidate]:
             edit = partial(
                 _without, equality=equality.name, kept=kept, removed=removed, ratio=ratio, roots=roots
             )
-            candidates.append(Candidate(MIRRORED, what, edit))
+            candidates.append(RemovalCandidate(MIRRORED, what, edit))
     return candidates
 
 

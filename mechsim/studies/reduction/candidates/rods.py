@@ -15,7 +15,12 @@ from mechsim.studies.reduction.candidates.bodies import (
     needed_bodies,
     require_unused,
 )
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable, count_text, name_list
+from mechsim.studies.reduction.candidates.candidate import (
+    NotApplicable,
+    RemovalCandidate,
+    count_text,
+    name_list,
+)
 from mechsim.studies.reduction.observations import Evidence
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
@@ -138,9 +143,9 @@ ANCHOR_TOLERANCE = 1e-6
 CONSTANTS = (2.0, 4.0)
 
 
-def rods_as_lengths(observed: Evidence) -> list[Candidate]:
+def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to replace each rod by its length, with the loop's own compliance and with smaller ones."""
-    candidates: list[Candidate] = []
+    candidates: list[RemovalCandidate] = []
     step = float(observed.spec.option.timestep)
     for chain in loose_chains(observed):
         if observed.spec.equality(chain.closing).type != CONNECT or rod_of(observed.spec, chain) is None:
@@ -152,7 +157,9 @@ def rods_as_lengths(observed: Evidence) -> list[Candidate]:
             rod = f"rod {name_list(list(chain.bodies))}"
             what = f"{rod} with loop {chain.closing}: kept as a length, {stiffness}"
             seconds = None if constant is None else constant * step
-            candidates.append(Candidate(RODS, what, partial(_as_length, chain=chain, constant=seconds)))
+            candidates.append(
+                RemovalCandidate(RODS, what, partial(_as_length, chain=chain, constant=seconds))
+            )
     return candidates
 
 
@@ -222,10 +229,10 @@ def _shared(spec: mujoco.MjSpec, chain: LooseChain, parent: str, anchor: Array) 
 CHAINS = "passive chains"
 
 
-def passive_chains(observed: Evidence) -> list[Candidate]:
+def passive_chains(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse each passive chain and each passive leaf body."""
     candidates = [
-        Candidate(
+        RemovalCandidate(
             CHAINS,
             f"loop {chain.closing} with {count_text(len(chain.joints), 'joint')}, "
             f"{name_list(list(chain.joints))}: fused",
@@ -238,7 +245,9 @@ def passive_chains(observed: Evidence) -> list[Candidate]:
         what = f"{count_text(len(joints), 'joint')} of {name}, of which nothing is tracked: fused"
         chain = LooseChain("", "", "", (name,), joints)
         candidates.append(
-            Candidate(CHAINS, what, partial(_fused, chain=chain, coordinates=_coordinates(observed, joints)))
+            RemovalCandidate(
+                CHAINS, what, partial(_fused, chain=chain, coordinates=_coordinates(observed, joints))
+            )
         )
     return candidates
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.studies.reduction.candidates.bodies import joints_of
-from mechsim.studies.reduction.candidates.candidate import Candidate, NotApplicable
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate
 from mechsim.studies.reduction.observations import Evidence
 
 # categories: cheaper steps; longer steps
@@ -41,29 +41,31 @@ MAX_STIFFNESS, MAX_DAMPING = 1.0, 1.0
 IMPEDANCES = (1e-4, 0.9999)
 
 
-def cheaper_steps(observed: Evidence) -> list[Candidate]:
+def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
     """Propose settings that make a step cheaper and do not change its result."""
-    candidates: list[Candidate] = []
+    candidates: list[RemovalCandidate] = []
     option = observed.spec.option
     if option.solver != mujoco.mjtSolver.mjSOL_NEWTON:
-        candidates.append(Candidate(CHEAPER_STEPS, "the solver: Newton", _newton))
+        candidates.append(RemovalCandidate(CHEAPER_STEPS, "the solver: Newton", _newton))
     if mujoco.mj_isSparse(observed.model):
-        candidates.append(Candidate(CHEAPER_STEPS, "sparse matrices: dense", _dense))
+        candidates.append(RemovalCandidate(CHEAPER_STEPS, "sparse matrices: dense", _dense))
     if option.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY):
-        candidates.append(Candidate(CHEAPER_STEPS, "the energy flag", _no_energy))
+        candidates.append(RemovalCandidate(CHEAPER_STEPS, "the energy flag", _no_energy))
     if not option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND):
-        candidates.append(Candidate(CHEAPER_STEPS, "looking for islands", _no_islands))
+        candidates.append(RemovalCandidate(CHEAPER_STEPS, "looking for islands", _no_islands))
     if option.iterations > 1:
         candidates.append(
-            Candidate(CHEAPER_STEPS, "iterations of the solver after the first", _once, only_if_faster=True)
+            RemovalCandidate(
+                CHEAPER_STEPS, "iterations of the solver after the first", _once, only_if_faster=True
+            )
         )
     return candidates
 
 
-def longer_steps(observed: Evidence) -> list[Candidate]:
+def longer_steps(observed: Evidence) -> list[RemovalCandidate]:
     """Propose longer steps and other integrators, the cheapest first."""
     own = int(observed.spec.option.integrator)
-    candidates: list[tuple[float, Candidate]] = []
+    candidates: list[tuple[float, RemovalCandidate]] = []
     for times in STEP_RATIOS:
         for integrator in (int(IMPLICITFAST), int(EULER), int(RK4)):
             if times == 1 and integrator in (own, int(RK4)):
@@ -72,7 +74,7 @@ def longer_steps(observed: Evidence) -> list[Candidate]:
                 change = partial(set_stepping, times=times, integrator=integrator, compensated=compensated)
                 cost = (RK4_COST if integrator == int(RK4) else 1.0) / times
                 what = _step_text(observed, times, integrator, compensated)
-                candidates.append((cost, Candidate(LONGER_STEPS, what, change)))
+                candidates.append((cost, RemovalCandidate(LONGER_STEPS, what, change)))
     return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
 
 
