@@ -49,7 +49,7 @@ def main() -> None:
     assert verdict.passed
 
     poses = closure.assemble(mechanism, [0.0])
-    print("degrees of freedom:", closure.freedom(mechanism, poses))
+    print("degrees of freedom:", closure.dof_count(mechanism, poses))
 
 
 if __name__ == "__main__":

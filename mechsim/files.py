@@ -20,7 +20,7 @@ import numpy as np
 
 from mechsim.errors import InputError, OutputError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.resources import require_room
+from mechsim.numerics.resources import require_memory
 
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
@@ -257,7 +257,7 @@ def csv_lines(table: Mapping[str, Array]) -> Iterator[str]:
 
 
 def _read_csv(path: Path) -> Table:
-    require_room(f"what {path.name} holds", path.stat().st_size, IN_MEMORY, SHORTER)
+    require_memory(f"what {path.name} holds", path.stat().st_size, IN_MEMORY, SHORTER)
     # a spreadsheet begins its text with a mark of the encoding
     with path.open(encoding="utf-8-sig") as file:
         head, *lines = file.read().splitlines() or [""]
@@ -292,7 +292,7 @@ def _first_bad(names: list[str], lines: list[str]) -> str:
 
 def _read_npz(path: Path) -> Table:
     with zipfile.ZipFile(path) as packed:
-        require_room(
+        require_memory(
             f"what {path.name} holds", sum(one.file_size for one in packed.infolist()), UNPACKED, SHORTER
         )
     with np.load(path, allow_pickle=False) as file:

@@ -122,14 +122,14 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "the rows that tell most are then always taken",
     (
         SOLVER,
-        "known = every > RANK_TOLERANCE * every.max()",
-        "known = every > RANK_TOLERANCE / every.max()",
+        "nonzero = every > RANK_TOLERANCE * every.max()",
+        "nonzero = every > RANK_TOLERANCE / every.max()",
     ): NEAR_ONE,
     **{
         (
             SOLVER,
-            "return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, 1.0), 1.0)",
-            f"return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, {any_one}), 1.0)",
+            "return np.where(nonzero, linearised.singular_values[:, -1] / np.where(nonzero, every, 1.0), 1.0)",
+            f"return np.where(nonzero, linearised.singular_values[:, -1] / np.where(nonzero, every, {any_one}), 1.0)",
         ): "what is divided by it is not taken"
         for any_one in ("0.1", "10.0")
     },

@@ -36,7 +36,7 @@ from mechsim.errors import InputError
 from mechsim.model.force_record import Fluctuation, FreeRun
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import LEAST_TURNS, CrankProfile, MotionLaws
-from mechsim.numerics.resources import require_room
+from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_motion
@@ -190,7 +190,7 @@ def _require_room(machine: Machine, instants: int) -> None:
     links, joints, points = len(mechanism.links), len(mechanism.joints), len(mechanism.points)
     numbers = 2.0 * (EFFORTS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
     what = f"the dynamics of {instants:,} instants on both roads"
-    require_room(what, instants, HELD * numbers, "take {most} at the most, or --method none")
+    require_memory(what, instants, HELD * numbers, "take {most} at the most, or --method none")
 
 
 def _sections(tick: Tick, names: Sequence[str]) -> list[Progress]:

@@ -11,7 +11,7 @@ from mechsim.cli.exit_codes import notes, tell
 from mechsim.errors import MobilityError
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import PART_OF_RANGE, CrankProfile, within_range
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.verdict.tolerances import RATES
 
 # of accelerations, which nothing is said of
@@ -87,7 +87,7 @@ def _told(form: Form, motion: Motion) -> NDArray[np.intp]:
     off = np.full(len(motion), np.inf)
     for meeting in form.change_points():
         gap = motion.angle - meeting
-        off = np.minimum(off, np.abs(gap if form.motion_laws else (gap + np.pi) % TURN - np.pi))
+        off = np.minimum(off, np.abs(gap if form.motion_laws else (gap + np.pi) % REVOLUTION - np.pi))
     rows = np.flatnonzero((off > LIMIT) & (motion.speed != 0.0))
     if motion.conditioning is None and len(rows):
         fastest = {int(np.argmax(np.abs(joint.acceleration[rows]))) for joint in motion.joints.values()}

@@ -29,7 +29,7 @@ from mechsim.cli.unit_warnings import asked_angle
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
@@ -159,7 +159,7 @@ def _round(place: Path, drive: Form, film: FilmOptions, look: Look, picture: boo
 
     curve = trace(drive, starts=0).curves[0]
     per_turn = film.frames_per_turn or 72
-    count = round(per_turn * max(1.0, crank_path_length(curve) / TURN))
+    count = round(per_turn * max(1.0, crank_path_length(curve) / REVOLUTION))
     if not 1 <= count <= MOST_SAMPLES:
         raise InputError(f"{count} frames asked for; give --frames-per-turn 1 to {MOST_SAMPLES}")
     motion = even_motion(curve, count, 1.0)

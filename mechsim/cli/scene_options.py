@@ -13,7 +13,7 @@ from mechsim.cli.options import LockOptions, driving, once, pairs
 from mechsim.errors import InputError
 from mechsim.model.links import Vector
 from mechsim.model.motion_laws import State, steady
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings
 from mechsim.studies.scene import UserScene, scene_of
 from mechsim.studies.scene.settings import PlainSettings
@@ -141,7 +141,7 @@ def plain_settings(
             raise InputError("--steps-per-turn is of a crank's turn; give --timestep in its place")
         if step is not None:
             raise InputError("both --timestep and --steps-per-turn were given; give one of them")
-        step = TURN / abs(speed) / told["steps_per_turn"]
+        step = REVOLUTION / abs(speed) / told["steps_per_turn"]
     if "constant_steps" in told:
         if "solref" in told:
             raise InputError("both --constant-steps and --solref were given; give one of them")

@@ -100,7 +100,7 @@ class RunOptions:
             if self.samples is not None:
                 raise InputError("both --samples and --every were given; give one of them")
             spacing = parse_angle(self.every, "the angle between records")
-            whole = round(motion.turns * simulation.TURN / abs(spacing)) if spacing else 0
+            whole = round(motion.turns * simulation.REVOLUTION / abs(spacing)) if spacing else 0
             if whole < 1:
                 raise InputError(
                     f"records {self.every} apart do not fit the motion; give an angle above 0 within it"

@@ -34,7 +34,7 @@ from mechsim.cli.unit_warnings import asked_angles
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.resources import require_room
+from mechsim.numerics.resources import require_memory
 from mechsim.subjects.driver_positions import Poses, poses_of_table
 from mechsim.units import option, parse_angles
 
@@ -97,7 +97,7 @@ def solve(
         numbers = len(instants) * (
             1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints)
         )
-        require_room(what, numbers, AS_JSON if as_json else PACKED, "write .csv, which needs no memory")
+        require_memory(what, numbers, AS_JSON if as_json else PACKED, "write .csv, which needs no memory")
         _told(drive, solved(instants), place, as_json, shown)
         return
     if not isinstance(drive, ClosedForm):

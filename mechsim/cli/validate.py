@@ -41,7 +41,7 @@ from mechsim.cli.verdict_text import (
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import agreement_plot
 from mechsim.report.validation import worst_first, write_agreement_report, write_validation_report
@@ -158,7 +158,7 @@ def validate(
     if as_json:
         print_json(results)
     else:
-        speed_text = f"{asked * 60.0 / TURN:.4g} rpm"
+        speed_text = f"{asked * 60.0 / REVOLUTION:.4g} rpm"
         print_cases(cases, scenes, speed_text, verbose=verbose)
         if folder is not None:
             typer.echo(f"report: {folder / 'index.html'}")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # what rounding leaves beyond a range, in radians or metres, and in parts of a range that is longer
@@ -23,7 +23,7 @@ def check_instants(low: float, high: float) -> Array:
 
     They depend on the motion alone, so that all methods give the same verdict, whatever they record.
     """
-    turns = int(np.clip(np.ceil((high - low) / TURN), 1, MOST_INSTANTS // INSTANTS))
+    turns = int(np.clip(np.ceil((high - low) / REVOLUTION), 1, MOST_INSTANTS // INSTANTS))
     return np.linspace(low, high, INSTANTS * turns + 1)
 
 
@@ -120,11 +120,11 @@ def require_travel(who: str, start: str, end: str, travel: float) -> None:
         travel: its length in [rad] of the fastest driver.
     """
     # what is looked at beyond the end of a motion is no part of it
-    if not travel <= TURN * MAX_REVOLUTIONS + 1.0:
+    if not travel <= REVOLUTION * MAX_REVOLUTIONS + 1.0:
         raise InputError(
-            f"{who} would be followed from {start} to {end}, {travel / TURN:,.0f} revolutions, and "
+            f"{who} would be followed from {start} to {end}, {travel / REVOLUTION:,.0f} revolutions, and "
             f"{MAX_REVOLUTIONS:,.0f} are the limit of one motion; ask for a motion "
-            f"{math.ceil(travel / TURN / MAX_REVOLUTIONS):,} times shorter"
+            f"{math.ceil(travel / REVOLUTION / MAX_REVOLUTIONS):,} times shorter"
         )
 
 

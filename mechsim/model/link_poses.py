@@ -12,7 +12,7 @@ from mechsim.model.joints import End, Joint, joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, Inertia, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # of one joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in their links' frames
@@ -116,7 +116,7 @@ def _screw_angles(mechanism: Mechanism) -> dict[str, float]:
     for joint in mechanism.joints:
         if KINDS[joint.kind].helical and joint.a.link in placed and joint.b.link in placed:
             displacement = float(joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0])
-            angles[joint.coordinates[1]] = TURN * displacement / joint.lead
+            angles[joint.coordinates[1]] = REVOLUTION * displacement / joint.lead
     return angles
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
 
@@ -77,7 +77,7 @@ def function(call: Callable[[Array], Array], *, over: Over = "angle", width: int
 
 
 def harmonics(
-    cosines: ArrayLike, sines: ArrayLike = (), *, over: Over = "angle", period: float = TURN
+    cosines: ArrayLike, sines: ArrayLike = (), *, over: Over = "angle", period: float = REVOLUTION
 ) -> LoadProfile:
     """Return sum c_k cos(k w x) + s_k sin(k w x) with w = 2 pi / period: c from k = 0, s from k = 1."""
     c, s = np.asarray(cosines, dtype=np.float64), np.asarray(sines, dtype=np.float64)
@@ -87,7 +87,7 @@ def harmonics(
         raise InputError(f"period of a load is {period}; give one above 0")
 
     def value(position: Array) -> Array:
-        x = position[:, None] * (TURN / period)
+        x = position[:, None] * (REVOLUTION / period)
         return np.cos(x * np.arange(len(c))) @ c + np.sin(x * np.arange(1, len(s) + 1)) @ s
 
     return function(value, over=over)
@@ -121,7 +121,7 @@ def table(
     _check_table(x, y, over)
     if repeats:
         _check_period(x, y, over)
-        x = x[0] + (x - x[0]) * (TURN / (x[-1] - x[0])) if over == "angle" else x
+        x = x[0] + (x - x[0]) * (REVOLUTION / (x[-1] - x[0])) if over == "angle" else x
         y = np.concatenate([y[:-1], y[:1]])
     least = 4 if smooth else 2
     if len(x) < least:
@@ -164,10 +164,10 @@ def _check_table(x: Array, y: Array, over: str) -> None:
 
 def _check_period(x: Array, y: Array, over: str) -> None:
     span = float(x[-1] - x[0])
-    if over == "angle" and abs(span - TURN) > PERIOD_TOLERANCE:
+    if over == "angle" and abs(span - REVOLUTION) > PERIOD_TOLERANCE:
         raise InputError(
             f"load table does not cover the turn: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
-            f"{span:.8g} of {TURN:.8g}; give rows over exactly one turn, both ends included"
+            f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one turn, both ends included"
         )
     jump = float(np.abs(y[-1] - y[0]).max())
     if jump > 1e-9 * float(np.abs(y).max()):

@@ -16,7 +16,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import MAX_GUESS_ERROR, End, Joint, guessed_frame
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.motion import short_repr
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number, numbers, require
 
@@ -242,7 +242,7 @@ class Mechanism:
             for gear in self.gears
         )
         screws = tuple(
-            Coupling(joint.name, joint.coordinates[0], joint.coordinates[1], (0.0, joint.lead / TURN))
+            Coupling(joint.name, joint.coordinates[0], joint.coordinates[1], (0.0, joint.lead / REVOLUTION))
             for joint in self.joints
             if KINDS[joint.kind].helical
         )

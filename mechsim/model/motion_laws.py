@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.limits import require_revolutions
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number, numbers, units_remedy
 from mechsim.numerics.interpolation import quintic_spline
@@ -43,7 +43,7 @@ class CrankProfile:
     @property
     def turns(self) -> float:
         """Turns the crank would make in this time at its fastest."""
-        return self.duration * self.max_speed / TURN
+        return self.duration * self.max_speed / REVOLUTION
 
     @property
     def angles(self) -> Array:
@@ -83,7 +83,7 @@ def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
     def state(time: Array) -> tuple[Array, Array, Array]:
         return start + speed * time, np.full_like(time, speed), np.zeros_like(time)
 
-    return CrankProfile(turns * TURN / abs(speed), abs(speed), state, steady=True)
+    return CrankProfile(turns * REVOLUTION / abs(speed), abs(speed), state, steady=True)
 
 
 def table(time: ArrayLike, angle: ArrayLike) -> CrankProfile:
@@ -124,7 +124,7 @@ def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
             reach * rate**2 * np.cos(phase),
         )
 
-    return CrankProfile(TURN / rate, abs(fastest), state)
+    return CrankProfile(REVOLUTION / rate, abs(fastest), state)
 
 
 def no_crank_range_error(name: str) -> AssemblyError:
@@ -138,7 +138,7 @@ def interval_around(arcs: CrankRange, angle: float) -> tuple[float, float] | Non
     A turn fewer or more is the same pose: an arc from 1 to 7 rad holds 0.5 rad as one from -5.3 to 0.7.
     """
     for low, high in arcs.arcs:
-        offset = TURN * np.floor((angle - low) / TURN)
+        offset = REVOLUTION * np.floor((angle - low) / REVOLUTION)
         if angle <= high + offset:
             return float(low + offset), float(high + offset)
     return None
@@ -250,12 +250,12 @@ class MotionLaws:
         _, rate, second = self.state(_probes(self.duration))
         quick, quicker = (np.sqrt((derivative**2).mean(1)) for derivative in (rate, second))
         frequency = np.divide(quicker, quick, out=np.zeros_like(quick), where=quick > 0.0)
-        return max(self.rate, float(frequency.max()), TURN / self.duration)
+        return max(self.rate, float(frequency.max()), REVOLUTION / self.duration)
 
     @property
     def revolutions(self) -> float:
         """Revolutions of the fastest driver, or cycles of the one that oscillates most often."""
-        return self.duration * self.fastest / TURN
+        return self.duration * self.fastest / REVOLUTION
 
     def with_duration(self, duration: float) -> "MotionLaws":
         """Return the same programs over another duration in [s]."""

@@ -1,38 +1,37 @@
-"""Angles: a full turn, and the laps on which they may be counted."""
+"""Angles: a revolution, and angles that differ by whole revolutions."""
 
 import numpy as np
 
 from mechsim.numerics.arrays import Array
 
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 
 
-def other_laps(angle: float, wanted: Array) -> list[int]:
-    """Return the turns to add to an angle so that wanted ones (n,) lie within a turn of it, fewest first.
+def other_revolutions(angle: float, targets: Array) -> list[int]:
+    """Return the revolutions to add to an angle so that targets (n,) lie within one of it, fewest first.
 
-    All in [rad]; none is not among them.
+    Angles in [rad]; zero revolutions are left out.
     """
-    first = int(np.ceil((wanted.max() - angle) / TURN - 1.0))
-    last = int(np.floor((wanted.min() - angle) / TURN + 1.0))
-    return sorted((laps for laps in range(first, last + 1) if laps), key=abs)
+    first = int(np.ceil((targets.max() - angle) / REVOLUTION - 1.0))
+    last = int(np.floor((targets.min() - angle) / REVOLUTION + 1.0))
+    return sorted((count for count in range(first, last + 1) if count), key=abs)
 
 
-def turned_into(angles: Array, ends: tuple[float, float], start: float, period: float = TURN) -> Array:
-    """Return angles (n,) turned back together so that all lie between two ends, as few turns as will do.
+def shifted_into(angles: Array, ends: tuple[float, float], start: float, period: float = REVOLUTION) -> Array:
+    """Return angles (n,) shifted together by whole revolutions into a range, by as few as possible.
 
-    As they are where none will. Where more than a turn lies between the ends an angle alone may have two
-    places there; the angles of one motion belong together. All in [rad].
+    They are unchanged if no shift fits. All in [rad].
 
     Args:
         angles: of one motion.
         ends: of the range.
-        start: an angle of it; turned back, angles lie within a turn of it.
-        period: after which all is as before, whole turns.
+        start: an angle of it; shifted angles lie within a revolution of it.
+        period: whole revolutions after which a configuration repeats.
     """
     low, high = ends
-    for laps in (0, *other_laps(start, angles)):
-        if laps % round(period / TURN) == 0:
-            turned = angles - laps * TURN
-            if low <= turned.min() and turned.max() <= high:
-                return turned
+    for count in (0, *other_revolutions(start, angles)):
+        if count % round(period / REVOLUTION) == 0:
+            shifted = angles - count * REVOLUTION
+            if low <= shifted.min() and shifted.max() <= high:
+                return shifted
     return angles

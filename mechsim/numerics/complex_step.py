@@ -10,14 +10,14 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 
-# the imaginary part of a change of one: its square is lost beside any real part
+# the imaginary part of a change of one: its square vanishes in rounding next to any real part
 STEP = 2.0**-80
 
 
 def stepped(value: Array, change: Array) -> Array:
     """Return values with changes as imaginary parts; what is reckoned from them changes by `change_of`."""
-    found: Any = value + 1j * STEP * change
-    return found
+    complex_values: Any = value + 1j * STEP * change
+    return complex_values
 
 
 def change_of(value: Array) -> Array:
@@ -50,24 +50,24 @@ def least_norm(matrix: Array, right: Array, rcond: float) -> Array:
     Args:
         matrix: of any rank, which its changes keep.
         right: sides.
-        rcond: singular values below this part of the largest are nought.
+        rcond: singular values below this fraction of the largest are zero.
 
     Source: G. Golub and V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares
-    problems, SIAM Journal on Numerical Analysis 10 (1973) 413-432, of a residual of nought.
+    problems, SIAM Journal on Numerical Analysis 10 (1973) 413-432, for a residual of zero.
     """
     inverse = np.linalg.pinv(np.real(matrix), rcond=rcond)
-    found = inverse @ np.real(right)[..., None]
+    solution = inverse @ np.real(right)[..., None]
     if not np.iscomplexobj(matrix) and not np.iscomplexobj(right):
-        return found[..., 0]
-    slope = np.imag(matrix)
-    moved = inverse @ (np.imag(right)[..., None] - slope @ found)
-    aside = np.swapaxes(slope, -1, -2) @ (np.swapaxes(inverse, -1, -2) @ found)
+        return solution[..., 0]
+    derivative = np.imag(matrix)
+    moved = inverse @ (np.imag(right)[..., None] - derivative @ solution)
+    aside = np.swapaxes(derivative, -1, -2) @ (np.swapaxes(inverse, -1, -2) @ solution)
     moved = moved + aside - inverse @ (np.real(matrix) @ aside)
-    return _joined(found[..., 0], moved[..., 0])
+    return _joined(solution[..., 0], moved[..., 0])
 
 
 def null_space(matrix: Array, count: int, rcond: float) -> Array:
-    """Return a basis of what matrices (n, m, k) of rank k - count take to nought, (n, k, count)."""
+    """Return bases of the null spaces of matrices (n, m, k) of rank k - count, (n, k, count)."""
     right = np.linalg.svd(np.real(matrix), full_matrices=True)[2]
     basis = np.swapaxes(right[:, right.shape[1] - count :], -1, -2)
     if not np.iscomplexobj(matrix):
@@ -76,5 +76,5 @@ def null_space(matrix: Array, count: int, rcond: float) -> Array:
 
 
 def _joined(real: Array, imaginary: Array) -> Array:
-    found: Any = real + 1j * imaginary
-    return found
+    complex_values: Any = real + 1j * imaginary
+    return complex_values

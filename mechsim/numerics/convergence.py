@@ -42,8 +42,8 @@ def observed_order(
     Args:
         steps: numbers of steps (or inverse step sizes), (n,), above 0.
         errors: (n,); what is not finite or not strictly between floor and ceiling is left out.
-        floor: error below which rounding or softness speaks instead of the step.
-        ceiling: error above which nothing has begun to converge.
+        floor: error below which rounding or compliance dominates.
+        ceiling: error above which the run has not started to converge.
 
     Returns:
         The order, or None where fewer than two different numbers of steps are left.
@@ -55,10 +55,10 @@ def observed_order(
     if len(np.unique(x)) < 2:
         return None
     deviation = x - x.mean()
-    slope = float(deviation @ y / (deviation @ deviation))
+    exponent = float(deviation @ y / (deviation @ deviation))
     apart = np.diff(x) > 0.0
     local = -np.diff(y)[apart] / np.diff(x)[apart]
-    return Order(-slope, float(local.min()), float(local.max()), len(x))
+    return Order(-exponent, float(local.min()), float(local.max()), len(x))
 
 
 def believed_order(coarse: float, fine: float, ratio: float) -> float:
@@ -89,10 +89,10 @@ def pareto(costs: ArrayLike, errors: ArrayLike) -> NDArray[np.intp]:
     return order[error[order] < before]
 
 
-def cheapest(costs: ArrayLike, errors: ArrayLike, bound: float) -> int | None:
-    """Return which point has the least cost among those with an error within a bound; None if none has."""
+def cheapest(costs: ArrayLike, errors: ArrayLike, limit: float) -> int | None:
+    """Return which point has the least cost among those with an error within a limit; None if none has."""
     cost, error = np.asarray(costs, dtype=np.float64), np.asarray(errors, dtype=np.float64)
-    fit = np.flatnonzero((error <= bound) & np.isfinite(cost))
+    fit = np.flatnonzero((error <= limit) & np.isfinite(cost))
     return int(fit[np.argmin(cost[fit])]) if len(fit) else None
 
 

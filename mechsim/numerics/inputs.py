@@ -1,4 +1,4 @@
-"""What a caller gave: numbers, NaN for what is none, so that one comparison refuses both; kinds of things."""
+"""Checked inputs: numbers, with NaN for anything else, and values of a type."""
 
 from typing import TypeVar
 
@@ -22,9 +22,9 @@ def number(value: object) -> float:
 def numbers(value: object) -> NDArray[np.float64]:
     """Return real numbers, nested or not, as an array of their shape; one NaN for anything else."""
     try:
-        given = np.asarray(value)
-        if given.dtype.kind in "biuf" or (given.dtype.kind == "O" and given.size == 0):
-            return given.astype(np.float64)
+        array = np.asarray(value)
+        if array.dtype.kind in "biuf" or (array.dtype.kind == "O" and array.size == 0):
+            return array.astype(np.float64)
     except (TypeError, ValueError):
         pass
     return np.array(np.nan)
@@ -35,8 +35,8 @@ def units_remedy(value: object, example: str) -> str:
     return f"; text is made a number by {example}" if isinstance(value, str) else ""
 
 
-def require(what: str, given: object, kind: type[Kind]) -> Kind:
+def require(what: str, value: object, kind: type[Kind]) -> Kind:
     """Return a thing of a kind; raise InputError for any other."""
-    if not isinstance(given, kind):
-        raise InputError(f"{what} is of type {type(given).__name__}; give one of type {kind.__name__}")
-    return given
+    if not isinstance(value, kind):
+        raise InputError(f"{what} is of type {type(value).__name__}; give one of type {kind.__name__}")
+    return value

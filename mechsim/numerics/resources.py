@@ -1,4 +1,4 @@
-"""What a piece of work will hold in memory: refused before it is begun where there is no room for it."""
+"""Limits of memory and processor time, checked before work starts."""
 
 import os
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from time import process_time
 from mechsim.errors import BudgetError, InputError
 
 # of the memory that is free, what one piece of work may take
-PART = 0.7
+MAX_FRACTION = 0.7
 # and of the address space under `ulimit -v`: about half of that is reserved by allocators and never used
 ADDRESSABLE = 0.4
 PROCESS = Path("/proc/meminfo")
@@ -23,19 +23,19 @@ GROUPS = (
 )
 
 
-def room() -> float:
+def available_memory() -> float:
     """Return the bytes of memory that one piece of work may take: of machine, container or `ulimit -v`."""
     free = float("inf")
     with suppress(OSError, ValueError, IndexError):
-        line = next(one for one in PROCESS.read_text().splitlines() if one.startswith("MemAvailable"))
+        line = next(row for row in PROCESS.read_text().splitlines() if row.startswith("MemAvailable"))
         free = 1024.0 * float(line.split()[1])
     if free == float("inf"):
         with suppress(OSError, ValueError, AttributeError):
             free = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    for most, taken in GROUPS:
+    for limit, used in GROUPS:
         with suppress(OSError, ValueError):
-            free = min(free, float(Path(most).read_text()) - float(Path(taken).read_text()))
-    return min(PART * free, ADDRESSABLE * _address_space())
+            free = min(free, float(Path(limit).read_text()) - float(Path(used).read_text()))
+    return min(MAX_FRACTION * free, ADDRESSABLE * _address_space())
 
 
 def _address_space() -> float:
@@ -51,7 +51,7 @@ def _address_space() -> float:
     return float("inf")
 
 
-def require_room(what: str, count: float, each: float, remedy: str = "") -> None:
+def require_memory(what: str, count: float, each: float, remedy: str = "") -> None:
     """Raise InputError where so many things, of so many bytes each, do not fit into memory.
 
     Args:
@@ -60,20 +60,20 @@ def require_room(what: str, count: float, each: float, remedy: str = "") -> None
         each: bytes that one of them takes.
         remedy: what to do, with `{most}` for how many would fit.
     """
-    free = room()
+    free = available_memory()
     if count * each > free:
         most = f"{int(free / each):,}"
         raise InputError(
-            f"{what} would take {said(count * each)} of memory, and {said(free)} are to be had; "
+            f"{what} would take {size_text(count * each)} of memory, and {size_text(free)} are available; "
             + (remedy.format(most=most) or f"take {most} at the most")
         )
 
 
-def said(bytes_: float) -> str:
+def size_text(bytes_: float) -> str:
     """Return a size in words."""
-    for unit, one in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
-        if bytes_ >= one:
-            return f"{bytes_ / one:.3g} {unit}"
+    for unit, scale in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
+        if bytes_ >= scale:
+            return f"{bytes_ / scale:.3g} {unit}"
     return f"{bytes_ / 1e3:.3g} kB"
 
 
@@ -83,31 +83,33 @@ class ProcessorBudget:
 
     Attributes:
         seconds: of processor time, of all threads.
-        clock: gives processor time in [s].
-        began: when the budget began to run, by the clock.
+        processor_time: gives processor time in [s].
+        began: processor time at which the budget started.
     """
 
     seconds: float
-    clock: Callable[[], float] = process_time
+    processor_time: Callable[[], float] = process_time
     began: float = field(init=False)
 
     def __post_init__(self) -> None:
         """Begin to run."""
-        self.began = self.clock()
+        self.began = self.processor_time()
 
     @property
     def spent(self) -> float:
         """What was taken so far, in [s]."""
-        return self.clock() - self.began
+        return self.processor_time() - self.began
 
     def affords(self, seconds: float) -> bool:
         """Return whether work of some seconds would end within the budget."""
         return self.spent + seconds <= self.seconds
 
-    def require_left(self, done: str) -> None:
-        """Raise BudgetError where the budget is spent; `done` is how far the work has come, in words."""
+    def require_left(self, progress: str) -> None:
+        """Raise BudgetError where the budget is spent; `progress` says how far the work has come."""
         if self.spent > self.seconds:
-            raise BudgetError(f"{self.ended}: it reached {done}; give a larger --budget or a shorter motion")
+            raise BudgetError(
+                f"{self.ended}: it reached {progress}; give a larger --budget or a shorter motion"
+            )
 
     @property
     def ended(self) -> str:

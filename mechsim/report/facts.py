@@ -14,7 +14,7 @@ from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.errors import MechsimError
 from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 from mechsim.model.meshes import threads_of
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # what there is to say of a mechanism that is not of the catalogue
@@ -66,7 +66,7 @@ def facts(solver: Form, angle: float | None = None, driver: str | None = None) -
         "crank_ranges": ranges,
         "dead_centres": list(solver.dead_centres()),
         "change_points": list(solver.change_points()),
-        "turns_to_come_round": round(solver.period / TURN),
+        "turns_to_come_round": round(solver.period / REVOLUTION),
         "transmission_angle": _least_transmission(solver),
         "angle": listed_angle,
         "assemblies": assemblies(solver, listed_angle),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, overload
 
 from mechsim.errors import InputError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 
 if TYPE_CHECKING:
     from mechsim.analytic.forms import Form
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PASS_COLOUR, FAIL_COLOUR = "#00694c", "#a8261a"
 # of the crank on a page, in [rad/s]
-SPEED = 10.0 * TURN
+SPEED = 10.0 * REVOLUTION
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import MechsimError
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import constant, interval_around, within_range
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.view import (
@@ -99,12 +99,16 @@ def _angles(solver: Form, limits: tuple[float, float] | None) -> tuple[Array, Ar
     """Return the crank angles that are solved, and some in the middle between them."""
     arcs, samples = solver.crank_range(), SAMPLES
     if arcs.full and limits is None:
-        turns = max(1, round(solver.period / TURN))
-        low, high, samples = 0.0, turns * TURN, samples * turns
+        turns = max(1, round(solver.period / REVOLUTION))
+        low, high, samples = 0.0, turns * REVOLUTION, samples * turns
         share = np.linspace(0.0, 1.0, samples + 1)
     else:
         start = solver.mechanism.start
-        around = (start - TURN, start + TURN) if arcs.full else interval_around(arcs, start) or (start, start)
+        around = (
+            (start - REVOLUTION, start + REVOLUTION)
+            if arcs.full
+            else interval_around(arcs, start) or (start, start)
+        )
         low, high = (
             around[0] + KEPT_OFF * (around[1] - around[0]),
             around[1] - KEPT_OFF * (around[1] - around[0]),
@@ -128,8 +132,8 @@ def repeated_landmarks(landmark: Landmark, angles: Array) -> list[Landmark]:
     """Return a landmark in every revolution of the slider; none outside its range."""
     low, high = float(angles[0]), float(angles[-1])
     slack = 1e-3 * (high - low)
-    first = landmark.value - TURN * np.floor((landmark.value - low + slack) / TURN)
-    values = np.arange(first, high + slack, TURN).tolist()
+    first = landmark.value - REVOLUTION * np.floor((landmark.value - low + slack) / REVOLUTION)
+    values = np.arange(first, high + slack, REVOLUTION).tolist()
     return [replace(landmark, value=float(np.clip(value, low, high))) for value in values]
 
 
@@ -250,7 +254,7 @@ def mechanism_view(
         grids = crank_grids(solver, speed, limits.get(solver.mechanism.crank.name))
         others, sentence = curve_grids(solver) if searched else ([], NOT_SOUGHT)
         facts = [
-            f"Solved by its {method}; speeds are at a crank speed of {speed * 60.0 / TURN:g} rpm.",
+            f"Solved by its {method}; speeds are at a crank speed of {speed * 60.0 / REVOLUTION:g} rpm.",
             sentence,
         ]
         return _view(solver, [*grids, *others], facts)

@@ -2,9 +2,19 @@
 
 import mechsim.simulation.mujoco_loading  # before all else that imports it  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.model.motion_laws import CrankProfile, constant, swing, table
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.run import Run, simulate
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.stepping import check_step
 
-__all__ = ["TURN", "CrankProfile", "Run", "Settings", "check_step", "constant", "simulate", "swing", "table"]
+__all__ = [
+    "REVOLUTION",
+    "CrankProfile",
+    "Run",
+    "Settings",
+    "check_step",
+    "constant",
+    "simulate",
+    "swing",
+    "table",
+]

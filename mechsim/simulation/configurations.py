@@ -12,7 +12,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.model.scene import Scene
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
@@ -157,8 +157,8 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
     angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
     path = _path(closed, angle)
     low, high = float(angle.min()), float(angle.max())
-    revolutions = (0.0,) if path.gain is None else (-TURN, 0.0, TURN)
-    first = float(path.revolutions(angle[:1])[0]) * TURN
+    revolutions = (0.0,) if path.gain is None else (-REVOLUTION, 0.0, REVOLUTION)
+    first = float(path.revolutions(angle[:1])[0]) * REVOLUTION
     change_point_angles = [m.angle + first + whole for m in path.change_points for whole in revolutions]
     return sorted(a for a in change_point_angles if low - AT_START <= a <= high + AT_START)
 

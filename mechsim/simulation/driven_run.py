@@ -13,7 +13,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import CrankProfile, constant
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import half_extent
-from mechsim.numerics.resources import ProcessorBudget, require_room
+from mechsim.numerics.resources import ProcessorBudget, require_memory
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.configurations import (
     change_points_text,
@@ -321,7 +321,7 @@ def check_records(closed: ClosedModel, profile: CrankProfile, samples: int | Non
     records = samples or SAMPLES * profile.turns
     model, track = closed.model, closed.track
     numbers = 24 * len(track.links) + 9 * len(track.points) + 3 * model.njnt + model.nq + model.nv
-    require_room(
+    require_memory(
         f"{records:.3g} instants of {profile.turns:g} turns",
         records,
         BYTES_PER_NUMBER * numbers,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import BudgetError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.convergence import believed_order
 from mechsim.simulation.configurations import lag_distance
 from mechsim.simulation.driven_run import DrivenRun
@@ -191,7 +191,7 @@ def _after_diverging(
     """
     trials = {settings.steps_per_turn}
     if driven.closed.custom:
-        cycle = driven.cycle * TURN / driven.profile.max_speed
+        cycle = driven.cycle * REVOLUTION / driven.profile.max_speed
         trials.add(round(min(cycle / float(driven.closed.model.opt.timestep), MAX_STEPS)))
     for trial in sorted(entry for entry in trials if entry > _trial_steps(driven)):
         error = float(short.errors_by_turn(_with_steps(driven, settings, trial)).max())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.numerics import inputs
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.matrices import KINDS, quicker
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
@@ -215,7 +215,7 @@ class Settings:
 
     def timestep(self, speed: float) -> float:
         """Return the step in [s] at a crank speed in [rad/s]."""
-        return TURN / abs(speed) / self.steps_per_turn
+        return REVOLUTION / abs(speed) / self.steps_per_turn
 
     @property
     def constant(self) -> float:

@@ -12,7 +12,7 @@ from mechsim.errors import InputError
 from mechsim.model.limits import MAX_STEPS
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.resources import require_room
+from mechsim.numerics.resources import require_memory
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import SLIDE, ModelLoops
 from mechsim.simulation.recording import States
@@ -92,7 +92,9 @@ def step(
     driven = not profile.steady or len(loops.actuated_dofs) > 1 or loops.drivers is not None
     if driven:
         needed = BYTES_PER_STEP * len(loops.actuated_dofs)
-        require_room(f"the drive's torque at {total:,} steps", total, needed, "take {most} steps at the most")
+        require_memory(
+            f"the drive's torque at {total:,} steps", total, needed, "take {most} steps at the most"
+        )
     used = settings.apply(loops, timestep)
     model = loops.model
     if driven:

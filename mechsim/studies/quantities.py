@@ -21,7 +21,7 @@ from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import change_of, stepped, turn_of
 from mechsim.studies.quantity_expressions import QuantityEvaluator, Term, unit_powers, unit_text
@@ -504,9 +504,9 @@ KINDS = {
 def unwrapped(angles: Array) -> Array:
     """Return angles without jumps of whole revolutions from instant to instant, (..., n)."""
     steps = np.diff(np.real(angles), axis=-1)
-    revolutions = np.round(steps / TURN)
+    revolutions = np.round(steps / REVOLUTION)
     if not revolutions.any():
         return angles
     out = angles.copy()
-    out[..., 1:] -= TURN * np.cumsum(revolutions, axis=-1)
+    out[..., 1:] -= REVOLUTION * np.cumsum(revolutions, axis=-1)
     return out

@@ -18,7 +18,7 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import CrankProfile, interval_around, swing
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
 from mechsim.simulation.stepping import Progress, no_progress
@@ -155,7 +155,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
 
 def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> Case:
     begin, quick, tolerance, watch = clock.perf_counter(), work.quick, work.tolerance, work.watch
-    profile = profile_of(drive, speed, drive.period / TURN)
+    profile = profile_of(drive, speed, drive.period / REVOLUTION)
     drive = drive.starting_at(profile.angles)
     # by the clock of programs there is no other speed than their own
     speed = speed if drive.motion_laws is None else profile.max_speed
@@ -258,8 +258,12 @@ def _decided(drive: Form, profile: CrankProfile, speed: float) -> CrankProfile:
     if not len(points):
         return profile
     arc = interval_around(drive.crank_range(), start)
-    low, high = (start - TURN, start + TURN) if arc is None or drive.crank_range().full else arc
-    around = points + TURN * np.round((start - points) / TURN) + TURN * np.array([[-1.0], [0.0], [1.0]])
+    low, high = (start - REVOLUTION, start + REVOLUTION) if arc is None or drive.crank_range().full else arc
+    around = (
+        points
+        + REVOLUTION * np.round((start - points) / REVOLUTION)
+        + REVOLUTION * np.array([[-1.0], [0.0], [1.0]])
+    )
     low = max([low, *(around[around < start] + KEPT_OFF)])
     high = min([high, *(around[around > start] - KEPT_OFF)])
     return swing(0.5 * (low + high), 0.49 * (high - low), speed)

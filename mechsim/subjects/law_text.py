@@ -11,7 +11,7 @@ from mechsim import files, units
 from mechsim.errors import InputError
 from mechsim.model.load_profile import PERIOD_TOLERANCE, LoadProfile, Over, constant, function, table
 from mechsim.model.motion_laws import State, steady, tabled
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.time_expressions import VARIABLES, time_function
 from mechsim.units import Unit
@@ -209,7 +209,7 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
         axis, position, value = read_column(
             text, name, list(_AXES), "a load give two, t in s or angle in rad"
         )
-        full_turn = axis == "angle" and abs(np.ptp(position) - TURN) < PERIOD_TOLERANCE
+        full_turn = axis == "angle" and abs(np.ptp(position) - REVOLUTION) < PERIOD_TOLERANCE
         return LoadComponent(text, table(position, value, over=_AXES[axis], periodic=bool(full_turn)))
     names = variables(text)
     if len(names) > 1:

@@ -10,7 +10,7 @@ from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import mesh_of
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
 from mechsim.subjects.toml_keys import Number
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, suggestion
@@ -245,7 +245,7 @@ def _coupling(
         return Coupling(name, driven, driver, (phase, table["ratio"]), turns=turns, pressure_angle=teeth)
     if units[0] == units[1]:
         raise source.error(path, "is a rack between two of a kind; give a turn and a displacement")
-    radius = table["radius"] if kind_keys[0] == "radius" else table["travel"] / TURN
+    radius = table["radius"] if kind_keys[0] == "radius" else table["travel"] / REVOLUTION
     if radius == 0.0:
         raise source.error((*path, kind_keys[0]), "is 0; give a length, negative for the other sense")
     ratio = radius if units[0] == "rad" else 1.0 / radius

@@ -76,12 +76,12 @@ class VelocityPlan:
 
 
 def velocity_plan(
-    drive: WarpKnitter, angle: float, speed: float, speed2: float | None = None, *, first: float = 1.0
+    mechanism: WarpKnitter, angle: float, speed: float, speed2: float | None = None, *, first: float = 1.0
 ) -> VelocityPlan:
     """Build the velocity plans at a crank angle.
 
     Args:
-        drive: the mechanism.
+        mechanism: the mechanism.
         angle: of crank 1 in [rad]; crank 2 stands where the gears put it.
         speed: of crank 1 in [rad/s].
         speed2: of crank 2 in [rad/s]; None takes what the gears make of `speed`.
@@ -99,10 +99,10 @@ def velocity_plan(
 
     Source: paper 003, eqs (1)-(8).
     """
-    points = drive.positions([angle])
+    points = mechanism.positions([angle])
     positions = {name: complex(flat(path)[0]) for name, path in points.items()}
-    positions |= {"O1": 0j, "O2": complex(*drive.pivot2), "E": complex(*drive.pivot_rocker)}
-    speed2 = drive.gear_ratio * speed if speed2 is None else speed2
+    positions |= {"O1": 0j, "O2": complex(*mechanism.pivot2), "E": complex(*mechanism.pivot_rocker)}
+    speed2 = mechanism.gear_ratio * speed if speed2 is None else speed2
     first_plan = _plan(positions, "crank2", "rod5", ("C", "D"), ("B", "A", "O1"), speed, first)
     second_plan = _plan(positions, "crank1", "rod3", ("B", "A"), ("C", "D", "O2"), speed2, first)
     velocities = {name: first_plan.velocities[name] + second_plan.velocities[name] for name in "ABCDK"}

@@ -165,7 +165,7 @@ def test_loops_stand_open_by_no_more_than_eight_ulp_and_one_freedom_is_left():
     lengths_open, angles_open = closure.residual_norms(drive.mechanism, poses, angles)
     assert lengths_open.max() <= 8 * EPS * longest(drive)
     assert angles_open.max() <= 8 * EPS
-    freedom = closure.freedom(drive.mechanism, poses)
+    freedom = closure.dof_count(drive.mechanism, poses)
     assert (freedom.mobility, freedom.passive, freedom.redundant) == (1, 0, 0)
 
 

@@ -99,7 +99,7 @@ def test_loop_equations_assembled_from_the_guess_find_the_same_assembly(drive):
     for name, link in closed.links.items():
         assert np.abs(found.links[name].position - link.position).max() <= 1e-15
         assert np.abs(found.links[name].rotation - link.rotation).max() <= 1e-13
-    assert closure.freedom(drive.mechanism, closure.assemble(drive.mechanism, angles[:1])).mobility == 1
+    assert closure.dof_count(drive.mechanism, closure.assemble(drive.mechanism, angles[:1])).mobility == 1
 
 
 def test_default_layout_swings_as_the_digest_says():

@@ -299,9 +299,9 @@ def test_without_gears_the_mechanism_has_two_freedoms():
     drive = WarpKnitter()
     links = drive.solve([0.4]).links
     poses = {name: Pose(link.position, link.rotation) for name, link in links.items()}
-    assert closure.freedom(replace(drive.mechanism, gears=()), poses).mobility == 2
-    assert closure.freedom(drive.mechanism, poses).mobility == 1
-    assert closure.freedom(drive.mechanism, poses).redundant == 6
+    assert closure.dof_count(replace(drive.mechanism, gears=()), poses).mobility == 2
+    assert closure.dof_count(drive.mechanism, poses).mobility == 1
+    assert closure.dof_count(drive.mechanism, poses).redundant == 6
 
 
 def test_velocities_of_both_cranks_add_up_and_agree_with_the_geared_ones():

@@ -97,7 +97,7 @@ def test_bias_is_the_second_derivative_of_the_residual_at_constant_twist(somewhe
 def test_rank_tells_mobility_passive_freedoms_and_redundant_rows(name, changes, expected):
     mechanism = catalog.make(name, **changes).mechanism
     poses = closure.assemble(mechanism, [0.3])
-    found = closure.freedom(mechanism, poses)
+    found = closure.dof_count(mechanism, poses)
     assert (found.mobility, found.passive, found.redundant) == expected
 
 

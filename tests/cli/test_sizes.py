@@ -31,7 +31,7 @@ TOO_LARGE = {
 
 @pytest.fixture
 def a_gigabyte(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resources, "room", lambda: 1e9)
+    monkeypatch.setattr(resources, "available_memory", lambda: 1e9)
 
 
 @pytest.mark.usefixtures("a_gigabyte")

@@ -5,12 +5,12 @@ from mechsim.numerics import resources
 
 
 def test_what_fits_is_let_through_and_what_does_not_is_told_with_figures_and_what_would(monkeypatch):
-    monkeypatch.setattr(resources, "room", lambda: 2e9)
-    resources.require_room("1,000 rows", 1_000, 8.0)
-    with pytest.raises(InputError, match=r"8 GB of memory, and 2 GB are to be had; take 250,000,000"):
-        resources.require_room("a billion rows", 1e9, 8.0)
+    monkeypatch.setattr(resources, "available_memory", lambda: 2e9)
+    resources.require_memory("1,000 rows", 1_000, 8.0)
+    with pytest.raises(InputError, match=r"8 GB of memory, and 2 GB are available; take 250,000,000"):
+        resources.require_memory("a billion rows", 1e9, 8.0)
     with pytest.raises(InputError, match=r"take fewer turns: 250,000,000 instants"):
-        resources.require_room("a billion rows", 1e9, 8.0, "take fewer turns: {most} instants")
+        resources.require_memory("a billion rows", 1e9, 8.0, "take fewer turns: {most} instants")
 
 
 def test_a_container_has_no_more_than_its_share(monkeypatch, tmp_path):
@@ -19,11 +19,11 @@ def test_a_container_has_no_more_than_its_share(monkeypatch, tmp_path):
     (tmp_path / "taken").write_text("1000000000\n")
     monkeypatch.setattr(resources, "PROCESS", tmp_path / "info")
     monkeypatch.setattr(resources, "GROUPS", [])
-    assert resources.room() == resources.PART * 8.192e9
+    assert resources.available_memory() == resources.MAX_FRACTION * 8.192e9
     monkeypatch.setattr(resources, "GROUPS", [(tmp_path / "max", tmp_path / "taken")])
-    assert resources.room() == resources.PART * 2e9
+    assert resources.available_memory() == resources.MAX_FRACTION * 2e9
     (tmp_path / "max").write_text("max\n")
-    assert resources.room() == resources.PART * 8.192e9
+    assert resources.available_memory() == resources.MAX_FRACTION * 8.192e9
 
 
 def test_a_limit_of_the_address_space_counts(monkeypatch, tmp_path):
@@ -35,6 +35,6 @@ def test_a_limit_of_the_address_space_counts(monkeypatch, tmp_path):
     monkeypatch.setattr(resources, "OWN", tmp_path / "own")
     monkeypatch.setattr(resource, "getrlimit", lambda _: (5e9, 5e9))
     left = 5e9 - 1000 * resources.os.sysconf("SC_PAGE_SIZE")
-    assert resources.room() == resources.ADDRESSABLE * left
+    assert resources.available_memory() == resources.ADDRESSABLE * left
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
-    assert resources.room() == resources.PART * 8.192e9
+    assert resources.available_memory() == resources.MAX_FRACTION * 8.192e9

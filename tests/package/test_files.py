@@ -185,7 +185,7 @@ def test_what_never_ends_or_unpacks_to_more_than_memory_is_refused_before_it_is_
     np.savez_compressed(tmp_path / "bomb.npz", time=np.zeros(1_000_000))
     files.read(tmp_path / "bomb.npz")
     assert (tmp_path / "bomb.npz").stat().st_size < 20_000
-    monkeypatch.setattr(resources, "room", lambda: 20e6)
+    monkeypatch.setattr(resources, "available_memory", lambda: 20e6)
     with pytest.raises(InputError, match=r"bomb.npz holds would take 80 MB of memory, and 20 MB"):
         files.read(tmp_path / "bomb.npz")
     (tmp_path / "long.csv").write_text("time\n" + "0\n" * 2_000_000)

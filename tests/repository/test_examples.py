@@ -8,7 +8,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 # what a reader is told at the end of each
 SAYS = {
     "first_steps": "MuJoCo: passed with",
-    "own_mechanism": "Freedom(mobility=1, passive=0, redundant=0, rank=17)",
+    "own_mechanism": "DofCount(mobility=1, passive=0, redundant=0, rank=17)",
     "own_model": "stepped, ",
 }
 

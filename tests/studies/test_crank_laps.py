@@ -14,7 +14,7 @@ from mechsim import catalog, closure
 from mechsim.errors import AssemblyError
 from mechsim.model.motion_laws import PART_OF_RANGE, constant, interval_around, swing
 from mechsim.model.scene import Scene
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
@@ -41,7 +41,7 @@ def swings(draw, name):
     assume(drive.transmission_angle(angles).min() > 0.02)
     middle = low + (high - low) * draw(PARTS)
     reach = PART_OF_RANGE * min(middle - low, high - middle) * draw(PARTS)
-    return drive, swing(middle + TURN * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
+    return drive, swing(middle + REVOLUTION * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
 
 
 @pytest.mark.parametrize("name", grid(SWINGING, ("rssr",)))
@@ -102,9 +102,9 @@ LOOPER = catalog.Looper(
 @pytest.mark.parametrize("drive", [KNITTER, LOOPER], ids=["warp_knitter", "looper"])
 def test_where_a_crank_turns_by_more_than_a_turn_all_roads_mean_the_same_pose_on_another_lap(drive):
     low, high = interval_around(drive.crank_range(), drive.mechanism.start)
-    assert high - low > TURN
+    assert high - low > REVOLUTION
     for middle, reach in ((low + 0.06, 0.05), (0.5 * (low + high), 0.49 * (high - low))):
-        profile = swing(middle + TURN, reach, 20.0)
+        profile = swing(middle + REVOLUTION, reach, 20.0)
         poses = simulate(drive.mechanism, profile=profile, samples=12, method="pose").motion
         own = closure.solve(drive.mechanism, poses.angle)
         for point, place in drive.positions(poses.angle).items():
@@ -117,7 +117,7 @@ def test_no_road_goes_on_beyond_a_dead_centre_in_the_pose_of_a_turn_before():
     angles = np.linspace(high - 0.4, high + 0.1, 9)
     for lap in (-2, 0, 1):
         with pytest.raises(AssemblyError, match="does not close"):
-            LOOPER.positions(angles + TURN * lap)
+            LOOPER.positions(angles + REVOLUTION * lap)
     with pytest.raises(AssemblyError, match="cannot pass"):
         closure.solve(LOOPER.mechanism, angles)
 
@@ -142,7 +142,7 @@ def test_a_swing_that_leaves_the_range_is_refused_on_every_lap():
     drive = catalog.make("four_bar", **catalog.DRIVES["four_bar"].swinging)
     low, high = drive.crank_range().arcs[0]
     for lap in (-2, 0, 1):
-        profile = swing(0.5 * (low + high) + TURN * lap, 0.51 * (high - low), 20.0)
+        profile = swing(0.5 * (low + high) + REVOLUTION * lap, 0.51 * (high - low), 20.0)
         with pytest.raises(AssemblyError, match="cannot pass"):
             simulate(drive.mechanism, profile=profile)
 
@@ -159,4 +159,4 @@ def test_a_geared_crank_that_turns_into_another_linkage_is_refused_on_another_la
     middle, reach = 0.5 * (low + high), 0.2 * (high - low)
     assert simulate(drive.mechanism, profile=swing(middle, reach, 20.0)).outcome == "passed"
     with pytest.raises(AssemblyError):
-        simulate(drive.mechanism, profile=swing(middle + TURN, reach, 20.0))
+        simulate(drive.mechanism, profile=swing(middle + REVOLUTION, reach, 20.0))

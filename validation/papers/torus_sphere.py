@@ -11,7 +11,7 @@ from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.vector_method.trig_polynomial import reachable_arcs
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import short_repr
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # the frame of the torus: its x, y, z are Y, Z, X of the mechanism (T1 of the paper)
@@ -40,7 +40,7 @@ class SpherePath:
     @property
     def turns(self) -> int:
         """How often the crank went round: 0 or +-1."""
-        return round((self.parameters[-1, 0] - self.parameters[0, 0]) / TURN)
+        return round((self.parameters[-1, 0] - self.parameters[0, 0]) / REVOLUTION)
 
 
 def torus(drive: Rrsrr, u1: Array, v1: Array) -> Array:
@@ -121,7 +121,7 @@ def trace_path(drive: Rrsrr, start: ArrayLike | None = None, *, tolerance: float
 
 def _own_start(drive: Rrsrr) -> Array:
     arcs, begin = drive.crank_range(), drive.crank_range().start()
-    own = [arc for arc in arcs.arcs if any(arc[0] <= begin + turn <= arc[1] for turn in (0.0, TURN))]
+    own = [arc for arc in arcs.arcs if any(arc[0] <= begin + turn <= arc[1] for turn in (0.0, REVOLUTION))]
     for u in start_points(drive):
         s = torus(drive, u[0], u[1])
         c = drive.crank * _turned(CRANK_FRAME, np.array([np.cos(u[0]), np.sin(u[0]), 0.0]))
@@ -130,7 +130,7 @@ def _own_start(drive: Rrsrr) -> Array:
         if (
             side > 0.0
             if arcs.full
-            else any(low <= u[0] + turn <= high for low, high in own for turn in (0.0, TURN))
+            else any(low <= u[0] + turn <= high for low, high in own for turn in (0.0, REVOLUTION))
         ):
             return s
     raise AssemblyError(

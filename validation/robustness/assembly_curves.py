@@ -22,7 +22,7 @@ from mechsim import catalog, closure
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import MechsimError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables
 from mechsim.subjects import gallery
@@ -87,7 +87,7 @@ def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
         )
         off = left - law.zeros[0] - law.polynomial(np.asarray(right))[0]
         if law.turns:
-            off = off - TURN * np.round(off / TURN)
+            off = off - REVOLUTION * np.round(off / REVOLUTION)
         slides = any(curve.mechanism.unit(name) == "m" for name in law.left_terms)
         found.append(float(np.abs(off).max()) / (curve.mechanism.size if slides else 1.0))
     return found

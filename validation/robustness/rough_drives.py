@@ -10,7 +10,7 @@ from mechsim import catalog
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.motion_laws import CrankProfile, interval_around, swing, within_range
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 
 # sizes vary by this factor up and down, angles by this many radians
 FACTOR, SPREAD = 1.6, 0.6
@@ -67,7 +67,7 @@ def rough_swing(drive: ClosedForm, random: np.random.Generator) -> CrankProfile:
     middle = random.uniform(low, high)
     reach = min(middle - low, high - middle) * random.uniform(0.1, 1.0)
     laps = 0 if getattr(drive, "gear_ratio", 0.0) % 1.0 else int(random.integers(-3, 4))
-    return swing(middle + TURN * laps, reach, SPEED)
+    return swing(middle + REVOLUTION * laps, reach, SPEED)
 
 
 def close_swing(drive: ClosedForm, random: np.random.Generator, nearest: float) -> CrankProfile | None:

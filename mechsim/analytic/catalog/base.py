@@ -31,7 +31,7 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # crank angles within this of a change point, in [rad], are that change point
@@ -50,7 +50,7 @@ def first_sign_angle(angles: Array, change_points: Sequence[float], direction: f
     """
     first = float(angles[0])
     distance = first - np.asarray(change_points)
-    if np.abs(distance - TURN * np.round(distance / TURN)).min() > AT_POINT:
+    if np.abs(distance - REVOLUTION * np.round(distance / REVOLUTION)).min() > AT_POINT:
         return first
     displacement = angles - first
     moved = displacement[np.abs(displacement) > AT_POINT]
@@ -69,8 +69,8 @@ def segment(
         arc: reachable interval that bounds it; None for a crank that turns fully.
     """
     points = np.asarray(change_points)
-    below = points + TURN * np.floor((angle - points) / TURN)
-    low, high = float(below.max()), float((below + TURN).min())
+    below = points + REVOLUTION * np.floor((angle - points) / REVOLUTION)
+    low, high = float(below.max()), float((below + REVOLUTION).min())
     return (low, high) if arc is None else (max(low, arc[0]), min(high, arc[1]))
 
 
@@ -316,7 +316,7 @@ class ClosedForm(ABC):
 
         It is two turns where the linkage passes one change point a turn, or any other odd number.
         """
-        return TURN
+        return REVOLUTION
 
     def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
         """Return the mechanism that goes on so where assemblies meet; None, or none meet: as it is."""
@@ -497,7 +497,11 @@ class TwoBranchForm(ClosedForm):
 
     @property
     def period(self) -> float:
-        return 2.0 * TURN if len(self.change_points()) % 2 and self.change_point == "smooth" else TURN
+        return (
+            2.0 * REVOLUTION
+            if len(self.change_points()) % 2 and self.change_point == "smooth"
+            else REVOLUTION
+        )
 
     def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
         if change_point in (None, self.change_point):
@@ -537,7 +541,7 @@ class TwoBranchForm(ClosedForm):
         """Return crank angles on the lap of the range, (n,): one that only swings does the same on each."""
         if self._arcs.full or not self._arcs.arcs:
             return angle
-        return angle - TURN * np.floor((values(angle) - self._arcs.arcs[0][0]) / TURN)
+        return angle - REVOLUTION * np.floor((values(angle) - self._arcs.arcs[0][0]) / REVOLUTION)
 
     @cached_property
     def _arcs(self) -> Arcs:
@@ -565,8 +569,8 @@ class TwoBranchForm(ClosedForm):
 
     def _clear_angle(self, angle: float) -> float:
         """Return a crank angle, in [rad], with well separated assemblies and no change point between."""
-        full, turns = self._arcs.full, round(self.period / TURN)
-        angle -= turns * TURN * np.round(angle / (turns * TURN)) if full else 0.0
+        full, turns = self._arcs.full, round(self.period / REVOLUTION)
+        angle -= turns * REVOLUTION * np.round(angle / (turns * REVOLUTION)) if full else 0.0
         low, high = segment(angle, self._root.touching, None if full else interval_around(self._arcs, angle))
         spread = np.concatenate([[angle], np.linspace(low, high, 25)])
         margins = self.margin(spread)

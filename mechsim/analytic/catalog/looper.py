@@ -21,7 +21,7 @@ from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.angles import TURN, turned_into
+from mechsim.numerics.angles import REVOLUTION, shifted_into
 from mechsim.numerics.arrays import Array
 
 Side = int
@@ -160,8 +160,8 @@ class Looper(ClosedForm):
         if not len(cuts):
             return whole
         arcs: list[tuple[float, float]] = []
-        for low, high in ((cuts[0], cuts[0] + TURN),) if whole.full else whole.arcs:
-            inside = np.sort(cuts + TURN * np.ceil((low - cuts) / TURN))
+        for low, high in ((cuts[0], cuts[0] + REVOLUTION),) if whole.full else whole.arcs:
+            inside = np.sort(cuts + REVOLUTION * np.ceil((low - cuts) / REVOLUTION))
             ends = np.unique([low, *inside[inside < high], high])
             arcs += [(float(a), float(b)) for a, b in pairwise(ends)]
         return Arcs(False, tuple(arcs))
@@ -307,10 +307,10 @@ class Looper(ClosedForm):
     def _together(self, angles: Array) -> Array:
         """Return the crank angles of one motion inside a range of more than a turn, (n,); NaN outside it."""
         arcs = self.crank_range()
-        if arcs.full or not arcs.arcs or np.ptp(arcs.arcs[0]) <= TURN:
+        if arcs.full or not arcs.arcs or np.ptp(arcs.arcs[0]) <= REVOLUTION:
             return angles
         low, high = arcs.arcs[0]
-        turned = turned_into(angles, (low, high), arcs.start())
+        turned = shifted_into(angles, (low, high), arcs.start())
         return np.where((turned >= low) & (turned <= high), turned, np.nan)
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:

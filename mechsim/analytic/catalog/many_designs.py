@@ -17,7 +17,7 @@ from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, ORIGIN, Pose
 from mechsim.model.motion import JointMotion, Motion, PointMotion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # distance of a root from the unit circle up to which it is real, and up to which that is not certain
@@ -115,13 +115,13 @@ def turning(form: TwoBranchForm, varied: Mapping[str, Array]) -> Turning:
     A margin is a trigonometric polynomial; each of its minima is found from evenly spread places.
     """
     count, n = 2 * form.margin_degree + 1, len(next(iter(varied.values())))
-    at = TURN * np.arange(count) / count
+    at = REVOLUTION * np.arange(count) / count
     with np.errstate(all="ignore"):
         sampled = many(form, varied, count).margin(np.tile(at, n))  # pyright: ignore[reportAttributeAccessIssue]
     harmonics = np.fft.fft(sampled.reshape(n, count)) / count
     order = np.fft.fftfreq(count, 1.0 / count)
     scale = np.abs(harmonics).max(1)
-    places = TURN * np.arange(PLACES) / PLACES
+    places = REVOLUTION * np.arange(PLACES) / PLACES
     heights = (harmonics @ np.exp(1j * np.outer(order, places))).real
     minima = (heights <= np.roll(heights, 1, 1)) & (heights <= np.roll(heights, -1, 1))
     of, which = np.nonzero(minima)
@@ -130,12 +130,12 @@ def turning(form: TwoBranchForm, varied: Mapping[str, Array]) -> Turning:
         turned = own * np.exp(1j * np.outer(found, order))
         slope, bend = (turned @ (1j * order)).real, (turned @ (1j * order) ** 2).real
         step = np.divide(-slope, bend, out=np.zeros_like(slope), where=np.abs(bend) > 0.0)
-        found = found + np.clip(step, -TURN / PLACES, TURN / PLACES)
+        found = found + np.clip(step, -REVOLUTION / PLACES, REVOLUTION / PLACES)
     low = (own * np.exp(1j * np.outer(found, order))).sum(1).real
     least = np.full(n, np.inf)
     np.minimum.at(least, of, low)
     lowest = np.zeros(n)
-    lowest[of[low == least[of]]] = found[low == least[of]] % TURN
+    lowest[of[low == least[of]]] = found[low == least[of]] % REVOLUTION
     known = np.isfinite(least) & (scale > 0.0)
     doubtful = ~known | (np.abs(least) <= CLOSE * scale)
     clear = heights[:, 0] > CLEAR * heights.max(1)
@@ -158,12 +158,12 @@ def ranges(found: Turning) -> tuple[Array, NDArray[np.intp]]:
     count = found.margins.shape[1]
     degree = count // 2
     top = np.fft.fftshift(found.margins, axes=1)[:, ::-1]
-    widest, ends = np.where(found.full, TURN, 0.0), np.zeros(len(top), dtype=np.intp)
+    widest, ends = np.where(found.full, REVOLUTION, 0.0), np.zeros(len(top), dtype=np.intp)
     order = np.arange(-degree, degree + 1.0)
     for i in np.flatnonzero(~found.full & np.isfinite(top).all(1)):
         zeros = np.roots(top[i])
         real = np.sort(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < CLOSE**0.5]))
-        gaps = np.diff(np.append(real, real[:1] + TURN))
+        gaps = np.diff(np.append(real, real[:1] + REVOLUTION))
         middle = (np.exp(1j * np.outer(real + 0.5 * gaps, order)) @ top[i][::-1]).real
         widest[i], ends[i] = gaps[middle > 0.0].sum(), len(real)
     return widest, ends
@@ -309,13 +309,13 @@ def _polished(at: Array, harmonics: Complex, order: Array) -> Array:
 
 def _chosen(ends: Array, harmonics: Complex, order: Array) -> tuple[Array, Array]:
     """Return the arc with crank angle zero, otherwise the longest, between roots (n, m) that rise."""
-    after = np.concatenate([ends[:, 1:], ends[:, :1] + TURN], 1)
+    after = np.concatenate([ends[:, 1:], ends[:, :1] + REVOLUTION], 1)
     width = after - ends
     open_ = _values(0.5 * (ends + after), harmonics, order) > 0.0
-    holds_zero = np.mod(-ends, TURN) < width
-    best = np.argmax(np.where(open_, width + 2.0 * TURN * holds_zero, -1.0), 1)
+    holds_zero = np.mod(-ends, REVOLUTION) < width
+    best = np.argmax(np.where(open_, width + 2.0 * REVOLUTION * holds_zero, -1.0), 1)
     row = np.arange(len(ends))
     low, wide, zero = ends[row, best], width[row, best], holds_zero[row, best]
-    low = np.where(zero & (low > 0.0), low - TURN, low)
+    low = np.where(zero & (low > 0.0), low - REVOLUTION, low)
     good = open_[row, best] & (width.min(1) > APART)
     return np.where(good, low, np.nan), np.where(good, low + wide, np.nan)

@@ -9,7 +9,7 @@ from mechsim.analytic.dynamics.dynamic_model import Machine
 from mechsim.analytic.dynamics.reduced_equation import coefficients
 from mechsim.errors import InputError
 from mechsim.model.force_record import Fluctuation
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 from mechsim.units import si
@@ -67,8 +67,8 @@ def flywheel_for(machine: Machine, mean: float | str, coefficient: float) -> Flu
 def _turn(machine: Machine, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first of them, and the constant torque."""
     # one that must pass a change point to come round does so in two turns
-    turns = round(machine.drive.period / TURN)
-    angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (TURN / ANGLES)
+    turns = round(machine.drive.period / REVOLUTION)
+    angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
     unit = machine.unit_motion(angle)
     part = coefficients(unit, applied(machine, unit), machine.forces.flywheel)
     force = part.force(mean) + loads(machine, unit, angle / mean).torque

@@ -14,7 +14,7 @@ from mechsim.analytic.dynamics.reduced_equation import CrankTable
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.force_record import FreeRun
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 
@@ -49,7 +49,7 @@ class Runner:
         self.pushes = [*(load.force for load in forces.loads), *(one.moment for one in forces.couples)]
         self.steady = not any(course.over == "time" for course in forces.courses)
         self.start, self.turns, self.tolerance = angle, turns, tolerance
-        self.reach = FAR if turns is None else TURN * (PAST + abs(turns))
+        self.reach = FAR if turns is None else REVOLUTION * (PAST + abs(turns))
         self.time, self.state = 0.0, np.array([angle, speed, 0.0, 0.0])
         self.from_rest = speed == 0.0
         self.barred: float | None = None
@@ -138,8 +138,8 @@ class Runner:
             return self._timed_out(end)
         events: list[Any] = [_event(1, 0.0, -sign)]
         if self.turns is not None:
-            events.append(_event(0, self.start + TURN * self.turns, float(np.sign(self.turns))))
-            events.append(_event(0, self.start - TURN * self.turns, -float(np.sign(self.turns))))
+            events.append(_event(0, self.start + REVOLUTION * self.turns, float(np.sign(self.turns))))
+            events.append(_event(0, self.start - REVOLUTION * self.turns, -float(np.sign(self.turns))))
         inertia, *_ = self.parts(self.time, float(self.state[0]), float(self.state[1]))
         speed = max(abs(float(self.state[1])), 1.0)
         floor = self.tolerance * np.array([1.0, speed, inertia * speed**2, inertia * speed**2])
@@ -150,7 +150,7 @@ class Runner:
         if done.status < 0:
             return "dead centre", self.bar or f"the crank cannot be followed beyond {self.time:.6g} s"
         if self.turns is not None and len(done.t_events[1]):
-            self._land(done.sol, self.start + TURN * self.turns)
+            self._land(done.sol, self.start + REVOLUTION * self.turns)
             return "done", ""
         if self.turns is not None and len(done.t_events[2]):
             made = f"the crank made {self.turns:g} turns the other way round"
@@ -201,7 +201,7 @@ class Runner:
         if motor is None or motor.derivative == 0.0:
             return False
         return (
-            abs(motor.derivative) / inertia * TURN / max(abs(motor.no_load), abs(float(self.state[1])))
+            abs(motor.derivative) / inertia * REVOLUTION / max(abs(motor.no_load), abs(float(self.state[1])))
             > STIFF
         )
 
@@ -258,7 +258,7 @@ class Runner:
             return None
         if not self._direction(self.time):
             return None
-        made = (float(self.state[0]) - self.start) / TURN
+        made = (float(self.state[0]) - self.start) / REVOLUTION
         why = (
             f"the crank turns back at {self.state[0]:.6g} rad, {made:.3g} turns from its start; "
             "nothing it loses on the way comes back, so that it never gets beyond: give more torque or speed"
@@ -268,7 +268,7 @@ class Runner:
     def _timed_out(self, end: float) -> tuple[Outcome, str]:
         if self.turns is None:
             return "done", ""
-        made = (float(self.state[0]) - self.start) / TURN
+        made = (float(self.state[0]) - self.start) / REVOLUTION
         return "time over", f"{made:.6g} of {self.turns:g} turns in {end:.6g} s"
 
     def _patience(self) -> float:
@@ -279,7 +279,7 @@ class Runner:
         motor = self.forces.motor
         if motor is not None:
             pace = min(pace, abs(motor.no_load))
-        return PATIENCE * TURN * (1.0 + abs(self.turns)) / max(pace, 1e-6)
+        return PATIENCE * REVOLUTION * (1.0 + abs(self.turns)) / max(pace, 1e-6)
 
     def at(self, times: Array) -> tuple[Array, Array, Array, Array]:
         """Return what the run was at instants (n,) in [s], from 0 to its end.

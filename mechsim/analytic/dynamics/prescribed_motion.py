@@ -19,7 +19,7 @@ from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, join, select_instants, short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import require
-from mechsim.numerics.resources import require_room
+from mechsim.numerics.resources import require_memory
 
 # instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
 PART, HELD = 4096, 80.0
@@ -163,7 +163,7 @@ def prescribed_along(
     n, joints = len(angle), len(machine.mechanism.joints)
     equations = 6.0 * len(machine.mechanism.links)
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
-    require_room(f"inverse dynamics of {n:,} instants", n, each, FEWER)
+    require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
     at = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
     if at is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():

@@ -17,14 +17,14 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import dot
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import short_repr
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import size_of
 
 # points on an arc, the longest arc, and the shortest before the crank is said to be at a dead centre
 POINTS = 20
 PLACES = 24
-ARC = TURN / PLACES
+ARC = REVOLUTION / PLACES
 SHORTEST = 1e-5
 # times arcs are halved when a whole turn is charted at once
 HALVINGS = 5
@@ -86,7 +86,7 @@ class CrankTable:
             AssemblyError: where the loops do not close, or the crank cannot pass.
         """
         if self.periodic:
-            angle = angle % TURN
+            angle = angle % REVOLUTION
         place = int(np.floor(angle / ARC))
         if isinstance(self.machine.drive, LoopForm) and not self.ahead:
             self.ahead = True
@@ -152,13 +152,13 @@ class CrankTable:
     def _wrap(self, first: int) -> None:
         """Keep the arcs of a turn, which begins at a place, for all turns if its first repeats after it."""
         for old in self.arcs.get(first, ()):
-            new = self._charted(old.low + TURN, old.high + TURN)
+            new = self._charted(old.low + REVOLUTION, old.high + REVOLUTION)
             if new is None or not _alike(old, new):
                 return
         arcs = [arc for some in self.arcs.values() for arc in some]
         self.periodic, self.arcs = True, {}
         for arc in arcs:
-            turns = TURN * np.floor(0.5 * (arc.low + arc.high) / TURN)
+            turns = REVOLUTION * np.floor(0.5 * (arc.low + arc.high) / REVOLUTION)
             moved = Arc(arc.low - turns, arc.high - turns, arc.values)
             self.arcs.setdefault(int(np.floor(0.5 * (moved.low + moved.high) / ARC)), []).append(moved)
 

@@ -22,7 +22,7 @@ from mechsim.analytic.dynamics.linearization import (
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # searches from configurations reached by a random walk along the motion of the mechanism
@@ -252,7 +252,9 @@ def _described(equations: EquationsOfMotion, q: Coordinates) -> Equilibrium:
     linear = linear_model(equations, q)
     tree = equations.loops.tree
     values = {
-        name: float(q.values[i, 0]) if tree.slides[i] else float((q.values[i, 0] + np.pi) % TURN - np.pi)
+        name: float(q.values[i, 0])
+        if tree.slides[i]
+        else float((q.values[i, 0] + np.pi) % REVOLUTION - np.pi)
         for name, i in tree.index_of.items()
     }
     _, potential = equations.energy(equations.kinematics(q, np.zeros((tree.count, 1))))
@@ -266,7 +268,7 @@ def _same(equations: EquationsOfMotion, q: Mapping[str, float], other: Mapping[s
     for name, value in q.items():
         difference = value - other[name]
         if not slides[name]:
-            difference -= TURN * np.round(difference / TURN)
+            difference -= REVOLUTION * np.round(difference / REVOLUTION)
         if abs(difference) > SAME_EQUILIBRIUM * units[name]:
             return False
     return True

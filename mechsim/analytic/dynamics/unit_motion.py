@@ -175,7 +175,7 @@ def from_motion(mechanism: Mechanism, motion: Motion) -> UnitMotion:
 def _idle(unit: UnitMotion) -> Array:
     """Return a basis of the twists left once the crank is held, (n, L, 6, k)."""
     mechanism = unit.mechanism
-    passive = loops.freedom(mechanism, unit.poses()).passive
+    passive = loops.dof_count(mechanism, unit.poses()).passive
     n, count = len(unit), len(mechanism.links)
     if not passive:
         return np.zeros((n, count, 6, 0))

@@ -6,7 +6,7 @@ is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses t
 """
 
 from mechsim.analytic.loops.maximal_coordinates import Poses, Rows, equations, residual_norms
-from mechsim.analytic.loops.mobility import Freedom, freedom
+from mechsim.analytic.loops.mobility import DofCount, dof_count
 from mechsim.analytic.loops.motion import follow, solve
 from mechsim.analytic.loops.oracle import assemble, conditioning, rates, singular_values
 from mechsim.analytic.loops.record import point_on
@@ -17,15 +17,15 @@ from mechsim.numerics.rank import RANK_TOLERANCE
 
 __all__ = [
     "RANK_TOLERANCE",
-    "Freedom",
+    "DofCount",
     "Pose",
     "Poses",
     "Rows",
     "assemble",
     "conditioning",
+    "dof_count",
     "equations",
     "follow",
-    "freedom",
     "point_on",
     "rates",
     "residual_norms",

@@ -1,4 +1,4 @@
-"""Newton's method for loops that are put together, and what is said where they do not close."""
+"""Closing loops nearest to a guess, and the message where they do not close."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from mechsim.numerics.rank import least_norm
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
 # by which part of a gap its loop moves that does not move that way at all; how far away another pose is,
-# in [rad] and parts of the size; and the part of a gap that is told
+# in [rad] and characteristic lengths; and the smallest component of a gap that is reported
 IMMOBILE, OTHER_POSE, MIN_COMPONENT = 1e-6, 0.3, 1e-3
 # Newton's method from a guess: no step rotates a joint by more than 0.5 rad
 ASSEMBLY = NewtonSettings(
@@ -31,7 +31,7 @@ def close_nearest(loops: TreeLoops, q: Coordinates) -> tuple[Coordinates, Array]
 
 
 def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates, remaining: float) -> str:
-    """Return in one sentence by how much loops stand open, and where their drivers would let them close.
+    """Return the message that gives the residual, and the driver positions at which the loops would close.
 
     Args:
         loops: of the mechanism.
@@ -67,7 +67,7 @@ def _stands(loops: TreeLoops, q: Coordinates) -> str:
 
 
 def _across(loops: TreeLoops, q: Coordinates) -> str:
-    """Return which joint stands open most where nothing in its loop moves, and which way; empty for none."""
+    """Return the joint with the largest gap that its loop cannot change, and the gap; empty for none."""
     residual, jacobian, _ = loops.linearise(q)
     # not in this pose alone, as all ways but one of a linkage that is stretched
     displaced = loops.displaced(
@@ -84,7 +84,7 @@ def _across(loops: TreeLoops, q: Coordinates) -> str:
             violation > largest
             and np.abs(np.tensordot(gap, jacobians[rows], 1)).max(initial=0.0) < IMMOBILE * violation
         ):
-            displacement = cut.frames(poses)[1][:, cut.lengths, 0] @ gap * cut.size
+            displacement = cut.frames(poses)[1][:, cut.lengths, 0] @ gap * cut.length
             along = ", ".join(
                 f"{component:.3g}"
                 for component in np.where(
@@ -99,7 +99,7 @@ def _across(loops: TreeLoops, q: Coordinates) -> str:
 
 
 def _widest(loops: TreeLoops, q: Coordinates) -> str:
-    """Return the joint or coupling whose rows stand open most."""
+    """Return the joint or coupling with the largest residual."""
     residual = np.abs(loops.linearise(q)[0][:, 0])
     names = [cut.joint.name for cut in loops.cuts for _ in range(cut.rows)]
     names += [row.coupling.name for row in loops.couplings]

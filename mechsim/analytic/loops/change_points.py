@@ -27,18 +27,20 @@ FIRST_SPACING, LAST_SPACING = 1e-3, 3e-7
 OFFSET, MIN_CURVATURE, MAX_DEVIATION, HALVINGS = 1e-4, 1e-6, 0.3, 6
 
 
-def even_change_point(size: Array) -> int | None:
+def even_change_point(log_determinant: Array) -> int | None:
     """Return the node before a change point at which an even number of pairs of assemblies meet; or None.
 
     The determinant touches zero there without a sign change. Its root of that order is smooth only if its
     sign is flipped beyond the change point.
 
     Args:
-        size: logarithm of the determinant's size at the nodes, (k,).
+        log_determinant: logarithm of the determinant's size at the nodes, (k,).
     """
-    signs = np.where(np.arange(len(size)) > np.arange(len(size) - 1)[:, None], -1.0, 1.0)
+    signs = np.where(
+        np.arange(len(log_determinant)) > np.arange(len(log_determinant) - 1)[:, None], -1.0, 1.0
+    )
     for pairs in PAIRS:
-        root = np.exp((size - size.max()) / pairs)
+        root = np.exp((log_determinant - log_determinant.max()) / pairs)
         errors = interpolation_error((signs * root).T)
         index = int(np.argmin(errors))
         if errors[index] < MAX_ERROR_RATIO * interpolation_error(root[:, None])[0]:
@@ -46,7 +48,7 @@ def even_change_point(size: Array) -> int | None:
     return None
 
 
-def change_point_between(path: PathStates, cell: Segment, a: float, b: float) -> float | None:
+def change_point_between(path: PathStates, segment: Segment, a: float, b: float) -> float | None:
     """Return the change point between two nodes; None where assemblies only come near each other.
 
     None also where only the selected rows become dependent. With equal signs at both nodes the determinant
@@ -54,7 +56,7 @@ def change_point_between(path: PathStates, cell: Segment, a: float, b: float) ->
     """
 
     def linearised_at(s: Array) -> Linearised | None:
-        linearised = path.closed(cell.solver, s, cell.evaluate(s))
+        linearised = path.closed(segment.solver, s, segment.evaluate(s))
         return None if linearised is None else linearised[1]
 
     at_ends = linearised_at(np.array([a, b])) if abs(b - a) > LAST_SPACING else None
@@ -90,7 +92,7 @@ def change_point_between(path: PathStates, cell: Segment, a: float, b: float) ->
     linearised_near = linearised_at(nearest)
     if (
         linearised_near is None
-        or cell.solver.share(linearised_near).min() < MIN_SHARE_RATIO * cell.solver.share(at_ends).max()
+        or segment.solver.share(linearised_near).min() < MIN_SHARE_RATIO * segment.solver.share(at_ends).max()
     ):
         return None
     expected = rate * (nearest - root)
@@ -152,7 +154,7 @@ def branch_segment(path: PathStates, segment: Segment, change_point: float) -> S
         segment: centred on the change point.
         change_point: parameter.
     """
-    steepness = _branch_slope(path, segment, change_point)
+    steepness = _branch_tangent(path, segment, change_point)
     if steepness is None:
         return None
     half_length = float(segment.nodes[-1]) - change_point
@@ -175,7 +177,7 @@ def branch_segment(path: PathStates, segment: Segment, change_point: float) -> S
     return None
 
 
-def _branch_slope(path: PathStates, segment: Segment, change_point: float) -> Array | None:
+def _branch_tangent(path: PathStates, segment: Segment, change_point: float) -> Array | None:
     """Return the difference of the derivatives of both branches at a change point, (w,); None if unbounded.
 
     Projected on the null directions, the loop equations are z (a x + b z) = 0 for the distance x beyond the

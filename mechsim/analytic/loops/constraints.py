@@ -1,4 +1,4 @@
-"""The loops of a mechanism in coordinates of its tree: how far they stand open, and closing them.
+"""The loops of a mechanism in coordinates of its tree: residuals and Jacobians.
 
 Unknown are the coordinates that no driver prescribes. Where the rows repeat each other, as in a flat
 linkage, as many are kept as are independent; where they leave a link's spin open, a gauge keeps it.
@@ -29,7 +29,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.link_poses import rotated, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 
@@ -42,14 +42,14 @@ class Cut:
         sides: index of the links of its sides a and b; -1 is the ground.
         columns: coordinates of which only one side feels each.
         gains: by how much side b feels one unit of each, in [m] or [rad]; negative where side a does.
-        size: of the mechanism, in [m].
+        length: characteristic length of the mechanism, in [m].
     """
 
     joint: Joint
     sides: tuple[int, int]
     columns: NDArray[np.intp]
     gains: Array
-    size: float
+    length: float
 
     @cached_property
     def span(self) -> Index:
@@ -80,7 +80,7 @@ class Cut:
         """
         i, j = (np.array([pair[k] for pair in self.directions], dtype=np.intp) for k in (0, 1))
         lengths = len(self.lengths)
-        units = np.repeat([1.0 / self.size, 1.0], [lengths, len(i)])[:, None]
+        units = np.repeat([1.0 / self.length, 1.0], [lengths, len(i)])[:, None]
         targets = np.array([0.0] * lengths + [pair[2] for pair in self.directions])[:, None]
         return np.array([*self.lengths, *i], dtype=np.intp), j, units, targets
 
@@ -110,7 +110,7 @@ class Cut:
         return sides[0], sides[1], sides[2], sides[3]
 
     def residual_and_jacobian(self, poses: LinkPoses) -> tuple[Array, Array]:
-        """Return residuals (m, n), lengths in units of the size, and slopes by units (m, columns, n)."""
+        """Return residuals (m, n), free of units, and Jacobians by the coordinates (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(poses)
         columns_a, columns_b, units, targets = self.products
         unit_twists, k = poses.unit_twists[self.span], len(self.lengths)
@@ -145,7 +145,7 @@ class Cut:
         out = np.empty((self.rows, twist.shape[2]), twist.dtype)
         k = 0
         for i in self.lengths:
-            out[k] = (frame_a[:, i] * relative).sum(0) / self.size
+            out[k] = (frame_a[:, i] * relative).sum(0) / self.length
             k += 1
         for i, j, _ in self.directions:
             u, v = frame_a[:, i], frame_b[:, j]
@@ -165,7 +165,7 @@ def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
         direction = moved[1] - moved[0]
         columns = np.flatnonzero(direction)
         gains = (direction * tree.units)[columns]
-        cuts.append(Cut(joint, (sides[0], sides[1]), columns, gains, tree.size))
+        cuts.append(Cut(joint, (sides[0], sides[1]), columns, gains, tree.length))
     return tuple(cuts)
 
 
@@ -175,14 +175,14 @@ class CoupledRow:
 
     Attributes:
         coupling: of the mechanism.
-        left: weights of the coordinates on its left side, (count,).
-        right: likewise, on its right.
+        left_weights: of the coordinates on its left side, (count,).
+        right_weights: likewise, on its right.
         unit: of the residual: 1 rad, or the mechanism's size in [m] where the left side is a length.
     """
 
     coupling: Coupling
-    left: Array
-    right: Array
+    left_weights: Array
+    right_weights: Array
     unit: float
 
     @property
@@ -191,24 +191,24 @@ class CoupledRow:
         return self.coupling.turns
 
     def evaluate(self, values: Array) -> tuple[Array, Array, Array]:
-        """Return residuals (n,), slopes by the coordinates (count, n) and p'' (n,), residuals in its unit."""
-        value, first, second = self.coupling.polynomial(self.right @ values)
-        residual = (self.left @ values - self.coupling.zeros[0] - value) / self.unit
-        jacobian = (self.left[:, None] - self.right[:, None] * first) / self.unit
+        """Return residuals (n,) in its unit, derivatives by the coordinates (count, n) and p'' (n,)."""
+        value, first, second = self.coupling.polynomial(self.right_weights @ values)
+        residual = (self.left_weights @ values - self.coupling.zeros[0] - value) / self.unit
+        jacobian = (self.left_weights[:, None] - self.right_weights[:, None] * first) / self.unit
         return residual, jacobian, second
 
     def velocity_products(self, values: Array, rates: Array) -> Array:
         """Return the residuals' second rate at rates (count, n) that do not change, (n,)."""
-        return -self.evaluate(values)[2] * (self.right @ rates) ** 2 / self.unit
+        return -self.evaluate(values)[2] * (self.right_weights @ rates) ** 2 / self.unit
 
 
 def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
     """Return the rows of all couplings of a mechanism."""
     rows: list[CoupledRow] = []
     for law in tree.mechanism.laws:
-        left, right = (tree.coupled(terms) for terms in (law.left_terms, law.right_terms))
-        has_length = bool(np.any(tree.slides & (left != 0.0)))
-        rows.append(CoupledRow(law, left, right, tree.size if has_length else 1.0))
+        left_weights, right_weights = (tree.coupled(terms) for terms in (law.left_terms, law.right_terms))
+        has_length = bool(np.any(tree.slides & (left_weights != 0.0)))
+        rows.append(CoupledRow(law, left_weights, right_weights, tree.length if has_length else 1.0))
     return tuple(rows)
 
 
@@ -249,7 +249,7 @@ class TreeLoops:
         return sum(cut.rows for cut in self.cuts) + len(self.turn_offsets)
 
     def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
-        """Return residuals (rows, n), slopes by coordinates in units (rows, count, n), and the links."""
+        """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and the links."""
         poses = link_poses(self.tree, q)
         n = len(q)
         dtype = q.values.dtype
@@ -282,7 +282,7 @@ class TreeLoops:
             values[self.tree.ball_indices] = 0.0
             rotations = np.stack(
                 [
-                    _turned(rotation, step[ball.first_angle : ball.first_angle + 3])
+                    _rotated(rotation, step[ball.first_angle : ball.first_angle + 3])
                     for rotation, ball in zip(rotations, self.tree.balls, strict=True)
                 ]
             )
@@ -296,8 +296,8 @@ class TreeLoops:
             sides: joint -> points (n, 3) and frames (n, 3, 3) of its sides a and b in their links, where they
                 differ from pose to pose; None takes those of the mechanism.
         """
-        known = {GROUND: IDENTITY, **with_virtual_bodies(self.tree.mechanism, poses)}
-        n = max(pose.position.size // 3 for pose in known.values())
+        known_poses = {GROUND: IDENTITY, **with_virtual_bodies(self.tree.mechanism, poses)}
+        n = max(pose.position.size // 3 for pose in known_poses.values())
         values, rotations = np.zeros((self.tree.count, n)), np.empty((len(self.tree.balls), 3, 3, n))
         ball = 0
         for branch in self.tree.branches:
@@ -307,7 +307,7 @@ class TreeLoops:
                 if sides is None
                 else sides[joint.name]
             )
-            a, b = known[joint.a.link], known[joint.b.link]
+            a, b = known_poses[joint.a.link], known_poses[joint.b.link]
             rotation_a, rotation_b = a.rotation @ frame_a, b.rotation @ frame_b
             gap = b.position + rotated(b.rotation, point_b) - a.position - rotated(a.rotation, point_a)
             if branch.kind.ball:
@@ -328,13 +328,14 @@ class TreeLoops:
             if index is not None and name in prescribed:
                 out[index] = value
             elif index is not None and not tree.slides[index]:
-                out[index] += TURN * np.round((value - out[index]) / TURN)
+                out[index] += REVOLUTION * np.round((value - out[index]) / REVOLUTION)
         return Coordinates(out, q.turns)
 
     def revolutions_between(self, q: Coordinates) -> list[Array]:
         """Return for each coupling the whole revolutions between its sides, (n,) in [rad]."""
         return [
-            TURN * np.round(row.evaluate(q.values)[0] * row.unit / TURN) * row.turns for row in self.couplings
+            REVOLUTION * np.round(row.evaluate(q.values)[0] * row.unit / REVOLUTION) * row.turns
+            for row in self.couplings
         ]
 
 
@@ -394,7 +395,7 @@ def tree_loops(
     return replace(loops, turn_offsets=offsets), q
 
 
-def _turned(rotation: Array, vector: Array) -> Array:
+def _rotated(rotation: Array, vector: Array) -> Array:
     """Return exp(vector) @ turn, (3, 3, n), made orthogonal again to rounding."""
     angle = np.sqrt((vector**2).sum(0))
     small = angle < 1e-8

@@ -20,7 +20,7 @@ from mechsim.analytic.loops.path_rates import ClosedChunk, Instants
 from mechsim.analytic.loops.solver import NEARBY, LoopSolver
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import newton
 
@@ -138,7 +138,7 @@ class SwingTracer:
 
     def _moved(self, loops: TreeLoops, q: Coordinates, step: Array) -> Coordinates:
         whole = np.zeros((len(q.values), step.shape[1]))
-        # no more than a finite step: what goes astray is rejected by its displacement
+        # no more than a finite step: its displacement rejects it
         whole[self.free] = np.clip(np.nan_to_num(step), -1.0, 1.0)
         return loops.displaced(q, whole)
 
@@ -184,14 +184,14 @@ class SwingTracer:
             nodes.append((values, turns, np.where(active, next_tangent, previous[2])))
             lengths.append(trial_length)
             last = np.where(active, count, last)
-            full_revolution = active & (np.abs(values[self.crank] - initial) > TURN)
+            full_revolution = active & (np.abs(values[self.crank] - initial) > REVOLUTION)
             valid &= ~full_revolution
             active &= ~(passed_dead_centre | full_revolution)
             length = np.minimum(STEP, 1.5 * trial_length)
         valid &= ~active
         lengths.append(np.zeros(d))
-        parts = [np.stack([node[i] for node in nodes]) for i in range(3)]
-        return Curve(parts[0], parts[1], parts[2], np.stack(lengths), last), valid
+        arrays = [np.stack([node[i] for node in nodes]) for i in range(3)]
+        return Curve(arrays[0], arrays[1], arrays[2], np.stack(lengths), last), valid
 
     def _stepped(
         self, rows: Rows, q: Coordinates, tangent: Array, length: Array
@@ -247,13 +247,13 @@ class SwingTracer:
         *,
         rates: bool,
     ) -> tuple[Motion, Bools]:
-        """Return the motions of designs along crank motions (d, p), and of which they are known, (d,)."""
+        """Return the motions of designs along crank motions (d, p), and of which they are solved, (d,)."""
         d, p = angles.shape
         loops, tree = self.like.solver.loops, self.like.solver.loops.tree
         links = len(tree.branches)
         shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6)]
         links_motion = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
-        known = np.ones(d, dtype=np.bool_)
+        solved = np.ones(d, dtype=np.bool_)
         per_chunk = max(1, CHUNK // p)
         for first in range(0, d, per_chunk):
             indices = np.arange(first, min(first + per_chunk, d))
@@ -267,13 +267,13 @@ class SwingTracer:
             result = newton(solver, q, NEARBY)
             residual = np.abs(result.linearised.residual).max(0, initial=0.0)
             converged = valid & (residual < CLOSED) & (result.displacement < MAX_CORRECTION_AT_ANGLE)
-            known[indices] = converged.reshape(-1, p).all(1)
+            solved[indices] = converged.reshape(-1, p).all(1)
             zero = np.zeros_like(crank_angles)
             instants = Instants(crank_angles, np.ones_like(crank_angles), zero, *self.like.law(crank_angles))
             chunk = ClosedChunk(solver, np.arange(len(crank_angles)), instants, result.q, result.linearised)
             store_chunk(links_motion, indices, np.arange(p), chunk, rates=rates)
         designs = ManyLoops(loops, self.started.arrays.subset(swings.rows))
-        return record_of_rows(designs, links_motion, angles, speed, acceleration, joints), known
+        return record_of_rows(designs, links_motion, angles, speed, acceleration, joints), solved
 
     def _predicted(self, swings: Swings, indices: Rows, angles: Array) -> Coordinates:
         """Return coordinates near those at crank angles (d, p) of some of the designs, d p sets."""

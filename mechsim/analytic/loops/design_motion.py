@@ -82,18 +82,18 @@ def shared_loops(
     locked = locked_values(mechanism)
 
     def crank_law(angle: Array) -> tuple[Array, Array, Array]:
-        ones, zeros = np.ones((1, len(angle))), np.zeros((1, len(angle)))
+        rate, zero = np.ones((1, len(angle))), np.zeros((1, len(angle)))
         return (
             with_locked(angle[None], locked),
-            with_locked(ones, 0.0 * locked),
-            with_locked(zeros, 0.0 * locked),
+            with_locked(rate, 0.0 * locked),
+            with_locked(zero, 0.0 * locked),
         )
 
     if motion_laws is None:
         return SharedLoops(solver, crank_law, float(solver.reference.values[loops.driven[0], 0]))
 
-    def motion_law(clock: Array) -> tuple[Array, Array, Array]:
-        value, first, second = motion_laws.along_path(clock)
+    def motion_law(s: Array) -> tuple[Array, Array, Array]:
+        value, first, second = motion_laws.along_path(s)
         return with_locked(value, locked), with_locked(first, 0.0 * locked), with_locked(second, 0.0 * locked)
 
     return SharedLoops(solver, motion_law, 0.0)
@@ -108,7 +108,7 @@ def many_motion(
     *,
     rates: bool,
 ) -> tuple[Motion, Bools]:
-    """Return the motions of designs at crank angles, and of which designs they could be told, (d,).
+    """Return the motions of designs at crank angles, and which designs were solved, (d,).
 
     Args:
         like: what they have in common (see `shared_loops`).
@@ -116,11 +116,11 @@ def many_motion(
         angles: of the crank, or of the clock of programs, (p,) in [rad].
         speed: of the crank or the clock in [rad/s].
         joints: whose motion is wanted.
-        rates: False leaves velocities and accelerations nought.
+        rates: False leaves velocities and accelerations zero.
 
     Returns:
-        Points and joints at d p instants, one design after another. Where a design is not told it must be
-        solved by itself, which says why, or finds its path in cells as short as it needs.
+        Points and joints at d p instants, one design after another. A design that was not solved
+        must be solved by itself, with the segments that it needs or an error that gives the reason.
 
     Accuracy: as `closure.solve`, of which the assembly too is kept: each step is certified for each design.
     """

@@ -1,9 +1,9 @@
-"""Many designs followed together along the same path of their drivers, each kept in its own assembly.
+"""Many designs traced together along one path of their drivers, each in its own assembly.
 
-As one mechanism is followed (`continuation_path`): by cells that are foretold by the polynomial of the cell
-before, closed at all nodes of all designs together, and taken for a design only where it lies close to what
-was foretold, is smooth, and stays on its side of every singular pose. A design for which a cell is not good
-goes on in shorter ones; one that needs them very short is left to be followed by itself.
+As for one mechanism (`path`), the polynomial of a segment predicts the next, and all nodes of all designs
+are corrected together. A segment is accepted for a design if the correction and the interpolation error are
+small and the Jacobian determinant keeps its sign. A design whose segment is rejected continues with shorter
+ones; a design that needs very short ones is left to be traced by itself.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ class Group:
         rows: which they are, (d,).
         reached: how far they were followed.
         step: length of the next cell.
-        at: where they are there, (d) sets of coordinates.
+        q: coordinates there, d sets.
         sign: sign of the loops' determinant, (d,); 0 where it is not known yet.
         picked: independent rows, by which they are solved.
         null_space: null-space basis over the unknowns, as of a link's spin, (nullity, unknowns).
@@ -58,7 +58,7 @@ class Group:
     rows: Rows
     reached: float
     step: float
-    at: Coordinates
+    q: Coordinates
     sign: Array
     picked: Rows
     null_space: Array
@@ -67,9 +67,9 @@ class Group:
 
     def select(self, which: Rows | Bools, **changed: object) -> "Group":
         """Return some of the designs."""
-        at = Coordinates(self.at.values[:, which], self.at.turns[..., which])
+        q = Coordinates(self.q.values[:, which], self.q.turns[..., which])
         states = self.states[which] if len(self.nodes) else self.states
-        group = replace(self, rows=self.rows[which], at=at, sign=self.sign[which], states=states)
+        group = replace(self, rows=self.rows[which], q=q, sign=self.sign[which], states=states)
         return replace(group, **changed)  # pyright: ignore[reportArgumentType]
 
 
@@ -107,10 +107,10 @@ class ManyPaths:
             indices = np.flatnonzero(direction * (angles - self.begin) >= (0.0 if direction > 0 else 1e-300))
             waiting = [group] if len(indices) else []
             while waiting:
-                waiting += self._cell(waiting.pop(), direction, angles, indices, store)
+                waiting += self._segment(waiting.pop(), direction, angles, indices, store)
         return np.unique(np.concatenate([*self.failed, np.zeros(0, dtype=np.intp)]))
 
-    def _cell(
+    def _segment(
         self, group: Group, direction: float, angles: Array, indices: Rows, store: Store
     ) -> list[Group]:
         """Follow a group over one cell; return the groups that go on."""
@@ -136,25 +136,25 @@ class ManyPaths:
             if not len(group.rows):
                 return others
         reached = float(nodes[-1])
-        rows = PathStates(self.many.select(group.rows, 1), self._drive)
+        rows = PathStates(self.many.select(group.rows, 1), self._prescribed)
         q = rows.unflat(states[:, -1], np.full(len(group.rows), reached))
         self._evaluate(group, Segment(nodes, states, weights, self._solver(group, 1)), angles, indices, store)
         if remaining <= step + 1e-12:
             return others
         growth = float(np.quantile(growths, GROWTH_QUANTILE))
         longer = min(CONTROL.max_length, growth * step)
-        next_group = replace(group, reached=reached, step=longer, at=q, sign=side, nodes=nodes, states=states)
+        next_group = replace(group, reached=reached, step=longer, q=q, sign=side, nodes=nodes, states=states)
         return [*others, next_group]
 
     def _halved(self, group: Group, step: float) -> list[Group]:
         return [replace(group, step=0.5 * step)] if len(group.rows) else []
 
-    def _drive(self, s: Array) -> Array:
+    def _prescribed(self, s: Array) -> Array:
         return self.law(s)[0]
 
     def _solver(self, group: Group, repeat: int) -> LoopSolver:
         loops = self.many.select(group.rows, repeat)
-        pinned = Coordinates(np.repeat(group.at.values, repeat, 1), np.repeat(group.at.turns, repeat, -1))
+        pinned = Coordinates(np.repeat(group.q.values, repeat, 1), np.repeat(group.q.turns, repeat, -1))
         return LoopSolver(loops, group.picked, group.null_space, pinned)
 
     def _with_adequate_rows(self, group: Group) -> tuple[Group, list[Group]]:
@@ -166,7 +166,7 @@ class ManyPaths:
             # what is left open turns with the links; it goes on as it was, and so do determinants' signs
             group = replace(group, null_space=self._solver_of_first(group, group.null_space).null_space)
         solver = self._solver(group, 1)
-        linearised = solver.linearise(group.at)
+        linearised = solver.linearise(group.q)
         own = np.linalg.svd(linearised.matrix, compute_uv=False)[:, -1]
         all_values = np.linalg.svd(
             linearised.jacobian[:, solver.loops.unknown].transpose(2, 0, 1), compute_uv=False
@@ -189,13 +189,13 @@ class ManyPaths:
     def _solver_of_first(self, group: Group, before: Array | None = None) -> LoopSolver:
         """Return the solver of a group's first design where it stands."""
         first = group.select(np.arange(1))
-        return loop_solver(self.many.select(first.rows, 1), first.at, before)
+        return loop_solver(self.many.select(first.rows, 1), first.q, before)
 
     def _closed(self, group: Group, nodes: Array) -> tuple[Array, Bools, Array, Array]:
         """Return states (d, nodes, w) closed there, which are good, by how much steps may grow, and sides."""
         count, k = len(group.rows), len(nodes)
         solver = self._solver(group, k)
-        path = PathStates(solver.loops, self._drive)
+        path = PathStates(solver.loops, self._prescribed)
         s = np.tile(nodes, count)
         q = path.unflat(self._predicted(group, nodes).reshape(count * k, -1), s)
         result = newton(solver, q, NEARBY)
@@ -234,16 +234,16 @@ class ManyPaths:
             return predicted.reshape(k, count, -1).transpose(1, 0, 2)
         solver = self._solver(group, k)
         loops = solver.loops
-        start = Coordinates(np.repeat(group.at.values, k, 1), np.repeat(group.at.turns, k, -1))
+        start = Coordinates(np.repeat(group.q.values, k, 1), np.repeat(group.q.turns, k, -1))
         driven = list(loops.driven)
         step = np.zeros((loops.tree.count, count * k))
-        advance = self._drive(np.tile(nodes, count)) - self._drive(np.array([group.reached]))
+        advance = self._prescribed(np.tile(nodes, count)) - self._prescribed(np.array([group.reached]))
         step[driven] = advance / loops.units[driven, None]
         linearised = solver.linearise(start)
         rhs = np.zeros_like(linearised.rhs)
         rhs[:, : len(solver.rows)] = np.einsum("rkn,kn->nr", linearised.jacobian[solver.rows], step)
         moved = loops.displaced(start, step + solver.step(linearised.matrix, rhs))
-        return PathStates(loops, self._drive).flat(moved).reshape(count, k, -1)
+        return PathStates(loops, self._prescribed).flat(moved).reshape(count, k, -1)
 
     def _evaluate(self, group: Group, segment: Segment, angles: Array, indices: Rows, store: Store) -> None:
         """Close the poses asked for in a cell and hand them on."""
@@ -269,13 +269,13 @@ class ManyPaths:
         )
         solver = self._solver(group, p)
         s = np.tile(angles[columns], count)
-        q = PathStates(solver.loops, self._drive).unflat(interpolated.reshape(count * p, -1), s)
+        q = PathStates(solver.loops, self._prescribed).unflat(interpolated.reshape(count * p, -1), s)
         result = newton(solver, q, FINAL)
         failed = np.isinf(result.displacement).reshape(count, p).any(1)
         if failed.any():
             self.failed.append(group.rows[failed])
-        zero, one = np.zeros_like(s), np.ones_like(s)
-        instants = Instants(s, one, zero, *self.law(s))
+        zero, rate = np.zeros_like(s), np.ones_like(s)
+        instants = Instants(s, rate, zero, *self.law(s))
         store(
             group.rows, columns, ClosedChunk(solver, np.arange(len(s)), instants, result.q, result.linearised)
         )

@@ -52,7 +52,7 @@ def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
     layout, n, dtype = tree.layout, len(q), q.values.dtype
     # the ground comes last, where the index -1 finds it
     rotation = np.empty((len(tree.branches) + 1, 3, 3, n), dtype)
-    _turn(tree, q, rotation)
+    _rotate(tree, q, rotation)
     rotation[-1] = EYE
     for child, parent in layout.tiers:
         rotation[child] = np.einsum("lijn,ljkn->likn", rotation[parent], rotation[child])
@@ -88,7 +88,7 @@ def _carried(vectors: Array, rotation: Array) -> Array:
     return np.einsum("lmkn,likn->ilmn", vectors, rotation)
 
 
-def _turn(tree: SpanningTree, q: Coordinates, out: Array) -> None:
+def _rotate(tree: SpanningTree, q: Coordinates, out: Array) -> None:
     """Fill in how each link is turned in that on which it hangs, (links + 1, 3, 3, n)."""
     layout = tree.layout
     angle = q.values[layout.angles]

@@ -1,4 +1,4 @@
-"""A mechanism of one's own that moves by its loop equations: what a closed form gives, without one."""
+"""A mechanism solved by its loop equations."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -28,14 +28,14 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import MotionLaws, interval_around
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
 from mechsim.units import WrittenUnits
 
 # two crank angles nearer than this are one
-SAME = 1e-9
+SAME_ANGLE = 1e-9
 # how far links may be from where they were a turn before, in sizes and parts of their axes; another assembly
 # is farther
 SAME_POSE = 1e-6
@@ -72,22 +72,22 @@ class LoopForm:
 
     @property
     def period(self) -> float:
-        """Crank angle in [rad] after which it stands as before: two turns where meetings lead elsewhere.
+        """Path parameter after which the configuration repeats, in [rad] of a crank.
 
-        Under programs the clock's angle at their end.
+        It is two revolutions if the change points lead to another assembly; with motion laws it is their end.
         """
         if self.motion_laws is not None:
             return self.motion_laws.rate * self.motion_laws.duration
         if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
-            return TURN
-        return TURN if self._back_after_a_turn() else 2.0 * TURN
+            return REVOLUTION
+        return REVOLUTION if self._back_after_a_turn() else 2.0 * REVOLUTION
 
     def _back_after_a_turn(self) -> bool:
         """Say whether all links stand as they did a turn before; with gears, whether sides changed evenly."""
         if self.mechanism.laws:
             return len(self.change_points()) % 2 == 0
         start = self.mechanism.start
-        revolution = self.solve([start, start + TURN])
+        revolution = self.solve([start, start + REVOLUTION])
         links = [link for name, link in revolution.links.items() if name not in revolution.spinning]
         displacements = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
         return max(*displacements, *(np.ptp(link.rotation, axis=0).max() for link in links)) < SAME_POSE
@@ -238,7 +238,7 @@ class LoopForm:
             return ()
         reachable_ends = [end for arc in reachable.arcs for end in arc]
         ends = [end for arc in closing.arcs for end in arc]
-        return tuple(end for end in ends if any(abs(end - other) < SAME for other in reachable_ends))
+        return tuple(end for end in ends if any(abs(end - other) < SAME_ANGLE for other in reachable_ends))
 
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
@@ -248,11 +248,13 @@ class LoopForm:
         if self.motion_laws is not None:
             return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
         start, full = self.mechanism.start, self._range.full
-        within = [point for point in self._path.change_points if start <= point < start + TURN or not full]
+        within = [
+            point for point in self._path.change_points if start <= point < start + REVOLUTION or not full
+        ]
         around = None if full else interval_around(self._range, start)
         if around is not None:
             within = [point for point in within if around[0] <= point <= around[1]]
-        return tuple(sorted({float((point + np.pi) % TURN - np.pi) for point in within}))
+        return tuple(sorted({float((point + np.pi) % REVOLUTION - np.pi) for point in within}))
 
     def conditioning(self, motion: Motion) -> Array:
         """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
@@ -269,7 +271,7 @@ class LoopForm:
         return []
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return ones, (n,): no sign of this mechanism tells its assemblies apart."""
+        """Return 1 for each pose, (n,): no sign distinguishes its assemblies."""
         return np.ones(len(next(iter(points.values()))))
 
     def variants(self) -> Mapping[str, "LoopForm"]:
@@ -287,7 +289,7 @@ class LoopForm:
         closing, start = self._closing_range, self.mechanism.start
         if not self.ranges or self.motion_laws is not None or not closing.arcs:
             return closing
-        around = (start - TURN, start + TURN) if closing.full else interval_around(closing, start)
+        around = (start - REVOLUTION, start + REVOLUTION) if closing.full else interval_around(closing, start)
         if around is None:
             return closing
         low, high = around
@@ -295,9 +297,9 @@ class LoopForm:
         if ends == [low, high] or None in ends:
             return closing
         low, high = (float(end) for end in ends if end is not None)
-        if closing.full and high - low >= TURN:
+        if closing.full and high - low >= REVOLUTION:
             return closing
-        revolution = TURN * np.floor((low + np.pi) / TURN)
+        revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
         return Arcs(False, ((low - revolution, high - revolution),))
 
     def _range_end(self, start: float, end: float) -> float | None:
@@ -307,8 +309,8 @@ class LoopForm:
             beyond = [np.maximum(low - values[name], values[name] - high) for name, (low, high) in ranged]
             return np.max(beyond, axis=0)
 
-        inner = start + (end - start) * (1.0 - SAME)
-        if abs(inner - start) < SAME:
+        inner = start + (end - start) * (1.0 - SAME_ANGLE)
+        if abs(inner - start) < SAME_ANGLE:
             return end
         parameters, values = self._ranged(np.linspace(min(start, inner), max(start, inner), INSTANTS + 1))
         ranged = [(name, ends) for name, ends in self.ranges.items() if name in values]
@@ -340,9 +342,9 @@ class LoopForm:
         ends: list[float] = []
         for direction in (1, -1):
             with suppress(AssemblyError):
-                path.extend(start + direction * TURN)
+                path.extend(start + direction * REVOLUTION)
                 return Arcs(True, ((-np.pi, np.pi),))
             ends.append(float(path.segments[direction][-1].nodes[-1]) if path.segments[direction] else start)
         high, low = ends
-        revolution = TURN * np.floor((low + np.pi) / TURN)
-        return Arcs(False, ((low - revolution, high - revolution),) if high - low > SAME else ())
+        revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
+        return Arcs(False, ((low - revolution, high - revolution),) if high - low > SAME_ANGLE else ())

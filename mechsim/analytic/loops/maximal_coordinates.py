@@ -1,4 +1,4 @@
-"""The loop equations of a mechanism at given poses, and how far they are from closed."""
+"""The loop equations of a mechanism at given poses, and their residual."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -277,10 +277,12 @@ def _add_law(
     current, derivative, second_derivative = law.polynomial(total(law.right_terms))
     residual = total(law.left_terms) - law.zeros[0] - current
     angular = all(mechanism.unit(name) == "rad" for name in law.left_terms)
-    left = [(np.full(stack.n, weight), motion(name)) for name, weight in law.left_terms.items()]
-    right = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
+    left_terms = [(np.full(stack.n, weight), motion(name)) for name, weight in law.left_terms.items()]
+    right_terms = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
     rate = sum((weight * motion(name).rate for name, weight in law.right_terms.items()), np.zeros(stack.n))
-    stack.weighted(wrap(residual) if angular else residual, -second_derivative * rate**2, [*left, *right])
+    stack.weighted(
+        wrap(residual) if angular else residual, -second_derivative * rate**2, [*left_terms, *right_terms]
+    )
 
 
 def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
@@ -300,8 +302,7 @@ def row_units(mechanism: Mechanism, count: int) -> Array:
 
 def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
     """Make a Jacobian free of units: lengths in units of the mechanism's size."""
-    size = mechanism.size
-    columns = np.tile([size] * 3 + [1.0] * 3, len(mechanism.links))
+    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
     return jacobian * columns * row_units(mechanism, jacobian.shape[1])[:, None]
 
 

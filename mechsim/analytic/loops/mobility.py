@@ -41,14 +41,14 @@ def generic_poses(
         loops: of the mechanism.
         start: one set of coordinates, closed or nearly so.
         count: of poses.
-        tolerance: singular values below this part of the largest are nought.
+        tolerance: singular values below this part of the largest are zero.
         floor: so are those below it.
     """
     random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
     poses: list[Coordinates] = []
     for _ in range(count):
-        freedoms = null_spaces(loops.linearise(q)[1][..., 0], tolerance, floor)[1]
-        step = freedoms.T @ random.standard_normal(len(freedoms))
+        null_space = null_spaces(loops.linearise(q)[1][..., 0], tolerance, floor)[1]
+        step = null_space.T @ random.standard_normal(len(null_space))
         longest = float(np.abs(step).max(initial=0.0))
         if longest > 0.0:
             q = nearest_consistent(
@@ -66,15 +66,15 @@ def nearest_consistent(
     return newton(system, q, CONSISTENT, lambda matrix, right: least_norm(matrix, right, tolerance, floor)).q
 
 
-def with_coordinate_locked(freedoms: Array, coordinate: int) -> Array:
-    """Return the freedoms in which a coordinate that has part in them does not move, one fewer."""
-    component = freedoms[:, coordinate]
+def with_coordinate_locked(null_space: Array, coordinate: int) -> Array:
+    """Return the null_space in which a coordinate that has part in them does not move, one fewer."""
+    component = null_space[:, coordinate]
     rows = np.flatnonzero(component)
     # a reflection puts all of the coordinate's part into the first of them
     mirror = component[rows]
     mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
-    reflected = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ freedoms[rows])
-    remaining = np.delete(freedoms, rows[0], 0)
+    reflected = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ null_space[rows])
+    remaining = np.delete(null_space, rows[0], 0)
     remaining[rows[1:] - 1] -= reflected
     return remaining
 
@@ -164,7 +164,7 @@ def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
 # displacement along a freedom, in radians or parts of the size; a residual that is closed; and the part of
 # the displacement by which a joint or a point is seen to move
 NULL_DISPLACEMENT, CLOSED, MIN_MOTION = 1e-3, 1e-10, 1e-2
-# a coordinate that takes part in a freedom by less takes none; and names that a refusal lists
+# smallest participation of a coordinate in a null direction; and largest number of names in a message
 MIN_PARTICIPATION, LISTED = 1e-6, 12
 
 
@@ -337,7 +337,7 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
 
 
 @dataclass(frozen=True, slots=True)
-class Freedom:
+class DofCount:
     """Numbers by the rank of the loop Jacobian, at that of several poses where it is largest.
 
     Attributes:
@@ -353,7 +353,7 @@ class Freedom:
     rank: int
 
 
-def freedom(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Freedom:
+def dof_count(mechanism: Mechanism, poses: Mapping[str, Pose]) -> DofCount:
     """Return mobility, passive degrees of freedom and redundant equations at n poses that close the loops.
 
     At most `SAMPLED_POSES` or a few more are used, evenly spread: at a single one the rank may be lower.
@@ -367,7 +367,7 @@ def freedom(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Freedom:
         for matrices in (jacobians, jacobians[:, :, loops.unknown])
     )
     mobility = loops.tree.count - free_rank
-    return Freedom(
+    return DofCount(
         mobility,
         len(loops.unknown) - locked_rank,
         loops.rows - free_rank,

@@ -21,7 +21,7 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, described, starting_at
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion
 from mechsim.model.motion_laws import MotionLaws
-from mechsim.numerics.angles import TURN, other_laps
+from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
 
 # part of the quickest turn of any link along an idle freedom at which another turns with it
@@ -128,7 +128,7 @@ def motion_along(
     try:
         return path, loop_motion(path, instants)
     except AssemblyError:
-        for revolutions in other_laps(path.loops.tree.mechanism.start, angle):
+        for revolutions in other_revolutions(path.loops.tree.mechanism.start, angle):
             other_path = _on_other_revolution(path, revolutions)
             if other_path is not None:
                 with suppress(AssemblyError):
@@ -149,15 +149,15 @@ def _on_other_revolution(path: ContinuationPath, revolutions: int) -> Continuati
     tree = path.loops.tree
     crank = tree.index_of[tree.mechanism.crank.name]
     for i, row in enumerate(path.loops.couplings):
-        gain = (row.left[crank] - row.right[crank] * row.coupling.ratio) * revolutions
+        gain = (row.left_weights[crank] - row.right_weights[crank] * row.coupling.ratio) * revolutions
         if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.turns):
             return None
-        turn_offsets[i] += round(gain) * TURN
+        turn_offsets[i] += round(gain) * REVOLUTION
     start = path.start.values.copy()
-    start[crank] += revolutions * TURN
+    start[crank] += revolutions * REVOLUTION
     loops = replace(path.loops, turn_offsets=tuple(turn_offsets))
     first = replace(path.first, loops=loops, reference=replace(path.start, values=start))
-    return ContinuationPath(first, path.prescribed, path.initial + revolutions * TURN, path.policy)
+    return ContinuationPath(first, path.prescribed, path.initial + revolutions * REVOLUTION, path.policy)
 
 
 def spinning_links(path: ContinuationPath) -> frozenset[str]:
@@ -220,7 +220,7 @@ def motion_record(
 def path_under_laws(
     mechanism: Mechanism, motion_laws: MotionLaws, change_point: ChangePointPolicy = "smooth"
 ) -> ContinuationPath:
-    """Return the path of a mechanism's assembly over the angle of its programs' clock, begun at time zero.
+    """Return the path of a mechanism's assembly over the path parameter of its motion laws, from time zero.
 
     Args:
         mechanism: its guess says which assembly is meant, and where the drivers stand in it; from there they
@@ -314,7 +314,7 @@ def solve_prescribed(path: ContinuationPath, motion_laws: MotionLaws, instants: 
 
 
 def with_locked_values(path: ContinuationPath, instants: Instants) -> Instants:
-    """Return instants of which only the drivers are told, with what is held."""
+    """Return instants of the drivers completed by the locked coordinates."""
     locked = locked_values(path.loops.tree.mechanism)
     return replace(
         instants,

@@ -181,7 +181,7 @@ def conditioning(mechanism: Mechanism, poses: Poses) -> Array:
     """Return the distance of each pose from a singular one with the crank held, (n,), 0 to about 1.
 
     The smallest singular value of the loop Jacobian in units of the mechanism's size; those that are
-    nought at every pose, of redundant rows and passive freedoms, do not count.
+    zero at every pose, of redundant equations and passive degrees of freedom, do not count.
     """
     values = singular_values(mechanism, poses)
     rank = int(significant(values).sum(1).max())

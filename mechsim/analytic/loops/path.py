@@ -70,7 +70,7 @@ class PathNames:
     instant: Callable[[float], str]
 
 
-CRANK = PathNames("the crank", lambda at: f"{at:.7g} rad", lambda at: f"crank angle {at:.7g} rad")
+CRANK = PathNames("the crank", lambda s: f"{s:.7g} rad", lambda s: f"crank angle {s:.7g} rad")
 
 
 class ContinuationPath(PathStates):
@@ -100,7 +100,7 @@ class ContinuationPath(PathStates):
         self.segments: dict[int, list[Segment]] = {1: [], -1: []}
         self.change_points: list[float] = []
         self._singular_radii: list[float] = []
-        # of the singular poses that the last cell lies on; 0 where it is not known
+        # of the singular poses that the last segment lies on; 0 where it is not known
         self.sign = 0.0
         # the segment through the next change point, and that change point, once known
         self._upcoming: tuple[Segment, float] | None = None
@@ -135,7 +135,7 @@ class ContinuationPath(PathStates):
         require_travel(who, names.position(start), names.position(target), abs(target - start))
         length = NEXT_LENGTH * segments[-1].length if segments else CONTROL.first_length
         if not segments and self.segments[-direction]:
-            length *= CONTROL.max_growth  # no tangent foretells it
+            length *= CONTROL.max_growth  # the segment on the other side predicts it
         while (remaining := direction * (target - self._end(direction))) > 0.0:
             current = self._end(direction)
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
@@ -157,7 +157,7 @@ class ContinuationPath(PathStates):
         if abs(parameter - self.initial) < AT_START and self._singular_start():
             return (
                 f"{text}, for at its start, {self.words.position(self.initial)}, it is at a dead centre "
-                "or meets another that cannot be told from it; start elsewhere"
+                "or meets another that cannot be distinguished from it; start elsewhere"
             )
         return f"{text}; stay on this side of the dead centre or change the dimensions"
 
@@ -220,7 +220,7 @@ class ContinuationPath(PathStates):
     def _with_adequate_rows(
         self, segment: Segment, closed: Linearised, by_determinant: NDArray[np.bool_]
     ) -> tuple[Segment, Linearised]:
-        """Return a cell solved by rows that tell enough where it is near a singular pose, and its loops.
+        """Return a segment solved by rows that tell enough where it is near a singular pose, and its loops.
 
         Rows that repeat others elsewhere may be the ones that count there.
 
@@ -286,7 +286,7 @@ class ContinuationPath(PathStates):
             raise AssemblyError(
                 f"{self._name}: assemblies meet at {self.words.instant(change_point)}, "
                 f"{abs(distance_before):.3g} rad from the start or from where others meet, and "
-                "cannot be told from each other; start elsewhere or change the dimensions"
+                "cannot be distinguished; start elsewhere or change the dimensions"
             )
         next_segment = (
             branch_segment(self, segment, change_point)
@@ -362,8 +362,8 @@ class ContinuationPath(PathStates):
         states = np.empty((len(s), segments[0].states.shape[1]))
         for i in np.unique(segment_of):
             states[segment_of == i] = segments[i].evaluate(s[segment_of == i])
-        solvers = {id(cell.solver): cell.solver for cell in segments}
-        solver_of = np.array([id(cell.solver) for cell in segments])[segment_of]
+        solvers = {id(segment.solver): segment.solver for segment in segments}
+        solver_of = np.array([id(segment.solver) for segment in segments])[segment_of]
         for key, solver in solvers.items():
             index = np.flatnonzero(solver_of == key)
             if len(index):
@@ -409,5 +409,5 @@ class ContinuationPath(PathStates):
 
 def _segment_indices(segments: list[Segment], s: Array) -> NDArray[np.intp]:
     """Return the index of the segment of each parameter, (n,); at a junction the later one."""
-    lows = np.array([cell.low for cell in segments])
+    lows = np.array([segment.low for segment in segments])
     return np.clip(np.searchsorted(lows, s + JUNCTION, side="right") - 1, 0, len(segments) - 1)

@@ -92,7 +92,7 @@ class Instants:
 
 
 class SingularPath(Protocol):
-    """What knows where loops tell nothing, and what its polynomials tell there."""
+    """A path that knows its singular neighbourhoods, and its polynomials there."""
 
     def near_change_point(self, s: Array) -> NDArray[np.bool_]:
         """Return which parameters are so, (n,)."""
@@ -204,7 +204,7 @@ def _newton(
 def _too_singular(path: ContinuationPath, s: float) -> AssemblyError:
     return AssemblyError(
         f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(s)} is too near a singular one "
-        "to be told from another assembly; keep away from it"
+        "to be distinguished from another assembly; keep away from it"
     )
 
 

@@ -23,7 +23,7 @@ STEP_CUTOFF = 1e-7
 BRANCH_CUTOFF = 1e-6
 # how far slides are thrown, in sizes to either side
 SLIDE_RANGE = 2.0
-# bytes of slopes of random starts that are closed together
+# bytes of Jacobians of random starts that are closed together
 CHUNK_BYTES = 4e6
 # how far from a meeting its branches are looked for, in radians or parts of the size, and how many ways
 BRANCH_DISTANCE, DIRECTIONS = 0.05, 16
@@ -34,7 +34,7 @@ def random_poses(
 ) -> Iterator[tuple[int, Coordinates]]:
     """Yield closed poses from random starts, without those that close not at all or with axes opposed.
 
-    So many starts at a time as fit into little memory, each time with how many were begun so far.
+    Chunks of starts need little memory; each comes with the number of starts so far.
 
     Args:
         loops: of the mechanism.

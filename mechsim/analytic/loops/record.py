@@ -12,24 +12,24 @@ from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import unwrapped
 
 
 def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
-    """Return a motion that tells every coordinate, also of joints at which the loops of a model are cut.
+    """Return a motion with every coordinate, also of the joints that close loops.
 
     Args:
         mechanism: that moves.
-        motion: of it, with its links; joints that it tells stay as they are.
+        motion: of it, with its links; joints that it contains stay as they are.
 
     Accuracy: that of the links; angles are counted on from (-pi, pi] at the first instant.
     """
-    known, joints = {GROUND, *motion.links}, dict[str, JointMotion]()
+    links, joints = {GROUND, *motion.links}, dict[str, JointMotion]()
     for joint in mechanism.joints:
         reported = {name: motion.joints[name] for name in joint.coordinates if name in motion.joints}
-        if len(reported) < len(joint.coordinates) and {joint.a.link, joint.b.link} <= known:
+        if len(reported) < len(joint.coordinates) and {joint.a.link, joint.b.link} <= links:
             for name, coordinate in joint_motions(joint, motion.links).items():
                 value = (
                     _counted(coordinate.value, coordinate.rate, motion.time)
@@ -118,5 +118,5 @@ def _counted(angle: Array, rate: Array, time: Array | None) -> Array:
     """Return angles with their turns: each lies nearest to where the one before led at its speed."""
     predicted = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time) if time is not None else np.zeros(len(angle) - 1)
     step = np.diff(angle)
-    step = step + TURN * np.round((predicted - step) / TURN)
+    step = step + REVOLUTION * np.round((predicted - step) / REVOLUTION)
     return angle[:1].repeat(len(angle)) + np.concatenate([[0.0], np.cumsum(step)])

@@ -36,7 +36,7 @@ PROBES, POSES = 2, 8
 ROUNDING, STEP = 1e-13, 1e-6
 # part of a sum of rows that counts
 MIN_SHARE = 1e-6
-# round by round, what tells less of the dimensions than this part of the most is left to the next
+# singular values below these fractions of the largest are zero, round by round
 CUTOFFS = (1e-4, 1e-4, 1e-5, 1e-5, 1e-6)
 
 
@@ -67,7 +67,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
         return Corrected(mechanism)
     poses += generic_poses(loops, poses[-1], POSES - PROBES, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
     change = np.zeros((len(mechanism.joints), 2, 6))
-    slopes = _jacobians(mechanism, loops, poses, _affected_joints(loops, poses))
+    jacobians = _jacobians(mechanism, loops, poses, _affected_joints(loops, poses))
     for cutoff in CUTOFFS:
         dependent = [
             null_spaces(loops.linearise(q)[1][..., 0], DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[0]
@@ -77,7 +77,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
             combination.T @ loops.linearise(q)[0][:, 0]
             for combination, q in zip(dependent, poses, strict=True)
         ]
-        blocks = [np.tensordot(combination.T, slopes[:, k], 1) for k, combination in enumerate(dependent)]
+        blocks = [np.tensordot(combination.T, jacobians[:, k], 1) for k, combination in enumerate(dependent)]
         matrix = np.concatenate(blocks).reshape(-1, change.size)
         correction = np.linalg.lstsq(matrix, -np.concatenate(violations), rcond=cutoff)[0]
         change = change + correction.reshape(change.shape)
@@ -119,13 +119,13 @@ def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]
     affected: set[str] = set()
     for q in poses:
         residual, jacobian, _ = loops.linearise(q)
-        left, values, _ = np.linalg.svd(jacobian[..., 0])
+        u, values, _ = np.linalg.svd(jacobian[..., 0])
         values = np.pad(values, (0, loops.rows - len(values)))
-        violation = np.abs(left.T @ residual[:, 0])
+        violation = np.abs(u.T @ residual[:, 0])
         inconsistent = ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE) & (
             significant(values) | (violation > ROUNDING)
         )
-        share = np.abs(left[:, inconsistent]).max(1, initial=0.0)[: len(loop_of)] > MIN_SHARE
+        share = np.abs(u[:, inconsistent]).max(1, initial=0.0)[: len(loop_of)] > MIN_SHARE
         for cut in np.unique(loop_of[share]):
             affected |= around[cut]
     while wider := [joints for joints in around if joints & affected and not joints <= affected]:
@@ -140,7 +140,7 @@ def _columns(branch: TreeJoint) -> range:
 def _jacobians(
     mechanism: Mechanism, loops: TreeLoops, poses: Sequence[Coordinates], concerned: set[str]
 ) -> Array:
-    """Return slopes of residuals by shifts and turns of the sides of joints, (rows, poses, joints, 2, 6)."""
+    """Return derivatives of residuals by shifts and rotations of joint sides, (rows, poses, joints, 2, 6)."""
     q = Coordinates(
         np.concatenate([pose.values for pose in poses], 1), np.concatenate([pose.turns for pose in poses], -1)
     )
@@ -168,9 +168,10 @@ def _enters_equations(joint: Joint, component: int) -> bool:
 
 def _perturbed(mechanism: Mechanism, change: Array) -> Mechanism:
     """Return a mechanism whose joint sides are shifted, in parts of the size, and turned, in [rad]."""
-    size = mechanism.size
     joints = tuple(
-        replace(joint, a=_moved(joint.a, sides[0], size), b=_moved(joint.b, sides[1], size))
+        replace(
+            joint, a=_moved(joint.a, sides[0], mechanism.size), b=_moved(joint.b, sides[1], mechanism.size)
+        )
         for joint, sides in zip(mechanism.joints, change, strict=True)
     )
     return replace(mechanism, joints=joints)

@@ -14,12 +14,12 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, significant
 
-# slopes below this are rounding
+# entries of a Jacobian below this are rounding
 NEGLIGIBLE = 1e-14
 # Newton's method about a nearby configuration: beyond this displacement the linear model is invalid
 NEARBY = NewtonSettings(max_displacement=0.3)
 # part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
-# and part of what they told elsewhere below which they are singular themselves, not the pose
+# and the ratio to their value elsewhere below which these rows are singular, and not the pose
 MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
 
 
@@ -77,8 +77,8 @@ class Linearised:
     @cached_property
     def _determinant(self) -> tuple[Array, Array]:
         """Signs, and logarithms of sizes, (n,) each."""
-        sign, size = np.linalg.slogdet(self.matrix)
-        return sign, size
+        sign, logarithm = np.linalg.slogdet(self.matrix)
+        return sign, logarithm
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class LoopSolver:
 
     @cached_property
     def picked(self) -> tuple[Index, ...]:
-        """Of all slopes, those of the rows that are solved by the unknowns."""
+        """Index of the solved rows by the unknowns in the whole Jacobian."""
         return block(self.rows, self.loops.unknown)
 
     @cached_property
@@ -123,7 +123,7 @@ class LoopSolver:
         return not self.nullity and len(self.rows) == self.loops.rows
 
     def adequate(self, linearised: Linearised) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return at which poses it tells about as much as all rows do, (n,) each.
+        """Return at which poses the solved rows are about as well conditioned as all rows, (n,) each.
 
         In the direction that is held least; and by the determinant, of which no choice of rows has more.
         """
@@ -147,8 +147,8 @@ class LoopSolver:
         if self._alone(linearised):
             return np.ones(len(linearised.matrix))
         every = linearised.all_singular_values[:, len(self.rows) - 1]
-        known = every > RANK_TOLERANCE * every.max()
-        return np.where(known, linearised.singular_values[:, -1] / np.where(known, every, 1.0), 1.0)
+        nonzero = every > RANK_TOLERANCE * every.max()
+        return np.where(nonzero, linearised.singular_values[:, -1] / np.where(nonzero, every, 1.0), 1.0)
 
     def linearise(self, q: Coordinates) -> Linearised:
         """Return the loops about n sets of coordinates."""
@@ -200,7 +200,7 @@ def loop_solver(
         loops: the equations.
         reference: one set of closed coordinates, where nothing that the solver must tell is singular.
         previous: the gauge so far, which the new one follows.
-        jacobian: of all rows there, (rows, count, 1), where it is known.
+        jacobian: of all rows there, (rows, count, 1), where it is nonzero.
     """
     from scipy.linalg import qr
 

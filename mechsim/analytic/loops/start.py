@@ -65,7 +65,7 @@ def _initial_guesses(mechanism: Mechanism, guess: Mapping[str, Pose]) -> Iterato
 def _from_random_starts(
     mechanism: Mechanism, guess: Mapping[str, Pose], first_error: AssemblyError
 ) -> tuple[TreeLoops, Coordinates]:
-    """Return loops closed from random starts: nearest to a guess that leaves links out, then to nought.
+    """Return loops closed from random starts: nearest to a guess that leaves links out, then to zero.
 
     Raises:
         AssemblyError: where the guess names every link, saying where else they close; that which is given
@@ -92,8 +92,8 @@ def _from_random_starts(
 def _closes_elsewhere(
     loops: TreeLoops, initial: Coordinates, batches: Iterable[Coordinates]
 ) -> AssemblyError | None:
-    """Return the refusal of a guess from which loops do not close that close elsewhere; None for others."""
-    mechanism, places = loops.tree.mechanism, loops.tree.index_of
+    """Return the error of a guess from which loops do not close that close elsewhere; None for others."""
+    mechanism, index_of = loops.tree.mechanism, loops.tree.index_of
     displacements = [(batch.values - initial.values) / loops.units[:, None] for batch in batches]
     all_displacements = np.concatenate([np.zeros((loops.tree.count, 0)), *displacements], 1)
     if not all_displacements.shape[1]:
@@ -103,10 +103,10 @@ def _closes_elsewhere(
         + (loops.units * all_displacements[:, np.abs(all_displacements).max(0).argmin()])[:, None]
     )
     prescribed = (*mechanism.drivers, *mechanism.locked)
-    listed = [name for name in places if name not in prescribed][:NAMED]
+    listed = [name for name in index_of if name not in prescribed][:NAMED]
 
     def values_text(names: Iterable[str]) -> str:
-        return ", ".join(f"{name} = {nearest[places[name], 0]:.4g}" for name in names)
+        return ", ".join(f"{name} = {nearest[index_of[name], 0]:.4g}" for name in names)
 
     return AssemblyError(
         f"{mechanism.name}: {'at ' + values_text(prescribed[:NAMED]) + ' ' if prescribed else ''}the loops "
@@ -120,7 +120,7 @@ def _distance_from_guess(mechanism: Mechanism, loops: TreeLoops, poses: LinkPose
     worst = 0.0
     for name, pose in mechanism.guess.items():
         i = loops.tree.links[name]
-        distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.size
+        distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.length
         trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
         worst = max(worst, distance, float(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))
     return worst
@@ -160,26 +160,26 @@ def _require_axes_aligned(loops: TreeLoops, poses: LinkPoses) -> None:
 
 
 # poses nearer to each other, in sizes and as matrices, are one
-SAME = 1e-9
+SAME_POSE = 1e-9
 
 
 def with_closed_guess(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism whose guess is where it is put together, so that every road begins in one assembly.
+    """Return a mechanism whose guess is its assembled configuration: every method starts in it.
 
-    Turns of coupled joints that no pose tells are counted. It is itself where its guess is that already, or
-    where its loops do not close.
+    Revolutions of coupled joints, which a pose does not determine, are included. A mechanism whose guess is
+    closed, or whose loops do not close, is returned unchanged.
     """
     try:
         poses, values = start_poses(mechanism)
     except AssemblyError:
         return mechanism
-    size, counted = mechanism.size, _counted(mechanism, values)
+    counted = _counted(mechanism, values)
     if (
         counted == mechanism.counted
         and mechanism.guess.keys() == poses.keys()
         and all(
-            np.abs(pose.position - poses[name].position).max() < SAME * size
-            and np.abs(pose.rotation - poses[name].rotation).max() < SAME
+            np.abs(pose.position - poses[name].position).max() < SAME_POSE * mechanism.size
+            and np.abs(pose.rotation - poses[name].rotation).max() < SAME_POSE
             for name, pose in mechanism.guess.items()
         )
     ):

@@ -299,8 +299,8 @@ class SpanningTree:
         return layout(self.branches, self.constants)
 
     @cached_property
-    def size(self) -> float:
-        """The mechanism's, in [m]."""
+    def length(self) -> float:
+        """Characteristic length of the mechanism, in [m]."""
         return self.mechanism.size
 
     @cached_property
@@ -339,7 +339,7 @@ class SpanningTree:
     @cached_property
     def units(self) -> Array:
         """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
-        return np.where(self.slides, self.size, 1.0)
+        return np.where(self.slides, self.length, 1.0)
 
     def first_index(self, joint: str) -> int | None:
         """Return the index of the first coordinate of a joint; None where it closes a loop."""
@@ -365,7 +365,7 @@ class SpanningTree:
 def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     """Return a tree whose cuts leave few equations: driven and coupled joints stay, then counted ones.
 
-    Where those alone close a loop, some are split, and it is cut beside them.
+    Where those alone close a loop, some are split, and the loop is cut next to them.
 
     Raises:
         AssemblyError: for links that no chain of joints leads to.

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 Coefficients = Callable[[Array], Array]
@@ -47,7 +47,7 @@ class Sheet:
     @property
     def layers(self) -> int:
         """How many roots of this sheet at most one crank angle has."""
-        turns = (self.high - self.low) / TURN
+        turns = (self.high - self.low) / REVOLUTION
         return max(1, round(turns)) if self.closed else int(np.ceil(turns))
 
     def unrolled(self, angles: Array, layer: int) -> Array:
@@ -56,15 +56,15 @@ class Sheet:
         Layer 0 is the shift by the fewest turns, 1 the next.
         """
         if self.closed:
-            return self.low + np.mod(angles + layer * TURN - self.low, self.high - self.low)
-        first = np.ceil((self.low - angles) / TURN)
-        last = np.floor((self.high - angles) / TURN)
+            return self.low + np.mod(angles + layer * REVOLUTION - self.low, self.high - self.low)
+        first = np.ceil((self.low - angles) / REVOLUTION)
+        last = np.floor((self.high - angles) / REVOLUTION)
         near = np.clip(0.0, first, np.maximum(first, last))
         # layers lie at near, then at its neighbours, upwards first
         above, below = last - near, near - first
         shift = near if layer == 0 else np.where(above >= layer, near + layer, near - (layer - above))
         inside = (last >= first) & (layer <= above + below)
-        return np.where(inside, angles + TURN * shift, np.nan)
+        return np.where(inside, angles + REVOLUTION * shift, np.nan)
 
     def guide(self, unrolled: Array) -> Array:
         """Return about where the root is, (n,) in [rad]; NaN off the sheet."""
@@ -74,7 +74,7 @@ class Sheet:
         """Return the crank angles that a layer reaches."""
         if self.closed:
             return Arcs(True, ((-np.pi, np.pi),))
-        low, high = self.low, self.high - TURN * layer
+        low, high = self.low, self.high - REVOLUTION * layer
         return Arcs(False, ((low, high),)) if high > low else Arcs(False, ())
 
 
@@ -133,14 +133,14 @@ def _sheet(
     angles = np.unwrap(nodes[index])
     roots: Array = np.unwrap(np.array([columns[i][j] for i, j in chain])).astype(np.float64)
     if closed:
-        turns = max(1, round((angles[-1] - angles[0]) / TURN))
-        back = roots[-1] + np.mod(roots[0] - roots[-1] + np.pi, TURN) - np.pi
-        low, high = angles[0], angles[0] + turns * TURN
+        turns = max(1, round((angles[-1] - angles[0]) / REVOLUTION))
+        back = roots[-1] + np.mod(roots[0] - roots[-1] + np.pi, REVOLUTION) - np.pi
+        low, high = angles[0], angles[0] + turns * REVOLUTION
         angles, roots = np.append(angles, high), np.append(roots, back)
     else:
-        low = angles[0] - min((angles[0] - end) % TURN for end in ends)
-        high = angles[-1] + min((end - angles[-1]) % TURN for end in ends)
-    shift = TURN * np.floor((low + np.pi) / TURN)
+        low = angles[0] - min((angles[0] - end) % REVOLUTION for end in ends)
+        high = angles[-1] + min((end - angles[-1]) % REVOLUTION for end in ends)
+    shift = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
     return Sheet(float(low - shift), float(high - shift), closed, angles - shift, roots)
 
 
@@ -150,7 +150,7 @@ def _matched(here: Array, there: Array) -> list[tuple[int, int]]:
         return [(b, a) for a, b in _matched(there, here)]
     if len(there) == 1:
         return [(0, 0)] if len(here) else []
-    gap = np.abs(np.mod(here[:, None] - there[None] + np.pi, TURN) - np.pi)
+    gap = np.abs(np.mod(here[:, None] - there[None] + np.pi, REVOLUTION) - np.pi)
     choices = permutations(range(len(there)), len(here))
     best = min(choices, key=lambda c: sum(gap[i, j] for i, j in enumerate(c)))
     return list(enumerate(best))

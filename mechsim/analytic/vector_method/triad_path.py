@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.triad import close, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
-from mechsim.numerics.angles import turned_into
+from mechsim.numerics.angles import shifted_into
 from mechsim.numerics.arrays import Array
 
 Complex = NDArray[np.complex128]
@@ -167,7 +167,7 @@ class TriadPath:
         low, high = self.end(-1, -far), self.end(1, far)
         if low is None or high is None or high - low >= period:
             # without a gap between its ends the path would be left for another unseen
-            return angles if low is None or high is None else turned_into(angles, (low, high), 0.0, period)
+            return angles if low is None or high is None else shifted_into(angles, (low, high), 0.0, period)
         back = np.ceil(np.maximum(angles - high, 0.0) / period)
         return angles - period * (back - np.ceil(np.maximum(low - angles, 0.0) / period))
 

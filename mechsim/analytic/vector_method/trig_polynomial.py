@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.vector_method.jets import Values, cos_sin, values
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # a polynomial this small beside its largest harmonic is rounding of the lengths it is made of
@@ -135,7 +135,7 @@ class SignedRoot:
 def sampled(polynomial: Callable[[Array], Array], degree: int) -> TrigPolynomial:
     """Return a trigonometric polynomial known by its values, evaluated at (n,) angles in [rad]."""
     count = 2 * degree + 1
-    harmonics = np.fft.fft(polynomial(TURN * np.arange(count) / count)) / count
+    harmonics = np.fft.fft(polynomial(REVOLUTION * np.arange(count) / count)) / count
     return TrigPolynomial(np.concatenate([harmonics[-degree:], harmonics[: degree + 1]]))
 
 
@@ -154,7 +154,7 @@ def signed_root(polynomial: TrigPolynomial) -> SignedRoot:
 
 
 def _wrapped(angle: float) -> float:
-    return (angle + np.pi) % TURN - np.pi
+    return (angle + np.pi) % REVOLUTION - np.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +177,9 @@ class Arcs:
         if self.full or not self.arcs:
             return 0.0
         for low, high in self.arcs:
-            for turn in (0.0, TURN):
+            for turn in (0.0, REVOLUTION):
                 if low < turn < high:
-                    return turn if high - low > TURN else 0.0
+                    return turn if high - low > REVOLUTION else 0.0
         low, high = max(self.arcs, key=lambda arc: arc[1] - arc[0])
         return (low + high) / 2.0
 
@@ -206,7 +206,7 @@ def reachable_arcs(margin: Callable[[Array], Array], degree: int) -> Arcs:
     if not ends:
         full = rest.value(0.0) > 0.0
         return Arcs(full, ((-np.pi, np.pi),) if full else ())
-    gaps = list(zip(ends, [*ends[1:], ends[0] + TURN], strict=True))
+    gaps = list(zip(ends, [*ends[1:], ends[0] + REVOLUTION], strict=True))
     return _joined(gaps, [rest.value((low + high) / 2.0) / rest.scale for low, high in gaps])
 
 
@@ -225,14 +225,14 @@ def _joined(gaps: list[tuple[float, float]], heights: list[float]) -> Arcs:
     for i in order:
         low, high = gaps[i]
         if i < first:
-            low, high = low + TURN, high + TURN
+            low, high = low + REVOLUTION, high + REVOLUTION
         was, inside = inside, inside if noise[i] else heights[i] > 0.0
         if inside:
             low = arcs.pop()[0] if was else low
             arcs.append((low, high))
-    if len(arcs) > 1 and arcs[-1][1] >= arcs[0][0] + TURN:
-        arcs = [(arcs[-1][0], arcs[0][1] + TURN), *arcs[1:-1]]
-    if len(arcs) == 1 and arcs[0][1] >= arcs[0][0] + TURN:
+    if len(arcs) > 1 and arcs[-1][1] >= arcs[0][0] + REVOLUTION:
+        arcs = [(arcs[-1][0], arcs[0][1] + REVOLUTION), *arcs[1:-1]]
+    if len(arcs) == 1 and arcs[0][1] >= arcs[0][0] + REVOLUTION:
         return Arcs(True, ((-np.pi, np.pi),))
-    turned = [(low - TURN, high - TURN) if low >= np.pi else (low, high) for low, high in arcs]
+    turned = [(low - REVOLUTION, high - REVOLUTION) if low >= np.pi else (low, high) for low, high in arcs]
     return Arcs(False, tuple(sorted(turned)))

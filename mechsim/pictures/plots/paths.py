@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mechsim.errors import InputError, needs
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.plots.figure import LEGEND_RIGHT, STYLES, locator
 
 
@@ -227,7 +227,7 @@ class _Scale:
         self.is_angle = table.units[name] == "rad"
         # what swings over more than a turn and comes back, as a pinion on its rack, is drawn as it is counted
         gains = [abs(float(curve[name][-1] - curve[name][0])) for curve in table.curves]
-        wide = max(float(np.ptp(curve[name])) for curve in table.curves) > TURN
+        wide = max(float(np.ptp(curve[name])) for curve in table.curves) > REVOLUTION
         self.cut = self.is_angle and not (wide and max(gains) < np.pi)
         self.label, self.low = ("crank angle", 0.0) if name == "angle" else (name, 0.0)
         if self.is_angle:
@@ -240,7 +240,7 @@ class _Scale:
         """Return values as they stand on the axis."""
         if self.cut:
             # what is a rounding error below the cut is no turn away
-            values = self.low + np.mod(values - self.low + ROUNDING, TURN) - ROUNDING
+            values = self.low + np.mod(values - self.low + ROUNDING, REVOLUTION) - ROUNDING
         return values / self.factor
 
     def ticks(self, *, sparse: bool) -> Any:
@@ -256,15 +256,15 @@ class _Scale:
 
 def _cut(values: Array) -> float:
     """Return the angle in [rad] at which a turn is cut: in the middle of the widest gap, or at zero."""
-    angles = np.sort(np.mod(values, TURN))
-    gaps = np.diff(angles, append=angles[0] + TURN)
+    angles = np.sort(np.mod(values, REVOLUTION))
+    gaps = np.diff(angles, append=angles[0] + REVOLUTION)
     widest = int(np.argmax(gaps))
     if gaps[widest] < GAP:
         return 0.0
     cut = float(angles[widest] + 0.5 * gaps[widest])
     # counted about zero rather than about a turn
     middle = cut + np.pi
-    return cut - TURN * float(np.round(middle / TURN))
+    return cut - REVOLUTION * float(np.round(middle / REVOLUTION))
 
 
 def _broken(columns: Sequence[Array]) -> list[Array]:

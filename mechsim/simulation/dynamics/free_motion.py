@@ -12,7 +12,7 @@ from mechsim.model.forces import Forces, acting_on
 from mechsim.model.limits import MAX_STIFF_STEPS, require_steps
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
@@ -134,7 +134,7 @@ def free_run(
             raise InputError("a free run was given a time step and a tolerance; leave one of them out")
         # Runge's method is stable for steps of five times that; only a trial takes such
         plan = replace(plan, longest=COARSER * plan.longest)
-        stepping, promise = within(plan.let_run, tolerance, TURN / plan.fastest / plan.longest)
+        stepping, promise = within(plan.let_run, tolerance, REVOLUTION / plan.fastest / plan.longest)
         found = _recorded(plan, stepping)
         if found.free.outcome == "done" and not promise.satisfied:
             found = replace(found, free=replace(found.free, outcome="failed", reason=promise.reason))
@@ -184,10 +184,10 @@ class _Plan:
         duration = self.duration
         if duration is None:
             assert self.turns is not None
-            duration = PATIENCE * TURN * (1.0 + abs(self.turns)) / self.fastest
+            duration = PATIENCE * REVOLUTION * (1.0 + abs(self.turns)) / self.fastest
         total = likely = int(np.ceil(duration / step - 1e-9))
         if self.turns is not None and self.fastest > 0.0:
-            likely = min(total, int(TURN * abs(self.turns) / self.fastest / step) + 1)
+            likely = min(total, int(REVOLUTION * abs(self.turns) / self.fastest / step) + 1)
         self._require_feasible(step, likely)
         stride = max(1, likely // max(self.samples, FINEST))
         if self.turns is None:
@@ -205,7 +205,7 @@ class _Plan:
     def _require_feasible(self, step: float, likely: int) -> None:
         """Raise InputError where a stiff motor makes explicit steps too many: it holds the crank's speed."""
         motor, steps = self.loaded.forces.motor, float(likely)
-        slowest = 0.0 if motor is None else TURN / abs(motor.no_load) if motor.no_load else np.inf
+        slowest = 0.0 if motor is None else REVOLUTION / abs(motor.no_load) if motor.no_load else np.inf
         if self.longest > STIFF * slowest:
             return
         if self.turns is not None:
@@ -229,7 +229,7 @@ def _steadier(plan: _Plan) -> Settings:
     Those of a third parallel crank agree, and hard ones are right to rounding; those of a Bennett linkage
     do not.
     """
-    longest = TURN / plan.fastest
+    longest = REVOLUTION / plan.fastest
     short = replace(
         plan, turns=None, duration=min(plan.duration or longest, longest), samples=SEEN, watch=no_progress
     )

@@ -11,7 +11,7 @@ from mujoco import batch
 
 from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
 from mechsim.simulation.dynamics.inverse_dynamics import tangent
@@ -78,7 +78,7 @@ def step_freely(
         last = len(time) if good.all() else int(np.argmin(good))
         done += count
         if turns is not None:
-            there = (qpos[:last, place] - start[0][place]) * np.sign(turns) >= TURN * abs(turns)
+            there = (qpos[:last, place] - start[0][place]) * np.sign(turns) >= REVOLUTION * abs(turns)
             if there.any():
                 last, outcome = int(np.argmax(there)) + 1, "done"
         records.append((timestep * number[:last], qpos[:last], qvel[:last]))
@@ -87,7 +87,9 @@ def step_freely(
         if bad or not good.all():
             outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * done:.6g} s"
             break
-        made = 0.0 if turns is None else float(abs(qpos[-1, place] - start[0][place])) / TURN / abs(turns)
+        made = (
+            0.0 if turns is None else float(abs(qpos[-1, place] - start[0][place])) / REVOLUTION / abs(turns)
+        )
         watch(f"{done:,} steps", min(1.0, max(made, done / total)))
         end = _given_up(loaded, records, turns, rest, place, dof)
         if end is not None:
@@ -95,7 +97,7 @@ def step_freely(
             break
     time, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
     if outcome == "time over":
-        made = (qpos[-1, place] - start[0][place]) / TURN
+        made = (qpos[-1, place] - start[0][place]) / REVOLUTION
         reason = f"{made:.6g} of {turns:g} turns in {time[-1]:.6g} s"
     return FreeSteps(time, qpos, qvel, outcome, reason, done)  # pyright: ignore[reportArgumentType]
 
@@ -118,7 +120,7 @@ def _given_up(
     back = np.flatnonzero(speed < -rest)
     if back.size and (not ahead.size or back[-1] > ahead[0]):
         at = int(np.argmax(angle * np.sign(turns)))
-        made = abs(angle[at] - angle[0]) / TURN
+        made = abs(angle[at] - angle[0]) / REVOLUTION
         where = f"{angle[at]:.6g} rad, {made:.3g} turns from its start"
         why = f"the crank turns back at {where}; give more torque or speed"
         return ("cannot start" if from_rest else "turned back"), why
@@ -246,25 +248,25 @@ def expect_speed(
         torque, fall = abs(float(forces.motor.torque(0.0))), -forces.motor.derivative
         limit = abs(forces.motor.no_load)
     if forces.crank_torque is not None:
-        around = np.linspace(0.0, TURN, 73)
+        around = np.linspace(0.0, REVOLUTION, 73)
         torque += float(np.abs(forces.crank_torque.evaluate(around, np.zeros(73))).max())
     for spring in forces.springs:
         stored += 0.5 * spring.stiffness * loaded.mechanism.size**2
     least = float(inertia.min())
-    far = TURN * abs(turns) if turns is not None else TURN
+    far = REVOLUTION * abs(turns) if turns is not None else REVOLUTION
     driven = min(float(np.sqrt(2.0 * torque * far / least)), limit)
     if duration is not None:
         driven = min(driven, torque * duration / least)
     # the crank is fastest where the inertia is least
     kept = np.sqrt((2.0 * stored + float(inertia[0]) * speed**2) / least)
-    fastest = max(abs(speed), float(np.hypot(kept, driven)), TURN / SLOWEST)
+    fastest = max(abs(speed), float(np.hypot(kept, driven)), REVOLUTION / SLOWEST)
     slowing = damping + fall
     return ExpectedSpeed(fastest, float((inertia / slowing).min()) if (slowing > 0.0).all() else np.inf)
 
 
 def _along(loaded: LoadedModel, angle: float) -> tuple[Array, Array]:
     """Return generalised inertia [kg m2] and damping [N m s] at the crank over the turn, or at one angle."""
-    angles = angle + np.linspace(0.0, TURN, PROBES + 1)[:-1]
+    angles = angle + np.linspace(0.0, REVOLUTION, PROBES + 1)[:-1]
     try:
         qpos = follow.follow(loaded.loops, loaded.qpos, angles)
     except AssemblyError:

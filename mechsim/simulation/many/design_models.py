@@ -16,7 +16,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.loaded_model import loaded_model
@@ -257,7 +257,7 @@ def design_models(
     fields, qpos = assembled_fields(model, tree, arrays, started.guess)
     address = shared.closed.loops.crank_address
     start = started.coordinates[tree.mechanism.crank.name]
-    turns = TURN * np.round((start - qpos[:, address]) / TURN)
+    turns = REVOLUTION * np.round((start - qpos[:, address]) / REVOLUTION)
     fields |= {**sites, "qpos0": qpos.copy()}
     fields["qpos0"][:, address] += turns
     qpos[:, address] = start
@@ -265,7 +265,7 @@ def design_models(
     qpos, first_error, _ = loops.close_each(qpos)
     # the reference configuration has the links' poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
-    rest[:, address] += TURN * np.round((start - rest[:, address]) / TURN)
+    rest[:, address] += REVOLUTION * np.round((start - rest[:, address]) / REVOLUTION)
     real = [with_inertia(design) for design in designs]
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion import JointMotion, Motion, PointMotion, join
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.driven_run import MAX_DRIVE_ERROR
 from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
@@ -90,7 +90,7 @@ def stepped_designs(
         total: steps per revolution.
         interval: steps from one record to the next; it divides the total.
     """
-    timestep = TURN / abs(speed) / total
+    timestep = REVOLUTION / abs(speed) / total
     shared = models.shared.closed
     loops = replace(shared.loops, model=copy.copy(shared.loops.model))
     settings.apply(loops, timestep)
@@ -193,10 +193,10 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
     first = qpos[:, address].copy()
     angles = np.where(stepped.models.valid[rows], np.nan, 0.0)
     with np.errstate(all="ignore"):
-        for angle in TURN / TRACE_STEPS * np.arange(1.0, TRACE_STEPS + 1.0):
+        for angle in REVOLUTION / TRACE_STEPS * np.arange(1.0, TRACE_STEPS + 1.0):
             try:
                 tangent = loops.tangent(loops.linearise(qpos)[1])
-                predicted = loops.displaced(qpos, tangent * (TURN / TRACE_STEPS))
+                predicted = loops.displaced(qpos, tangent * (REVOLUTION / TRACE_STEPS))
                 predicted[:, address] = first + angle
                 predicted, error, _ = loops.close_each(predicted)
             except np.linalg.LinAlgError:

@@ -15,7 +15,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.force_elements import (
     PLACEHOLDER,
@@ -142,7 +142,7 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
         )
     slides = len(kind.slides)
     return tuple(
-        value + TURN * float(np.round((stated[name] - value) / TURN))
+        value + REVOLUTION * float(np.round((stated[name] - value) / REVOLUTION))
         if i >= slides and name in stated
         else value
         for i, (name, value) in enumerate(zip(joint.coordinates, values, strict=True))
@@ -214,7 +214,7 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         shifted[: len(curve.coef)] = curve.coef
         shifted[0] += zeros[0]
         if law.turns:
-            shifted[0] -= TURN * np.round(shifted[0] / TURN)
+            shifted[0] -= REVOLUTION * np.round(shifted[0] / REVOLUTION)
         kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
         names = [name for side in sides for name in side]
         if any(list(side.values()) != [1.0] for side in sides):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.numerics.angles import TURN, other_laps
+from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import ChangePoint
@@ -76,7 +76,9 @@ def _follow_path(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array,
 def _follow_branch(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, BranchPath]:
     angle = float(start[loops.crank_address])
     low, high = min(angle, float(angles.min())), max(angle, float(angles.max()))
-    path = _branch_revolution(loops, start) if high - low > 1.5 * TURN and loops.drivers is None else None
+    path = (
+        _branch_revolution(loops, start) if high - low > 1.5 * REVOLUTION and loops.drivers is None else None
+    )
     path = path or branch_path(loops, start, low, high)
     states = np.empty((len(angles), len(start)))
     for piece, rows, reduced in path.split(angles):
@@ -90,8 +92,8 @@ def _follow_branch(loops: ModelLoops, start: Array, angles: Array) -> tuple[Arra
 def _branch_revolution(loops: ModelLoops, start: Array) -> BranchPath | None:
     """Return the path over one revolution; None where that does not lead back."""
     angle = float(start[loops.crank_address])
-    path = branch_path(loops, start, angle, angle + TURN)
-    end = _states_on(path.pieces[-1], np.array([angle + TURN]))[0]
+    path = branch_path(loops, start, angle, angle + REVOLUTION)
+    end = _states_on(path.pieces[-1], np.array([angle + REVOLUTION]))[0]
     gain = _gain(loops, np.stack([start, end]))
     return None if gain is None else replace(path, gain=gain)
 
@@ -156,8 +158,8 @@ def _knots(
     """Return states over the range, the change by a revolution if one suffices, and change points."""
     angle = float(start[loops.crank_address])
     low, high = min(angle, float(angles.min())), max(angle, float(angles.max()))
-    if high - low > 1.5 * TURN and loops.drivers is None:
-        revolution = _both_directions(loops, start, angle, angle + TURN, steps)
+    if high - low > 1.5 * REVOLUTION and loops.drivers is None:
+        revolution = _both_directions(loops, start, angle, angle + REVOLUTION, steps)
         gain = None if revolution is None else _gain(loops, revolution[0])
         if revolution is not None and gain is not None:
             return revolution[0], gain, revolution[1]
@@ -180,7 +182,7 @@ def _gain(loops: ModelLoops, states: Array) -> Array | None:
     """Return the change of a state by a revolution of the crank, (nq,); None where it does not lead back."""
     ends = loops.close(states[[0, -1]])
     gain = np.where(loops.in_quaternion, 0.0, ends[1] - ends[0])
-    whole_turns = np.where(loops.hinges, TURN * np.round(gain / TURN), 0.0)
+    whole_turns = np.where(loops.hinges, REVOLUTION * np.round(gain / REVOLUTION), 0.0)
     # a link with ball joints may have spun, but the points on its axis must return
     positions = loops.point_positions(ends)
     returns = (
@@ -208,7 +210,7 @@ def on_other_revolutions(loops: ModelLoops, state: Array, angles: Array) -> Iter
 
     There is none where a gear makes the pose differ after a revolution of the crank, or under motion laws.
     """
-    for revolutions in other_laps(float(state[loops.crank_address]), angles):
+    for revolutions in other_revolutions(float(state[loops.crank_address]), angles):
         shifted = _shifted(loops, state, revolutions)
         if shifted is not None:
             yield shifted
@@ -219,13 +221,13 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
     if loops.drivers is not None:
         return None
     shifted = state.copy()
-    shifted[loops.crank_address] += revolutions * TURN
+    shifted[loops.crank_address] += revolutions * REVOLUTION
     for coupling in loops.couplings:
         driven = coupling.left.addresses
         if len(driven) > 1 or not loops.hinges[driven].all():
             continue
         gain = coupling.target(shifted[None]) - coupling.target(state[None])
-        shifted[driven] += TURN * np.round(gain / coupling.left.weights / TURN)
+        shifted[driven] += REVOLUTION * np.round(gain / coupling.left.weights / REVOLUTION)
     residual_change = loops.closure_error(loops.residual(shifted[None]) - loops.residual(state[None]))
     return shifted if residual_change.max() < MAX_RESIDUAL_CHANGE else None
 

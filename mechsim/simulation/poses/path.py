@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import SINGULAR_RADIUS, ChangePoint, closed_near, determinant
@@ -46,7 +46,7 @@ class AssemblyPath:
     def states_at(self, angles: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return closed states at crank angles, (n, nq), and which of them certainly lie on the path."""
         revolutions = self.revolutions(angles)
-        reduced = angles - revolutions * TURN
+        reduced = angles - revolutions * REVOLUTION
         guess = self._guess(reduced)
         is_near = np.zeros(len(angles), dtype=np.bool_)
         for change_point in self.change_points:
@@ -69,7 +69,7 @@ class AssemblyPath:
 
         The angles are reduced by whole revolutions to the range of the change point's.
         """
-        reduced = angles - self.revolutions(angles) * TURN
+        reduced = angles - self.revolutions(angles) * REVOLUTION
         for change_point in self.change_points:
             close = np.flatnonzero(change_point.contains(reduced))
             if len(close):
@@ -114,7 +114,7 @@ class AssemblyPath:
         """Return the whole revolutions between crank angles and the range of the knots, (n,)."""
         if self.gain is None:
             return np.zeros(len(angles))
-        return np.floor((angles - self.knots[0, self.loops.crank_address]) / TURN)
+        return np.floor((angles - self.knots[0, self.loops.crank_address]) / REVOLUTION)
 
     def refined(self, times: int) -> "AssemblyPath":
         """Return the path with more knots, by a factor; unchanged where the new knots are not certain."""
@@ -211,7 +211,7 @@ class BranchPath:
 
         An angle at a change point belongs to the path beyond it.
         """
-        reduced = angles - self.revolutions(angles) * TURN
+        reduced = angles - self.revolutions(angles) * REVOLUTION
         piece_index = np.searchsorted(self._cuts - CHANGE_POINT_TOLERANCE, reduced, side="right")
         for i, piece in enumerate(self.pieces):
             rows = np.flatnonzero(piece_index == i)
@@ -223,7 +223,7 @@ class BranchPath:
         if self.gain is None:
             return np.zeros(len(angles))
         first = self.pieces[0]
-        return np.floor((angles - first.knots[0, first.loops.crank_address]) / TURN)
+        return np.floor((angles - first.knots[0, first.loops.crank_address]) / REVOLUTION)
 
     def near_change_points(self, angles: Array) -> Iterator[tuple[ChangePoint, NDArray[np.intp], Array]]:
         """Yield change points, the indices of crank angles near them, and these angles."""

@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.errors import AssemblyError
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
@@ -232,7 +232,7 @@ def _corrected(loops: ModelLoops, previous: Array, guess: Array, sign: Array) ->
 
 # fourth-order steps per revolution, with errors of poses below 1e-4: measured 2e-6 to 2e-5 over the catalogue
 STEPS = 48
-STEP_TIME = TURN / STEPS
+STEP_TIME = REVOLUTION / STEPS
 # error of a pose above which it may leave the assembly; well above the measured errors and below any distance
 # between assemblies
 MAX_ERROR = 1e-3

@@ -11,7 +11,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
 from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import MotionLaws, State
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.misfit import DISCRETE, NAMED, Hypothesis, Misfit, Rows, Values
@@ -161,7 +161,7 @@ def _rolled(misfit: Misfit) -> tuple[tuple[float], ...]:
     if evaluation.solver.motion_laws is not None or not evaluation.solver.crank_range().full:
         return ()
     angle, n = evaluation.angle, len(evaluation) - 1
-    if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - TURN) > 1e-9:
+    if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - REVOLUTION) > 1e-9:
         return ()
     sizes = [
         np.sqrt(np.mean(misfit.errors([_turned_on(values, k) for values in misfit.exact]) ** 2))
@@ -171,7 +171,7 @@ def _rolled(misfit: Misfit) -> tuple[tuple[float], ...]:
     if best in (0, 1, n - 1):
         return ()
     away = (angle[1] - angle[0]) * best
-    return ((float((away + np.pi) % TURN - np.pi),),)
+    return ((float((away + np.pi) % REVOLUTION - np.pi),),)
 
 
 def _turned_on(values: Array, k: int) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.quantities import AXES, TRANSMISSION
 from mechsim.studies.sensitivity.moved_family import MovedFamily
@@ -183,7 +183,7 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
             "as examples/design/torque_ripple.py does"
         )
-    whole = form.motion_laws is None and abs(angles[-1] - angles[0] - TURN) < SAME
+    whole = form.motion_laws is None and abs(angles[-1] - angles[0] - REVOLUTION) < SAME
     index = None
     if found.angle is not None:
         near = np.abs(angles - found.angle)

@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.files import stem_of
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import constant
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet, to_xml
 from mechsim.simulation.mjcf.joints import CRANK
@@ -62,7 +62,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
 def turning_scene(path: str, mechanism: Mechanism, speed: float) -> UserScene:
     """Return the scene of a file made by `turning`, whose points are tracked over whole revolutions."""
     read = read_model(path, drivers=[CRANK], key=KEY)
-    duration = TURNS * TURN / abs(speed)
+    duration = TURNS * REVOLUTION / abs(speed)
     points = {name: point for name, point in mechanism.points.items() if name in read.mechanism.points}
     return scene_of(read, read.mechanism, duration=duration, points=points or None, key=KEY)
 

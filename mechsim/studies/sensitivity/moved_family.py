@@ -27,7 +27,7 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.masses import STEEL, with_inertia
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import no_crank_range_error
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.quantities import AXES, Quantity, quantity, record_columns, scalar_quantities, unknown
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
@@ -357,13 +357,13 @@ def instants_of(form: Form) -> Array:
     if motion_laws is not None:
         low, high, turn = 0.0, motion_laws.rate * motion_laws.duration, np.inf
     elif (arcs := form.crank_range()).full:
-        low, high, turn = 0.0, TURN, TURN
+        low, high, turn = 0.0, REVOLUTION, REVOLUTION
     else:
         if not arcs.arcs:
             raise no_crank_range_error(form.name)
         low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
         clear = CLEAR * (high - low)
-        low, high, turn = low + clear, high - clear, TURN
+        low, high, turn = low + clear, high - clear, REVOLUTION
     at = np.linspace(low, high, INSTANTS)
     off = np.abs(at[:, None] - np.array(form.change_points()))
     return at[(np.minimum(off, np.abs(off - turn)) > MEETING * (high - low)).all(1)]

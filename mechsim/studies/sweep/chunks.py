@@ -17,7 +17,7 @@ from mechsim._version import __version__
 from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.errors import InputError, OutputError
 from mechsim.files import written_beside
-from mechsim.numerics.resources import said
+from mechsim.numerics.resources import size_text
 from mechsim.simulation.mjcf import quiet
 from mechsim.studies.sweep.methods import by_one_formula, measured
 from mechsim.studies.sweep.subject import OfCatalog, OfPython, OfToml
@@ -166,8 +166,9 @@ def require_disk(output: Path, designs: int, each: float) -> None:
     each = 2.0 * (each + EXTRA_BYTES)
     if designs * each > free:
         raise InputError(
-            f"{designs:,} designs would take {said(designs * each)} of disk, and {said(free)} are free at "
-            f"{output.parent}; {int(free / each):,} fit: take fewer, or write elsewhere"
+            f"{designs:,} designs would take {size_text(designs * each)} of disk, and "
+            f"{size_text(free)} are free at {output.parent}; {int(free / each):,} fit: take fewer, or write "
+            "elsewhere"
         )
 
 

@@ -15,7 +15,7 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
-from mechsim.numerics.resources import require_room
+from mechsim.numerics.resources import require_memory
 from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit
 
@@ -164,7 +164,7 @@ def _count(text: str, source: str) -> int:
         count = 0
     if count < 1:
         raise InputError(f"--vary {source!r} has {text.strip()!r} values; give a whole number, as in {RANGE}")
-    require_room(f"{count:,} values", count, 16.0, "{most} fit: take fewer")
+    require_memory(f"{count:,} values", count, 16.0, "{most} fit: take fewer")
     return count
 
 
@@ -237,7 +237,7 @@ def sampled(
             raise InputError(
                 f"{name} of {model} runs from {values.tolist()}; give its lower and its upper end"
             )
-    require_room(f"{count:,} designs", count, BYTES_PER_DESIGN + 16.0 * len(ends), "{most} fit: take fewer")
+    require_memory(f"{count:,} designs", count, BYTES_PER_DESIGN + 16.0 * len(ends), "{most} fit: take fewer")
     points = _points(word, len(ends), count, seed)
     values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
     return Designs(values, {name: parameters[name] for name in values}, "list", f"{text}, seed {seed}")

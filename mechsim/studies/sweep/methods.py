@@ -25,7 +25,7 @@ from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.quantities import TRANSMISSION
@@ -188,7 +188,7 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
     every = np.arange(len(result.outcome))
     # a catalogue mechanism must turn fully, which the end of the turn shows
     closed = task.subject.closed is not None
-    angles = np.append(task.angles, TURN) if closed else task.angles
+    angles = np.append(task.angles, REVOLUTION) if closed else task.angles
     try:
         assembled = assembled_designs(task, rows)
         if assembled is None:

@@ -14,7 +14,7 @@ from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.resources import require_room
+from mechsim.numerics.resources import require_memory
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.run import simulate
 from mechsim.simulation.settings import Settings
@@ -211,7 +211,7 @@ def run_sweep(
     """Measure all designs of a sweep and write them to the output, if any; as `sweep`."""
     count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + TEXT
     # a table is in memory twice while it is built
-    require_room(f"{count:,} designs", count, 2.0 * each + EXTRA_BYTES, "{most} fit: take fewer")
+    require_memory(f"{count:,} designs", count, 2.0 * each + EXTRA_BYTES, "{most} fit: take fewer")
     sweep_hash = identity(task)
     path = None if output is None else Path(output)
     if path is not None:

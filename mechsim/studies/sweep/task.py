@@ -13,7 +13,7 @@ from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import PART_OF_RANGE
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import SharedModel, shared_model
 from mechsim.simulation.recording import CHUNK
@@ -100,7 +100,7 @@ class SweepTask:
             return np.zeros(0)
         motion_laws = self.subject.solver.motion_laws
         if motion_laws is None:
-            turn = TURN * np.arange(self.samples) / self.samples
+            turn = REVOLUTION * np.arange(self.samples) / self.samples
         else:
             turn = np.linspace(0.0, motion_laws.rate * motion_laws.duration, self.samples)
         return np.concatenate([turn, [*self.angle_index]])
@@ -118,7 +118,7 @@ class SweepTask:
         low, high = np.asarray(low)[..., None], np.asarray(high)[..., None]
         fixed = np.broadcast_to([*self.angle_index], (*low.shape[:-1], len(self.angle_index)))
         if self.rated or self.loaded:
-            phase = TURN * np.arange(self.samples) / self.samples
+            phase = REVOLUTION * np.arange(self.samples) / self.samples
             reach = 0.5 * PART_OF_RANGE * (high - low)
             angle = 0.5 * (low + high) - reach * np.cos(phase)
             speed = self.path_speed * np.sin(phase) + 0.0 * angle
@@ -231,7 +231,7 @@ class SweepTask:
             InputError: for an angle at which something is measured and no instant is recorded.
         """
         motion_laws, solver = self.subject.solver.motion_laws, self.subject.solver
-        period = TURN if motion_laws is None else motion_laws.rate * motion_laws.duration
+        period = REVOLUTION if motion_laws is None else motion_laws.rate * motion_laws.duration
         start = solver.mechanism.start if motion_laws is None else 0.0
         result = np.arange(self.samples)
         for angle in self.angle_index:

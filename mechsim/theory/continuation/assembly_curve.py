@@ -14,7 +14,7 @@ from mechsim.model.joint_kinds import KINDS, coordinates
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion, short_repr
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import derivative
 from mechsim.numerics.inputs import numbers
@@ -111,7 +111,7 @@ class CurveJoints:
             values = read_joints(self.tree, link_poses(self.tree, segment.coordinates))
             values[:, angles] = np.unwrap(values[:, angles], axis=0)
             if last is not None:
-                values += self.angular * TURN * np.round((last - values[0]) / TURN)
+                values += self.angular * REVOLUTION * np.round((last - values[0]) / REVOLUTION)
             last = values[-1]
             tables.append(segment.fitted(values))
         return tables
@@ -126,8 +126,8 @@ class CurveJoints:
         """Increase of each coordinate along the whole curve: whole revolutions, or zero, (columns,)."""
         return (
             self.angular
-            * TURN
-            * np.round((self.interpolated(self.traced.length) - self.interpolated(0.0)) / TURN)
+            * REVOLUTION
+            * np.round((self.interpolated(self.traced.length) - self.interpolated(0.0)) / REVOLUTION)
         )
 
     def turns(self) -> list[tuple[int, bool, float]]:
@@ -144,7 +144,7 @@ class CurveJoints:
             for k in np.flatnonzero(rising != np.roll(rising, -1)).tolist():
                 end = float(grid[k + 1]) if k + 1 < len(grid) else self.traced.length
                 turns.append((i, bool(rising[k]), self._turning_arc(i, float(grid[k]), end)))
-        return sorted(turns, key=lambda turn: turn[2])
+        return sorted(turns, key=lambda point: point[2])
 
     def _samples(self) -> tuple[Array, Array, Array]:
         """Return arcs over the whole curve, and values and rates there, (n, columns)."""
@@ -267,7 +267,7 @@ class AssemblyCurve:
     @property
     def turns(self) -> int:
         """Revolutions of the crank along the whole curve; 0 where it only oscillates."""
-        return round(float(self.joints.gains[self._driver]) / TURN)
+        return round(float(self.joints.gains[self._driver]) / REVOLUTION)
 
     @cached_property
     def turning_points(self) -> tuple[TurningPoint, ...]:
@@ -313,7 +313,7 @@ class AssemblyCurve:
             )
             interpolated = segment.evaluate(self.joints.tables[i], arcs[rows])
             joints = read_joints(tree, placed)
-            joints += self.joints.angular * TURN * np.round((interpolated - joints) / TURN)
+            joints += self.joints.angular * REVOLUTION * np.round((interpolated - joints) / REVOLUTION)
             chunks.append((joints, placed.position, placed.rotation))
             order.append(rows)
         back = np.argsort(np.concatenate(order))
@@ -345,12 +345,14 @@ class AssemblyCurve:
         initial, columns = self.joints.interpolated(0.0), self.joints.columns
         middle = np.zeros(len(initial))
         middle[self._driver] = self.mechanism.start
-        offsets = -TURN * np.round((initial - middle) / TURN)
+        offsets = -REVOLUTION * np.round((initial - middle) / REVOLUTION)
         tree, first = self.loops.loops.tree, self.traced.segments[0].coordinates.values[:, 0]
         coupled = {name for law in self.mechanism.laws for name in law.coordinates}
         for i, column in enumerate(columns):
             if column.coordinate in coupled:
-                offsets[i] = TURN * np.round((first[tree.index_of[column.coordinate]] - initial[i]) / TURN)
+                offsets[i] = REVOLUTION * np.round(
+                    (first[tree.index_of[column.coordinate]] - initial[i]) / REVOLUTION
+                )
         return offsets * self.joints.angular
 
 

@@ -17,7 +17,7 @@ from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.errors import AssemblyError
 from mechsim.numerics import collocation
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import CorrectedNodes, FreeLoops
@@ -40,15 +40,15 @@ def require_return(loops: TreeLoops, initial: Coordinates, current: Coordinates)
     """
     tree, counted = loops.tree, np.zeros(loops.tree.count, dtype=np.bool_)
     for coupling in loops.couplings:
-        counted |= (not coupling.turns) & ((coupling.left != 0.0) | (coupling.right != 0.0))
+        counted |= (not coupling.turns) & ((coupling.left_weights != 0.0) | (coupling.right_weights != 0.0))
     displacement = np.abs(current.values - initial.values)[:, 0] / loops.units
-    limit = np.where(tree.slides, MAX_DISPLACEMENT, np.where(counted, MAX_REVOLUTIONS * TURN, np.inf))
+    limit = np.where(tree.slides, MAX_DISPLACEMENT, np.where(counted, MAX_REVOLUTIONS * REVOLUTION, np.inf))
     index = int(np.argmax(displacement / limit)) if len(displacement) else 0
     if not len(displacement) or displacement[index] < limit[index]:
         return
     name = next(coordinate for coordinate, address in tree.index_of.items() if address == index)
     reason = (
-        f"has moved by {MAX_DISPLACEMENT:,} times the characteristic length {tree.size:.4g} m"
+        f"has moved by {MAX_DISPLACEMENT:,} times the characteristic length {tree.length:.4g} m"
         if tree.slides[index]
         else f"has made {MAX_REVOLUTIONS} revolutions, and its value is multi-turn"
     )
@@ -331,7 +331,7 @@ def _same_revolutions(loops: FreeLoops, segment: CurveSegment, arc: float, initi
     """Whether multi-turn coordinates of couplings, as of a screw, have returned to their initial values."""
     tree = loops.loops.tree
     weights = [
-        np.abs(coupling.left) + np.abs(coupling.right)
+        np.abs(coupling.left_weights) + np.abs(coupling.right_weights)
         for coupling in loops.loops.couplings
         if not coupling.turns
     ]

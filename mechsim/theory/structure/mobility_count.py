@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic.loops import Freedom, assemble, equations, freedom
+from mechsim.analytic.loops import DofCount, assemble, dof_count, equations
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Pose, Vector
@@ -43,7 +43,7 @@ def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) ->
     Args:
         mechanism: the mechanism.
         poses: moving link -> one pose that closes the loops, arrays with a leading axis of length 1.
-        count: how many such freedoms there are (`closure.Freedom.passive`).
+        count: how many such freedoms there are (`closure.DofCount.passive`).
     """
     if count == 0:
         return ()
@@ -250,10 +250,12 @@ def mobility(mechanism: Mechanism) -> Mobility:
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
 
-    Source: papers.md sections 1-4 for the counts; rank of the loop Jacobian, `closure.freedom`.
+    Source: papers.md sections 1-4 for the counts; rank of the loop Jacobian, `closure.dof_count`.
     """
     stands = _stands(mechanism)
-    ranked: list[tuple[Freedom, dict[str, Pose]]] = [(freedom(mechanism, poses), poses) for poses in stands]
+    ranked: list[tuple[DofCount, dict[str, Pose]]] = [
+        (dof_count(mechanism, poses), poses) for poses in stands
+    ]
     best, poses = max(ranked, key=lambda item: item[0].rank)
     crank_moves = best.mobility > best.passive
     constraints = Counter(6 - KINDS[joint.kind].dof for joint in mechanism.joints)

@@ -32,7 +32,7 @@ class Twist:
 def motion_words(
     mechanism: Mechanism, poses: Mapping[str, Pose], body: tuple[str, ...], twist: Twist
 ) -> str | None:
-    """Say about or along which joints a body moves; None if no joint tells."""
+    """Say about or along which joints a body moves; None if no joint determines it."""
     length = mechanism.size
     ends = [
         (joint, end)

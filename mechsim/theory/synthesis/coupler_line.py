@@ -145,7 +145,7 @@ FINER = 8
 # in parts of the arm: on a shorter curve rounding moves the lengths by more than 1e-7, and outweighs the
 # deviation, which falls with the cube of the length
 SHORTEST = 1e-4
-# programmes one after another, three to six as a rule, until one foretells no more than this part
+# programmes one after another, three to six as a rule, until one predicts no more than this part
 ROUNDS = 40
 LAST_GAIN = 1e-6
 # before them, as many about the dyad with C on the curve, which come within some percent
@@ -342,7 +342,7 @@ class _Task:
         return self._trial(*self._circle(best.x), self.angles, best.active)
 
     def _toward(self, target: Best, last: _Trial, gain: float) -> _Trial | None:
-        """Return the first trial, ever nearer to the last, with a tenth of the gain foretold."""
+        """Return the first trial, ever nearer to the last, with a tenth of the predicted gain."""
         design, level = last.synthesis.design, last.synthesis.deviation
         centre = design.pivot[:2, 0] - self.origin
         x = np.append(centre, design.rocker**2 - centre @ centre)

@@ -183,15 +183,15 @@ def _rod(to_c: Array, k: Array, cosine: Array, sine: Array, base: Looper) -> Arr
     return base.coupler * np.column_stack([cosine * x + sine * y, cosine * y - sine * x])
 
 
-def _sweep(design: Looper, places: Array, pin: Array, to_b: Array, in_space: bool) -> Array:
+def _sweep(design: Looper, positions: Array, pin: Array, to_b: Array, in_space: bool) -> Array:
     """Return how C moves, seen along Z, where B turns about A by one radian, (n, 2) in [m]."""
-    to_c = places[:, :2] - pin
+    to_c = positions[:, :2] - pin
     if not in_space:
         return np.column_stack([-to_c[:, 1], to_c[:, 0]])
     # AC keeps its length and its angle to AB, and C stays on the cylinder
-    z = places[:, 2]
+    z = positions[:, 2]
     arm, rod = np.column_stack([to_c, z]), np.column_stack([to_b, np.zeros_like(z)])
-    lever = np.column_stack([np.zeros_like(z), places[:, 1] - design.axis_y, z - design.axis_z])
+    lever = np.column_stack([np.zeros_like(z), positions[:, 1] - design.axis_y, z - design.axis_z])
     volume = (np.cross(arm, rod) * lever).sum(1)
     return (-wedge(to_b, to_c) / volume)[:, None] * np.cross(lever, arm)[:, :2]
 

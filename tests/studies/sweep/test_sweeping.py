@@ -87,7 +87,7 @@ def test_another_sweeps_output_is_not_written_over(tmp_path):
 
 
 def test_more_designs_than_there_is_room_for_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("mechsim.numerics.resources.room", lambda: 1000.0)
+    monkeypatch.setattr("mechsim.numerics.resources.available_memory", lambda: 1000.0)
     with pytest.raises(InputError, match="fit"):
         ms.sweep("four_bar", VARY, MEASURES)
     monkeypatch.undo()
