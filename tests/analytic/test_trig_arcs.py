@@ -4,7 +4,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import turns
 
-from mechsim.analytic.vector_method.trig_polynomial import TURN, Arcs, reachable_arcs
+from mechsim.analytic.vector_method.trig_polynomial import REVOLUTION, Arcs, reachable_arcs
 
 
 def with_roots(roots, scale=1.0):
@@ -14,7 +14,7 @@ def with_roots(roots, scale=1.0):
 
 def apart(roots):
     ordered = np.sort(roots)
-    return np.diff(np.append(ordered, ordered[0] + TURN)).min()
+    return np.diff(np.append(ordered, ordered[0] + REVOLUTION)).min()
 
 
 @given(
@@ -29,7 +29,7 @@ def test_arcs_end_at_the_roots_and_hold_only_what_is_positive(roots, scale):
     assert len(arcs.arcs) == len(roots) // 2
     ends = [end for arc in arcs.arcs for end in arc]
     for root in roots:
-        assert min(abs((end - root + np.pi) % TURN - np.pi) for end in ends) <= 1e-12
+        assert min(abs((end - root + np.pi) % REVOLUTION - np.pi) for end in ends) <= 1e-12
     for low, high in arcs.arcs:
         assert -np.pi <= low < np.pi
         inside = np.linspace(low, high, 9)[1:-1]
@@ -50,7 +50,7 @@ def test_a_double_root_beside_two_simple_ones_is_no_end(double, low, high):
     arcs = reachable_arcs(with_roots([double, double, low, high]), 2)
     assert len(arcs.arcs) == 1
     for root in (low, high):
-        assert min(abs((end - root + np.pi) % TURN - np.pi) for end in arcs.arcs[0]) <= 1e-9
+        assert min(abs((end - root + np.pi) % REVOLUTION - np.pi) for end in arcs.arcs[0]) <= 1e-9
 
 
 @pytest.mark.parametrize("degree", [1, 2, 4])
@@ -63,7 +63,9 @@ def test_a_constant_is_full_or_nothing(degree, level):
 def test_a_degree_too_high_for_the_polynomial_does_no_harm():
     arcs = reachable_arcs(with_roots([-0.5, 1.25]), 4)
     assert len(arcs.arcs) == 1
-    assert sorted(end % TURN for end in arcs.arcs[0]) == pytest.approx(sorted([1.25, TURN - 0.5]), abs=1e-12)
+    assert sorted(end % REVOLUTION for end in arcs.arcs[0]) == pytest.approx(
+        sorted([1.25, REVOLUTION - 0.5]), abs=1e-12
+    )
 
 
 def test_start_is_zero_where_the_crank_can_stand_there_else_amid_the_longest_arc():

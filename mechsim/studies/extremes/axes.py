@@ -13,7 +13,7 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import swing
 from mechsim.model.scene import Scene
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes.trial import Trial, attempt, position_errors
@@ -133,7 +133,7 @@ def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> 
     swinging = replace(solver, **solver.swinging)
     low, high = swinging.crank_range().arcs[0]
     middle = 0.5 * (low + high)
-    revolutions = TURN * np.round((middle - swinging.mechanism.start) / TURN)
+    revolutions = REVOLUTION * np.round((middle - swinging.mechanism.start) / REVOLUTION)
     amplitude = 0.5 * (high - low) + (value if beyond else -value)
     return attempt(
         "beyond dead centre" if beyond else "dead centre",
