@@ -166,7 +166,7 @@ def turned_on_and_off(name: str, folder: str) -> list[dict[str, Any]]:
     scene = scene_of(
         form.source,
         form.mechanism,
-        drive=dict(form.motion_laws.by_name),
+        joint_laws=dict(form.motion_laws.by_name),
         duration=0.1,
         points=form.mechanism.points,
     )
