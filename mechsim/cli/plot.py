@@ -76,7 +76,7 @@ def plot(
         )
     with progress("plot", None) as tick:
         source = PlotSource(solver=drive, speed=speed_of(speed), options=asked, progress=tick)
-        figure = PLOTS[kind].draw(source)
+        figure = PLOTS[kind].figure(source)
     plots.write(place, figure)
     _tell(drive.name, kind, output, as_json, source.masses)
 

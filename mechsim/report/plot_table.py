@@ -18,6 +18,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
+from mechsim.numerics.angles import TURN
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
@@ -90,6 +91,14 @@ class PlotSource:
         return self.motions[method]
 
     @property
+    def title(self) -> str:
+        """The mechanism, and the speed of its crank or the time that its motion laws take."""
+        laws, name = self.solver.motion_laws, self.solver.name.replace("_", "-")
+        if laws is not None:
+            return f"{name}, {laws.duration:.4g} s by its motion laws"
+        return f"{name}, crank at {self.speed * 60.0 / TURN:.4g} rpm"
+
+    @property
     def requested_motion(self) -> Motion:
         """The motion by the chosen method."""
         return self.motion(self.options.method)
@@ -120,6 +129,12 @@ class PlotKind:
     takes: tuple[str, ...] = ()
     on_page: bool = False
     closed: bool = False
+
+    def figure(self, source: PlotSource) -> "Figure":
+        """Return the plot, titled with mechanism and speed."""
+        figure = self.draw(source)
+        figure.suptitle(source.title, x=0.01, ha="left", fontsize=9.0)
+        return figure
 
 
 def require_taken(kind: str, takes: Sequence[str], options: PlotOptions) -> None:

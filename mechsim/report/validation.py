@@ -83,13 +83,13 @@ def write_validation_report(
 
 
 def _picture(solver: Form, motion: Motion, notes: list[str]) -> bytes | None:
-    """Return a picture of the first pose as WebP; None where it cannot be drawn, and a note says why."""
+    """Return a picture of the clearest pose as WebP; None where it cannot be drawn, and a note says why."""
     from mechsim.pictures.render import Look, still
     from mechsim.pictures.render.file_bodies import drawn_as
 
     look = Look(size=RESOLUTION, **drawn_as(solver))
     try:
-        pixels = still(solver.mechanism, motion, look, angle=float(motion.angle[0]), paths="whole")
+        pixels = still(solver.mechanism, motion, look, paths="whole")
     except (MissingToolError, OutputError) as error:
         if str(error) not in notes:
             notes.append(str(error))
@@ -160,7 +160,7 @@ def _plots(case: Case) -> list[tuple[str, bytes]]:
         and (name in UNSTEPPED_PLOTS or not case.quick)
         and (isinstance(case.drive, ClosedForm) or not kind.closed)
     ]
-    return [(kind.about, _webp(plots.drawn(kind.draw(source), "png"))) for kind in kinds]
+    return [(kind.about, _webp(plots.drawn(kind.figure(source), "png"))) for kind in kinds]
 
 
 def _position_tolerance(case: Case, method: Literal["step", "pose"]) -> float:

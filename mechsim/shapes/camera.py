@@ -4,14 +4,14 @@ Parallel projection throughout: a length across the picture has one scale everyw
 is right everywhere, and framing is exact.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.link_poses import hinged_normals
-from mechsim.model.links import GROUND
+from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, Up, unit_vector
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.shape import HOUSING, Shape, vector
@@ -140,6 +140,24 @@ def framed(
     nearest = float((deep + radii).max())
     centre = (x_low + width / 2.0) * right + (y_low + (height - foot * visible_height) / 2.0) * up
     return Camera(centre + (nearest + visible_height) * back, right, up, back, visible_height, resolution)
+
+
+def clearest_pose(mechanism: Mechanism, poses: Mapping[str, Pose], view: tuple[Array, Array]) -> int:
+    """Return the pose in which joints and tracked points spread over the largest area of a picture.
+
+    The area is that of the ellipse of inertia of their projections; it is 0 where all lie on one line.
+
+    Args:
+        mechanism: whose joints.
+        poses: link -> poses, (n, ...), or one pose; ground included.
+        view: unit vectors to the right and to the top of the picture, (3,) each.
+    """
+    joints = [(end.link, end.point) for joint in mechanism.joints for end in (joint.a, joint.b)]
+    points = [poses[link].point(local) @ np.column_stack(view) for link, local in joints]
+    points += [poses[link].point(local) @ np.column_stack(view) for link, local in mechanism.points.values()]
+    stacked = np.stack(np.broadcast_arrays(*map(np.atleast_2d, points)))
+    offsets = stacked - stacked.mean(0)
+    return int(np.argmax(np.linalg.det(np.einsum("knx,kny->nxy", offsets, offsets))))
 
 
 def nice(length: float) -> float:

@@ -278,3 +278,22 @@ def test_a_difference_of_rounding_is_drawn_as_none():
         largest = np.abs(ax.get_lines()[0].get_ydata()).max()
         assert largest == pytest.approx(drawn / 1e-6, rel=1e-2)
         assert says in ax.get_title("left")
+
+
+def test_plots_of_the_table_are_titled_with_mechanism_and_speed():
+    source = PlotSource(solver=catalog.make("four_bar"), speed=10.0 * 2.0 * np.pi)
+    figure = PLOTS["motion"].figure(source)
+    assert figure.get_suptitle() == "four-bar, crank at 600 rpm"
+    # a planar mechanism has no z
+    assert [line.get_label() for line in figure.axes[0].get_lines()] == ["x", "y"]
+    assert len({line.get_linestyle() for line in PLOTS["curve"].figure(source).axes[0].get_lines()[::2]}) == 3
+    programmed = PLOTS["motion"].figure(PlotSource(solver=load("five_bar"), speed=1.0))
+    assert programmed.get_suptitle() == "five-bar, 1 s by its motion laws"
+
+
+def test_a_logarithmic_axis_has_a_tick_at_each_decade():
+    figure = plots.error_plot([0.0, 1.0, 2.0], {"a": [1e-14, 1e-9, 1e-5]}, unit="m")
+    ax = figure.axes[0]
+    low, high = ax.get_ylim()
+    ticks = [t for t in ax.yaxis.get_majorticklocs() if low <= t <= high]
+    assert np.allclose(np.diff(np.log10(ticks)), 1.0)

@@ -277,3 +277,23 @@ def test_what_balls_close_or_slides_drive_in_a_plane_is_looked_at_straight_on():
     assert planar_normals(replace(flat, joints=ball)) is None
     # a ball that holds a link alone lets it leave the plane
     assert all(hinged_normals(mechanism_of(name)) is None for name in ("rssr", "rrsrr", "looper", "bennett"))
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "four_bar", "rssr"])
+def test_the_clearest_pose_is_not_one_where_all_joints_lie_on_a_line(name):
+    form = catalog.make(name)
+    motion = form.solve(TURN, 1.0)
+    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    poses[GROUND] = STANDING
+    back, up = camera.directions(form.mechanism, "iso")
+    view = np.cross(up, back), up
+
+    def area(index):
+        ends = [end for joint in form.mechanism.joints for end in (joint.a, joint.b)]
+        at = [np.broadcast_to(poses[end.link].point(end.point), (len(TURN), 3))[index] for end in ends]
+        return float(np.linalg.det(np.cov(np.array(at) @ np.column_stack(view), rowvar=False)))
+
+    chosen = camera.clearest_pose(form.mechanism, poses, view)
+    areas = [area(i) for i in range(len(TURN))]
+    assert areas[chosen] > 0.8 * max(areas)
+    assert areas[chosen] >= areas[0]

@@ -28,6 +28,8 @@ COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
 # what varies by less than this part of its scale is rounding
 ROUNDED = 1e-12
+# decades of a logarithmic axis up to which each has a tick
+MAX_DECADES = 20
 # characters of a label that a legend has room for
 LONGEST_LABEL = 40
 # a legend to the right of axes that curves may fill
@@ -217,11 +219,12 @@ def round_numbers(axis: "Axis") -> None:
 def decades(axis: "Axis") -> None:
     """Write powers of ten as plain text: typesetting each as a formula costs more than all the rest."""
     with needs("pictures"):
-        from matplotlib.ticker import FuncFormatter, NullLocator
+        from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     def power(value: float, _position: Any = None) -> str:
         exponent = round(float(np.log10(value))) if value > 0.0 else 0
         return power_of_ten(exponent)
 
+    axis.set_major_locator(LogLocator(numticks=MAX_DECADES))
     axis.set_major_formatter(FuncFormatter(power))
     axis.set_minor_locator(NullLocator())

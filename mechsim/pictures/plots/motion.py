@@ -51,13 +51,16 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
     names = chosen(motion, points)
     rows = (("position", "position"), ("velocity", "velocity"), ("acceleration", "acceleration"))
     scales = _scales(motion)
+    shown = [i for i in range(3) if not _unused(motion, names, i, ROUNDED * scales[0])] or [0, 1, 2]
     figure, axes = blank(3, len(names), (3.0 * len(names) + 0.6, 6.0), sharex=True)
     for column, name in enumerate(names):
         for row, (attribute, label) in enumerate(rows):
             ax, values = axes[row, column], getattr(motion.points[name], attribute)
             factor, unit = readable(values, ("m", "m/s", "m/s²")[row])
-            for i, axis in enumerate("xyz"):
-                ax.plot(abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label=axis)
+            for i in shown:
+                ax.plot(
+                    abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label="xyz"[i]
+                )
             ax.set_ylabel(f"{label} [{unit}]")
             flattened(ax, scales[row] / factor, unit)
             # one line for all labels of a column; finding the line costs a third of the plot
@@ -67,6 +70,11 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
     lines = axes[0, 0].get_lines()
     figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
     return figure
+
+
+def _unused(motion: Motion, names: Sequence[str], axis: int, rounding: float) -> bool:
+    """Return whether all points stay at zero along an axis, as a planar mechanism does along z."""
+    return all(float(np.abs(motion.points[name].position[:, axis]).max()) <= rounding for name in names)
 
 
 def _scales(motion: Motion) -> list[float]:
@@ -126,7 +134,7 @@ def error_plot(
     for i, (label, values) in enumerate(errors.items()):
         error = np.abs(np.asarray(values, dtype=np.float64))
         error = np.where(np.isfinite(error), np.maximum(error, FLOOR), np.nan)
-        ax.semilogy(x, error, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=1.2, label=label_of(label))
+        ax.semilogy(x, error, color=COLOURS[i % 6], ls=STYLES[i % 3], lw=1.2, label=label_of(label))
     if tolerance is not None:
         ax.axhline(tolerance, color="#b00020", lw=1.2, ls="--", label=f"tolerance {tolerance:.1e} {unit}")
     decades(ax.yaxis)

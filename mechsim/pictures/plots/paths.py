@@ -61,9 +61,11 @@ def coupler_curve(
     views = [(0, 1)] if flat else [(0, 1), (2, 1), (0, 2)]
     figure, axes = blank(1, len(views), (3.6 * len(views) + 0.4, 3.4))
     for ax, (i, j) in zip(axes[0], views, strict=True):
-        for name, position in positions.items():
-            colour = colours[name]
-            ax.plot(position[:, i] / factor, position[:, j] / factor, color=colour, label=label_of(name))
+        for number, (name, position) in enumerate(positions.items()):
+            colour, style = colours[name], STYLES[number % 3]
+            ax.plot(
+                position[:, i] / factor, position[:, j] / factor, style, color=colour, label=label_of(name)
+            )
             ax.plot(*(position[0, [i, j]] / factor), "o", ms=4, color=colour)
             if other is not None:
                 rings = other.points[name].position[:, [i, j]] / factor

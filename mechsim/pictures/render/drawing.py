@@ -21,6 +21,7 @@ from mechsim.pictures.render.ghost import Ghost, errors, factor, magnified
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.overlays import Trace
+from mechsim.shapes.camera import clearest_pose
 
 
 def frames(
@@ -67,7 +68,7 @@ def still(
     moments: Mapping[str, ArrayLike] | None = None,
     **options: Any,
 ) -> Picture:
-    """Return one picture, framed over the whole motion: at a crank angle in [rad], else at the first sample.
+    """Return one picture, framed over the whole motion: at a crank angle in [rad], else in the clearest pose.
 
     Paths are drawn whole unless a look or `paths` says otherwise; other arguments as for `frames`.
     """
@@ -78,7 +79,10 @@ def still(
     if angle is not None:
         shown = source.frames([angle])
         drawn.show(shown, source.ghost([angle], drawn.ghost.by if drawn.ghost else None))
-    with closing(draw(drawn, backends.choose(drawn.look.backend))) as pictures:
+    view = drawn.camera.right, drawn.camera.up
+    posed = angle is None and drawn.look.overlay == 1
+    start = clearest_pose(mechanism, drawn.frames.poses, view) if posed else 0
+    with closing(draw(drawn, backends.choose(drawn.look.backend), start)) as pictures:
         return next(pictures)
 
 
@@ -128,15 +132,15 @@ class Source:
         return Ghost(magnified(self.mechanism, self.frames(angles).poses, deviations, by), by)
 
 
-def draw(drawn: DrawnModel, backend: backends.Backend) -> Generator[Picture]:
-    """Yield the frames of a drawn model."""
+def draw(drawn: DrawnModel, backend: backends.Backend, start: int = 0) -> Generator[Picture]:
+    """Yield the frames of a drawn model, from a first one on."""
     look = drawn.look
     count = 1 if look.overlay > 1 else len(drawn.frames)
     trace = Trace(drawn)
     notes = Notes(drawn.mechanism.name, legend(drawn)) if look.notes else None
     clear, stood = 2.2 * drawn.radius, dict[str, Placement]()
     with backends.renderer(drawn.model, look.size, backend) as drawing:
-        for frame in range(count):
+        for frame in range(start, count):
             drawn.set_frame(frame)
             drawing.update_scene(drawn.data, CAMERA)
             trace.put(drawing.scene, frame)
