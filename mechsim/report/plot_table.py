@@ -18,7 +18,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
-from mechsim.numerics.angles import TURN
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
@@ -96,7 +96,7 @@ class PlotSource:
         laws, name = self.solver.motion_laws, self.solver.name.replace("_", "-")
         if laws is not None:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
-        return f"{name}, crank at {self.speed * 60.0 / TURN:.4g} rpm"
+        return f"{name}, crank at {self.speed * 60.0 / REVOLUTION:.4g} rpm"
 
     @property
     def requested_motion(self) -> Motion:
