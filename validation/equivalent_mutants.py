@@ -53,20 +53,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)",
         "values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=True)",
     ): SPEED,
-    (LOOPS, "MAX_NEWTON_STEPS = 50", "..."): "Newton's method has converged after ten steps, or never does",
-    (
-        LOOPS,
-        "if worst <= CLOSED or (worst < ROUNDING and worst >= 0.5 * before):",
-        "if worst <= CLOSED or (worst < ROUNDING and worst >= 0.05 * before):",
-    ): "a Newton step more or fewer once rounding is reached",
-    **{
-        (
-            LOOPS,
-            "if worst <= CLOSED or (worst < ROUNDING and worst >= 0.5 * before):",
-            f"if worst <= CLOSED or (worst < {bound} and worst >= 0.5 * before):",
-        ): "a Newton step more or fewer once rounding is reached"
-        for bound in ("1e-10", "1e-12", "1.0000000000000001e-11", "9.999999999999999e-11")
-    },
     (POSED, "threads = 1 if n <= ONE_THREAD else 0", "..."): SPEED,
     (POSED, "ONE_THREAD = 4096", "..."): SPEED,
     (

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, significant
 from mechsim.simulation import equality_rows
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
@@ -35,9 +36,7 @@ FREE, BALL, SLIDE, HINGE = (
 # closure error, in characteristic lengths or [rad], that counts as rounding: a few times what Newton's method
 # leaves in a well-conditioned loop
 CLOSED = 1e-14
-# closure error below which a state has converged, if Newton's method no longer halves it
-ROUNDING = 1e-11
-MAX_NEWTON_STEPS = 50
+NEWTON = NewtonSettings(max_iterations=50, tolerance=CLOSED, rounding=1e-11)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,14 +221,14 @@ class ModelLoops:
 
     def residual(self, qpos: Array) -> Array:
         """Return the constraint residuals, (n, m) in [m] or [rad]."""
-        return self._evaluate(qpos)[0]
+        return self.residual_and_derivative(qpos)[0]
 
     def linearise(self, qpos: Array) -> tuple[Array, Array]:
         """Return the constraint residuals, (n, m) in [m] or [rad], and their Jacobian, (n, m, nv)."""
-        residual, jacobian = self._evaluate(qpos)
+        residual, jacobian = self.residual_and_derivative(qpos)
         return residual, jacobian()
 
-    def _evaluate(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
+    def residual_and_derivative(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
         """Return the residuals and a function for their Jacobian, valid until the next evaluation."""
         position, rotation, point_jacobian = self.posed.poses(qpos)
         n, nv = len(qpos), self.model.nv
@@ -432,52 +431,32 @@ class ModelLoops:
         Raises:
             AssemblyError: where a loop does not close.
         """
-        return self.close_with_jacobian(qpos)[0]
-
-    def close_with_jacobian(self, qpos: Array) -> tuple[Array, Array | None]:
-        """Return n states closed as by `close`, and the Jacobian of the last Newton step, (n, m, nv).
-
-        The Jacobian is None where the given states were closed.
-        """
-        states, error, jacobian = self.close_each(qpos)
+        states, error = self.close_each(qpos)
         worst = int(np.argmax(error))
-        if not error.max(initial=0.0) < ROUNDING:
+        if not error.max(initial=0.0) < NEWTON.rounding:
             angle = float(states[worst, self.crank_address])
             raise AssemblyError(
                 f"{self.name}: the loops do not close at {self.driver_text(angle)}: a gap of "
                 f"{error[worst]:.3g} of the longest link is left; change the dimensions, "
                 f"{'the crank angle' if self.drivers is None else 'where the drivers are'} or the start"
             )
-        return states, jacobian
+        return states
 
-    def close_each(self, qpos: Array) -> tuple[Array, Array, Array | None]:
-        """Return n states after Newton's method with the crank locked; those that diverge are left out.
+    def close_each(self, qpos: Array) -> tuple[Array, Array]:
+        """Return n states after Newton's method with the crank locked, and their closure errors, (n,).
 
-        A state has converged if its closure error is below `ROUNDING`.
-
-        Returns:
-            The states; their closure errors, (n,), in characteristic lengths or [rad]; and the Jacobian of
-            the last Newton step, (n, m, nv), None without one.
+        A state has converged if its closure error, in characteristic lengths or [rad], is below
+        `NEWTON.rounding`; the error is that of the returned state, not of the iteration.
         """
-        qpos, jacobian = qpos.copy(), None
-        error, before = np.full(len(qpos), np.inf), np.inf
-        finite = np.ones(len(qpos), dtype=np.bool_)
-        for _ in range(MAX_NEWTON_STEPS):
-            residual, derivative = self._evaluate(qpos)
-            error = np.where(finite, self.closure_error(residual), np.inf)
-            worst = error[finite].max(initial=0.0)
-            # stop at rounding: below the tolerance, or no better than the step before
-            if worst <= CLOSED or (worst < ROUNDING and worst >= 0.5 * before):
-                break
-            before, jacobian = worst, derivative()
-            try:
-                step, _ = self.newton_step(residual, jacobian)
-            except np.linalg.LinAlgError:
-                break
-            moved = self.displaced(qpos, step)
-            finite &= np.isfinite(moved).all(1)
-            qpos = np.where(finite[:, None], moved, qpos)
-        return qpos, error, jacobian
+        try:
+            states = newton(_Equations(self), qpos, NEWTON, self._scaled_step).q
+        except np.linalg.LinAlgError:
+            states = qpos
+        error = self.closure_error(self.residual(states))
+        return states, np.where(np.isfinite(error), error, np.inf)
+
+    def _scaled_step(self, jacobian: Array, scaled_residual: Array) -> Array:
+        return -self.newton_step(scaled_residual / self.scale, jacobian)[0]
 
     def displaced(self, qpos: Array, step: Array) -> Array:
         """Return states displaced by a step in the DOFs, (n, nq): mj_integratePos in batches."""
@@ -496,6 +475,32 @@ class ModelLoops:
             rotation *= Rotation.from_rotvec(step[:, dof : dof + 3])
             out[:, address : address + 4] = rotation.as_quat(scalar_first=True)
         return out
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """Loop equations about n states, for `numerics.newton`: scaled residuals, and Jacobians on demand."""
+
+    rhs: Array
+    derivative: Callable[[], Array]
+
+    @property
+    def matrix(self) -> Array:
+        return self.derivative()
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """The loop equations of a model, with the crank locked, as a `numerics.newton.ConstraintSystem`."""
+
+    loops: ModelLoops
+
+    def linearise(self, q: Array, /) -> _Linearised:
+        residual, derivative = self.loops.residual_and_derivative(q)
+        return _Linearised(residual * self.loops.scale, derivative)
+
+    def retract(self, q: Array, step: Array, /) -> Array:
+        return self.loops.displaced(q, step)
 
 
 class _IndependentRows:

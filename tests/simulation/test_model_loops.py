@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import mechanisms
 import mujoco
 import numpy as np
@@ -215,7 +217,7 @@ def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
 
 def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypatch) -> None:
     loops = loops_of(catalog.make("rssr").mechanism)
-    monkeypatch.setattr(model_loops, "CLOSED", 0.0)
+    monkeypatch.setattr(model_loops, "NEWTON", replace(model_loops.NEWTON, tolerance=0.0))
     steps: list[int] = []
     moved = loops.displaced
     monkeypatch.setattr(

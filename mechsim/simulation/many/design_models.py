@@ -32,7 +32,7 @@ from mechsim.simulation.mjcf.joints import (
     seated_pose,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
-from mechsim.simulation.model_loops import ROUNDING, ModelLoops
+from mechsim.simulation.model_loops import NEWTON, ModelLoops
 from mechsim.simulation.source import from_source
 
 Fields = dict[str, Array]
@@ -262,7 +262,7 @@ def design_models(
     fields["qpos0"][:, address] += turns
     qpos[:, address] = start
     loops = shared.closed.loops.with_fields(fields)
-    qpos, first_error, _ = loops.close_each(qpos)
+    qpos, first_error = loops.close_each(qpos)
     # the reference configuration has the links' poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
     rest[:, address] += REVOLUTION * np.round((start - rest[:, address]) / REVOLUTION)
@@ -270,10 +270,13 @@ def design_models(
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}
     loops = shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest})
-    qpos, error, _ = loops.close_each(rest)
+    qpos, error = loops.close_each(rest)
     fields = with_constants(model, fields, rest)
     return DesignModels(
-        shared, fields, qpos, (np.maximum(first_error, error) < ROUNDING) & _simple_inertia(model, fields)
+        shared,
+        fields,
+        qpos,
+        (np.maximum(first_error, error) < NEWTON.rounding) & _simple_inertia(model, fields),
     )
 
 

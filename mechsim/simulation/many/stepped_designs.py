@@ -22,7 +22,7 @@ from mechsim.simulation.many.design_models import (
     clear_same_frame,
 )
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import CLOSED, HINGE, ROUNDING, ModelLoops
+from mechsim.simulation.model_loops import CLOSED, HINGE, NEWTON, ModelLoops
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.settings import Settings, drive_inertia
 from mechsim.simulation.stepping import TIME
@@ -198,10 +198,10 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
                 tangent = loops.tangent(loops.linearise(qpos)[1])
                 predicted = loops.displaced(qpos, tangent * (REVOLUTION / TRACE_STEPS))
                 predicted[:, address] = first + angle
-                predicted, error, _ = loops.close_each(predicted)
+                predicted, error = loops.close_each(predicted)
             except np.linalg.LinAlgError:
                 break
-            closed = error < ROUNDING
+            closed = error < NEWTON.rounding
             angles[~closed & np.isnan(angles)] = angle
             qpos = np.where(closed[:, None], predicted, qpos)
     return first + angles

@@ -83,18 +83,16 @@ class AssemblyPath:
 
     def _closed(self, guess: Array, reduced: Array) -> tuple[Array, NDArray[np.bool_]]:
         try:
-            states, jacobian = self.loops.close_with_jacobian(guess)
+            states = self.loops.close(guess)
         except (AssemblyError, FloatingPointError):
             return guess, np.zeros(len(guess), dtype=np.bool_)
         correction = np.abs(states - guess).max(1)
         certain = correction <= self.certain_correction
         uncertain = np.flatnonzero(~certain)
         if len(uncertain):
-            if jacobian is None:
-                jacobian = self.loops.linearise(states)[1]
-            certain[uncertain] = (correction[uncertain] < self.max_correction) & self._on_same_side(
-                jacobian[uncertain], reduced[uncertain]
-            )
+            jacobian = self.loops.linearise(states[uncertain])[1]
+            same_side = self._on_same_side(jacobian, reduced[uncertain])
+            certain[uncertain] = (correction[uncertain] < self.max_correction) & same_side
         return states, certain
 
     def _on_same_side(self, jacobian: Array, reduced: Array) -> NDArray[np.bool_]:

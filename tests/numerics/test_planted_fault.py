@@ -1,0 +1,60 @@
+"""A fault of the shared Newton's method is noticed by both sides, each by its own residual."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim import catalog
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import AssemblyError
+from mechsim.numerics import newton
+from mechsim.simulation import simulate
+from mechsim.simulation.model_loops import read_loops
+from mechsim.simulation.source import from_source
+
+CORRECT = newton.newton
+
+
+def unconverged(system, q, settings, solve=None):
+    """Return the initial guess instead of a solution."""
+    return CORRECT(system, q, replace(settings, max_iterations=0), solve)
+
+
+def plant(monkeypatch, fault):
+    users = [
+        module
+        for name, module in sys.modules.items()
+        if name.startswith("mechsim.") and getattr(module, "newton", None) is CORRECT
+    ]
+    assert {name.split(".")[1] for name in (user.__name__ for user in users)} >= {"analytic", "simulation"}
+    for user in users:
+        monkeypatch.setattr(user, "newton", fault)
+
+
+@pytest.mark.parametrize("name", ["rssr", "four_bar"])
+def test_both_sides_reject_configurations_that_have_not_converged(name, monkeypatch):
+    mechanism, angles = catalog.make(name).mechanism, np.linspace(0.0, 6.0, 20)
+    assert simulate(mechanism, speed=1.0, method="pose").outcome == "passed"
+    LoopForm(mechanism).solve(angles, speed=1.0)
+    plant(monkeypatch, unconverged)
+    with pytest.raises(AssemblyError, match="do not close at crank angle"):
+        simulate(mechanism, speed=1.0, method="pose")
+    with pytest.raises(AssemblyError, match="cannot pass"):
+        LoopForm(mechanism).solve(angles, speed=1.0)
+
+
+def test_mujoco_states_are_judged_by_the_residual_of_the_state_that_is_returned(monkeypatch):
+    closed = from_source(catalog.make("rssr").mechanism)
+    loops = read_loops(closed.model)
+    assert loops.closure_error(loops.residual(loops.close(closed.qpos[None]))) < 1e-13
+
+    def off(system, q, settings, solve=None):
+        result = CORRECT(system, q, settings, solve)
+        step = np.full((len(q), loops.model.nv), 1e-6)
+        return replace(result, q=system.retract(result.q, step))
+
+    plant(monkeypatch, off)
+    with pytest.raises(AssemblyError, match="do not close at crank angle"):
+        loops.close(closed.qpos[None])
