@@ -63,13 +63,13 @@ def touching_rrsrr():
     inside, outside = 0.039, 0.055
     for _ in range(30):
         middle = 0.5 * (inside + outside)
-        above = replace(drive, link=middle).margin(turn).min() > 0.0
+        above = replace(drive, link=middle).discriminant(turn).min() > 0.0
         inside, outside = (middle, outside) if above else (inside, middle)
-    closest = float(turn[np.argmin(replace(drive, link=inside).margin(turn))])
+    closest = float(turn[np.argmin(replace(drive, link=inside).discriminant(turn))])
     for _ in range(60):
         middle = 0.5 * (inside + outside)
         around = closest + np.linspace(-1e-3, 1e-3, 2001)
-        above = replace(drive, link=middle).margin(around).min() > 0.0
+        above = replace(drive, link=middle).discriminant(around).min() > 0.0
         inside, outside = (middle, outside) if above else (inside, middle)
     return replace(drive, link=inside)
 

@@ -42,7 +42,7 @@ def test_vectors_may_be_given_as_lists_and_arrays(pivot):
     assert hash(drive) == hash(catalog.make("rssr"))
 
 
-@pytest.mark.parametrize("name", ["krank", "name", "margin_degree"])
+@pytest.mark.parametrize("name", ["krank", "name", "discriminant_degree"])
 def test_an_unknown_parameter_is_refused_with_the_known_ones(name):
     with pytest.raises(InputError, match=r"has no parameter .* known are crank, coupler, rocker, pivot"):
         catalog.make("rssr", **{name: 0.01})

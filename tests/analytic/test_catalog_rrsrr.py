@@ -115,7 +115,7 @@ def test_default_layout_swings_as_the_digest_says():
 @given(rrsrrs())
 def test_dead_centres_are_where_both_assemblies_meet_and_the_output_locks(drive):
     for end in drive.dead_centres():
-        before, after = drive.margin(np.array([end - 1e-6, end + 1e-6]))
+        before, after = drive.discriminant(np.array([end - 1e-6, end + 1e-6]))
         assert before * after < 0.0
     for low, high in drive.crank_range().arcs if not drive.crank_range().full else ():
         near = np.array([low + 1e-8 * (high - low), high - 1e-8 * (high - low)])
@@ -214,7 +214,7 @@ def test_the_paper_s_arc_length_road_agrees_with_the_closed_form_and_closes(driv
     best = np.full(len(u1), np.inf)
     kinds = (drive,) if full else (drive, replace(drive, branch=-drive.branch))
     # at a dead centre the crank angle does not determine S to that many digits
-    clear = drive.margin(u1) > 1e-2 * drive.margin(u1).max()
+    clear = drive.discriminant(u1) > 1e-2 * drive.discriminant(u1).max()
     for kind in kinds:
         gap = np.linalg.norm(kind.positions(u1[clear])["S"] - path.on_torus[clear], axis=1)
         best[clear] = np.minimum(best[clear], gap)

@@ -48,7 +48,7 @@ def one_of(form, varied, index):
 @pytest.mark.parametrize("name", VARIED)
 def test_each_design_moves_as_its_own_closed_form_has_it(name):
     form, varied = designs(name, 0.3)
-    full = md.turning(form, varied).full
+    full = md.crank_ranges(form, varied).full
     varied = {one: values[full] for one, values in varied.items()}
     together = md.solved(form, varied, ANGLES, 2.0, rates=True, joints=True)
     assert full.sum() > 5
@@ -69,7 +69,7 @@ def test_each_design_moves_as_its_own_closed_form_has_it(name):
 @pytest.mark.parametrize("name", VARIED)
 def test_full_turns_and_ranges_are_those_of_the_exact_roots(name):
     form, varied = designs(name, 0.8, 60)
-    found = md.turning(form, varied)
+    found = md.crank_ranges(form, varied)
     widths, ends = md.ranges(found)
     assert 0 < found.full.sum() < 60
     for i in range(60):
@@ -82,7 +82,7 @@ def test_full_turns_and_ranges_are_those_of_the_exact_roots(name):
 
 def test_a_linkage_that_can_be_laid_flat_is_in_doubt_and_no_other_is():
     form = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
-    found = md.turning(form, {"crank": np.array([0.04, 0.039])})
+    found = md.crank_ranges(form, {"crank": np.array([0.04, 0.039])})
     assert found.doubtful.tolist() == [True, False]
     assert not found.full[0]
 

@@ -78,7 +78,7 @@ def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
     assert trial.outcome == trial.right == "passed"
 
 
-@pytest.mark.parametrize("which", catalog.make("four_bar").laid_flat)
+@pytest.mark.parametrize("which", catalog.make("four_bar").collinear_cases)
 def test_beside_a_change_point_it_is_met_and_through_it_true(which):
     drive = catalog.make("four_bar")
     assert axes.change_point(drive, which, True).outcome == "passed"

@@ -32,7 +32,7 @@ FORMS = {name: catalog.make(name) for name in catalog.DRIVES}
 FORMS |= {
     f"{name} {case}": replace(drive, **wanted)
     for name, drive in tuple(FORMS.items())
-    for case, wanted in {"swinging": type(drive).swinging, **type(drive).laid_flat}.items()
+    for case, wanted in {"swinging": type(drive).swinging, **type(drive).collinear_cases}.items()
     if wanted
 }
 TRACES = {}

@@ -49,7 +49,7 @@ def subjects() -> Iterator[tuple[str, Form]]:
     """Yield the catalogue, as it stands, with cranks that swing, and laid flat; then the gallery's cranks."""
     for name, kind in catalog.DRIVES.items():
         own = catalog.make(name)
-        for case, changed in {"": {}, " swinging": kind.swinging, **kind.laid_flat}.items():
+        for case, changed in {"": {}, " swinging": kind.swinging, **kind.collinear_cases}.items():
             if changed or not case:
                 yield f"{name} {case}".replace("  ", " ").strip(), replace(own, **changed)
     for name, path in gallery.files().items():
@@ -153,7 +153,9 @@ def main() -> int:
 
 def draw(path: str) -> None:
     """Draw the curves of a parallelogram over the angles of crank and rocker."""
-    found = trace(replace(catalog.make("four_bar"), **catalog.DRIVES["four_bar"].laid_flat["parallelogram"]))
+    found = trace(
+        replace(catalog.make("four_bar"), **catalog.DRIVES["four_bar"].collinear_cases["parallelogram"])
+    )
     plots.write(path, plots.assembly_plot(assembly_table(found, curve_tables(found)), ("angle", "rocker.q")))
 
 

@@ -143,7 +143,7 @@ def main(arguments: list[str]) -> int:
 
 def _closest(drive: TwoBranchForm) -> float:
     angles = np.linspace(-np.pi, np.pi, 2000)
-    return float(angles[np.argmin(drive.margin(angles))])
+    return float(angles[np.argmin(drive.discriminant(angles))])
 
 
 def _started(drive: TwoBranchForm, angle: float):

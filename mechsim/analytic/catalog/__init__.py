@@ -16,7 +16,7 @@ from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.errors import InputError
 
 DRIVES: dict[str, type[ClosedForm]] = {
-    drive.name: drive for drive in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper, Bennett)
+    solver.name: solver for solver in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper, Bennett)
 }
 
 
@@ -31,12 +31,13 @@ def make(name: str, /, **values: Any) -> ClosedForm:
     Raises:
         InputError: for an unknown name or parameter (with the nearest known one) or a bad value.
     """
-    known = parameters(name)
+    fields_of = parameters(name)
     for parameter in values:
-        if parameter not in known:
-            raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, list(known))}")
-    given = {one: parameter_value(name, known[one], one, value) for one, value in values.items()}
-    return DRIVES[name](**given)
+        if parameter not in fields_of:
+            raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, list(fields_of))}")
+    return DRIVES[name](
+        **{key: parameter_value(name, fields_of[key], key, value) for key, value in values.items()}
+    )
 
 
 def parameters(name: str) -> dict[str, Field[Any]]:
@@ -48,19 +49,23 @@ def parameters(name: str) -> dict[str, Field[Any]]:
     if str(name) not in DRIVES:
         raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(DRIVES))}")
     # how change points are passed stands last: it is no dimension
-    known = sorted(fields(DRIVES[name]), key=lambda field: field.name == "change_point")
-    return {field.name: field for field in known}
+    ordered = sorted(fields(DRIVES[name]), key=lambda field: field.name == "change_point")
+    return {field.name: field for field in ordered}
 
 
 def with_theory(theory: str) -> str:
     """Return the names of the mechanisms that a theory is about, as text."""
-    return ", ".join(name for name, drive in DRIVES.items() if theory in drive.theories)
+    return ", ".join(name for name, mechanism in DRIVES.items() if theory in mechanism.theories)
 
 
-def nearest(name: str, known: list[str]) -> str:
+def nearest(name: str, names: list[str]) -> str:
     """Return the tail of a sentence that says what was probably meant."""
-    close = difflib.get_close_matches(name, known)
+    close = difflib.get_close_matches(name, names)
     # of names that are as near the first is meant
-    alike = {one: difflib.SequenceMatcher(None, one, name).ratio() for one in known if one in close}
-    meant = f"; did you mean {max(alike, key=alike.__getitem__)!r}? " if alike else "; "
-    return f"{meant}known are {', '.join(known)}"
+    alike = {
+        candidate: difflib.SequenceMatcher(None, candidate, name).ratio()
+        for candidate in names
+        if candidate in close
+    }
+    hint = f"; did you mean {max(alike, key=alike.__getitem__)!r}? " if alike else "; "
+    return f"{hint}known are {', '.join(names)}"

@@ -77,8 +77,8 @@ def segment(
 # parameters that say which assembly is meant
 SELECTORS = ("branch", "side", "assembly")
 
-# part of the largest margin that is far enough from a dead centre to begin there
-CLEAR = 1e-3
+# smallest discriminant of a start, relative to the largest: closer to a dead centre assemblies coincide
+MIN_START_DISCRIMINANT = 1e-3
 
 # angles a closed form takes in one go: its arrays of this length stay in a core's own cache
 CHUNK = 8192
@@ -103,7 +103,7 @@ class ClosedForm(ABC):
     # a length that, moved far enough, lets the crank turn fully no more
     critical: ClassVar[str] = ""
     # name -> parameters with which bars come to lie on each other and both assemblies meet
-    laid_flat: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    collinear_cases: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     # the parameter that is a gear ratio
     gear: ClassVar[str] = ""
     # whether it stands for its kind in runs of many turns
@@ -117,8 +117,8 @@ class ClosedForm(ABC):
 
     def __post_init__(self) -> None:
         for parameter in fields(self):
-            given, rule = getattr(self, parameter.name), parameter.metadata
-            kept = checked(self.name, parameter.name, given, parameter.default, rule)
+            value, rule = getattr(self, parameter.name), parameter.metadata
+            kept = checked(self.name, parameter.name, value, parameter.default, rule)
             object.__setattr__(self, parameter.name, kept)
 
     @property
@@ -137,12 +137,12 @@ class ClosedForm(ABC):
         """
 
     @property
-    def begins_alone(self) -> bool:
-        """Whether `begin_frames` tells which assembly is meant."""
+    def has_own_start(self) -> bool:
+        """Whether `start_frames` determines the assembly."""
         return bool(self.broadcast)
 
-    def begin_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]]:
-        """Yield links and their frames in so many designs, cranks at nought; NaN where they cannot be."""
+    def start_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]]:
+        """Yield links and their frames in so many designs, cranks at 0; NaN where the loop does not close."""
         return self.frames(np.zeros(count))
 
     def local_points(self) -> Mapping[str, Sequence[Any]]:
@@ -162,10 +162,10 @@ class ClosedForm(ABC):
 
     @abstractmethod
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return the signed geometry that tells the assemblies apart, (n,); positive for this one.
+        """Return the signed geometry that distinguishes the assemblies, (n,); positive for this one.
 
         Args:
-            points: tracked point -> (n, 3) in [m], from any road.
+            points: tracked point -> (n, 3) in [m], by any method.
         """
 
     @abstractmethod
@@ -189,11 +189,11 @@ class ClosedForm(ABC):
         Points are (3,) in [m]. A selector is None where no value of it leads to the assembly.
         """
         listed: list[tuple[dict[str, int | None], dict[str, Array]]] = []
-        for one in self.assemblies(angle):
+        for assembly in self.assemblies(angle):
             chosen: dict[str, int | None] = {
-                name: getattr(one, name) for name in SELECTORS if hasattr(one, name)
+                name: getattr(assembly, name) for name in SELECTORS if hasattr(assembly, name)
             }
-            listed.append((chosen, {name: place[0] for name, place in one.positions([angle]).items()}))
+            listed.append((chosen, {name: point[0] for name, point in assembly.positions([angle]).items()}))
         return listed
 
     @cached_property
@@ -233,11 +233,11 @@ class ClosedForm(ABC):
         if t is not None or angles is None:
             angles = path_instants(self.mechanism, None, angles, speed, 0.0, t).parameter
         angles = self._angles(angles)
-        form = self.with_change_point(change_point).starting_at(angles)
-        parts = [form._places(angles[part]) for part in _chunks(len(angles))]
-        places = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        self._require_closed(angles, places)
-        return places
+        solver = self.with_change_point(change_point).starting_at(angles)
+        pieces = [solver._positions_at(angles[piece]) for piece in _chunks(len(angles))]
+        points = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+        self._require_closed(angles, points)
+        return points
 
     def solve(
         self,
@@ -274,19 +274,19 @@ class ClosedForm(ABC):
         """
         time = None
         if t is not None or angles is None:
-            at = path_instants(self.mechanism, None, angles, speed, acceleration, t)
-            angles, speed, time = at.parameter, at.rate, at.time
+            instants = path_instants(self.mechanism, None, angles, speed, acceleration, t)
+            angles, speed, time = instants.parameter, instants.rate, instants.time
         angles = self._angles(angles)
         speed = checked_rate(self.name, "speed", 1.0 if speed is None else speed, angles.shape)
         acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
-        form = self.with_change_point(change_point).starting_at(angles, float(speed[0]))
-        parts = [
-            form._motion(Jet(angles[part], speed[part], acceleration[part]), links)
-            for part in _chunks(len(angles))
+        solver = self.with_change_point(change_point).starting_at(angles, float(speed[0]))
+        pieces = [
+            solver._motion(Jet(angles[piece], speed[piece], acceleration[piece]), links)
+            for piece in _chunks(len(angles))
         ]
-        motion = join(parts)
+        motion = join(pieces)
         self._require_finite(motion)
-        return replace(motion, time=time, origin=form)
+        return replace(motion, time=time, origin=solver)
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
         """Return the motion at values of the path parameter, which is the crank angle; as `solve`."""
@@ -337,7 +337,7 @@ class ClosedForm(ABC):
 
     def guess(self) -> tuple[dict[str, Pose], float]:
         """Return link poses at a crank angle well inside the range, and that angle in [rad]."""
-        start = self._begin
+        start = self._start_angle
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             frames = self._frames(np.array([start]), links=True)
         guess = {
@@ -361,7 +361,7 @@ class ClosedForm(ABC):
         return arcs.start()
 
     @cached_property
-    def _begin(self) -> float:
+    def _start_angle(self) -> float:
         """The crank angle of the guess in [rad], at which the sign of the assembly applies."""
         return self._start()
 
@@ -373,27 +373,27 @@ class ClosedForm(ABC):
         """Return crank angles as an array, from text too; raise InputError for what are none."""
         angles = units.si_angles(angles, f"the crank angles of {self.name}")
         try:
-            given = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+            listed = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         except (TypeError, ValueError):
-            given = np.array([np.nan])
-        if given.ndim != 1 or given.size == 0 or not np.isfinite(given).all():
+            listed = np.array([np.nan])
+        if listed.ndim != 1 or listed.size == 0 or not np.isfinite(listed).all():
             raise InputError(
-                f"{self.name}: crank angles must be a list of finite numbers, not of shape {given.shape} "
+                f"{self.name}: crank angles must be a list of finite numbers, not of shape {listed.shape} "
                 "or with NaN; give angles in [rad]"
             )
-        return given
+        return listed
 
     def _frames(self, angle: Values, *, links: bool) -> dict[str, LinkFrame]:
         """Return frames of links, or of those only that carry tracked points; NaN where the loop is open."""
-        wanted = {link for link, _ in self._described.points.values()}
-        found: dict[str, LinkFrame] = {}
+        carriers = {link for link, _ in self._described.points.values()}
+        frames_by_link: dict[str, LinkFrame] = {}
         for name, frame in self.frames(angle):
-            found[name] = frame
-            if not links and wanted <= found.keys():
+            frames_by_link[name] = frame
+            if not links and carriers <= frames_by_link.keys():
                 break
-        return found
+        return frames_by_link
 
-    def _places(self, angles: Array) -> dict[str, Array]:
+    def _positions_at(self, angles: Array) -> dict[str, Array]:
         """Return the tracked points at one chunk of crank angles, NaN where the loop does not close."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             frames = self._frames(angles, links=False)
@@ -421,7 +421,7 @@ class ClosedForm(ABC):
     def _joints(self, angle: Jet, frames: Mapping[str, LinkFrame], n: int) -> dict[str, JointMotion]:
         """Return the motion of the coordinates of joints; geared ones count the turns of the crank."""
         whole = self._described
-        at = {**frames, GROUND: GROUND_FRAME}
+        frame_of = {**frames, GROUND: GROUND_FRAME}
         geared = {gear.driven: gear.ratio * angle + gear.phase for gear in whole.gears}
         counted = {whole.crank.name: angle, **geared}
         motions: dict[str, JointMotion] = {}
@@ -429,13 +429,15 @@ class ClosedForm(ABC):
             if joint.name in counted:
                 coordinates = [counted[joint.name]]
             else:
-                coordinates = link_frames.joint_coordinates(joint, at[joint.a.link], at[joint.b.link])
+                coordinates = link_frames.joint_coordinates(
+                    joint, frame_of[joint.a.link], frame_of[joint.b.link]
+                )
             motions |= link_frames.joint_motions(joint, coordinates, n)
         return motions
 
-    def _require_closed(self, angles: Array, places: Mapping[str, Array]) -> None:
+    def _require_closed(self, angles: Array, points: Mapping[str, Array]) -> None:
         """Raise AssemblyError where a closed form gave no place."""
-        for position in places.values():
+        for position in points.values():
             closed = np.isfinite(position).all(1)
             if not closed.all():
                 arcs = self.crank_range()
@@ -457,22 +459,22 @@ class ClosedForm(ABC):
                     "where rates have no bound; keep away from it"
                 )
         for name, link in motion.links.items():
-            held = np.isfinite(link.rotation[:, 0]).all(1) & np.isfinite(link.angular_acceleration[:, 0])
-            if not held.all():
+            finite = np.isfinite(link.rotation[:, 0]).all(1) & np.isfinite(link.angular_acceleration[:, 0])
+            if not finite.all():
                 raise AssemblyError(
                     f"{self.name}: nothing can hold link {name!r} at crank angle "
-                    f"{motion.angle[np.argmin(held)]:.6g} rad; change the angles of its guide"
+                    f"{motion.angle[np.argmin(finite)]:.6g} rad; change the angles of its guide"
                 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class TwoBranchForm(ClosedForm):
-    """A drive whose loop closes in two ways, told apart by the parameter `branch`.
+    """A mechanism whose loop closes in two ways, selected by the parameter `branch`.
 
-    A subclass gives `margin`, whose sign changes are the dead centres.
+    A subclass gives `discriminant`, whose sign changes are the dead centres.
     """
 
-    margin_degree: ClassVar[int] = 2
+    discriminant_degree: ClassVar[int] = 2
     if TYPE_CHECKING:
         # every subclass declares it where its own parameters say
         branch: Sign
@@ -482,10 +484,10 @@ class TwoBranchForm(ClosedForm):
     )
 
     @abstractmethod
-    def margin(self, angles: ArrayLike) -> Array:
+    def discriminant(self, angles: ArrayLike) -> Array:
         """Return how far each crank angle is from a dead centre, (n,); negative where the loop cannot close.
 
-        A trigonometric polynomial of the crank angle of degree `margin_degree`, so that its roots,
+        A trigonometric polynomial of the crank angle of degree `discriminant_degree`, so that its roots,
         the dead centres, are found exactly.
         """
 
@@ -508,24 +510,24 @@ class TwoBranchForm(ClosedForm):
             return self
         made = replace(self, change_point=change_point)
         if self._keeps_assembly:
-            vars(made).update(_keeps_assembly=True, _begin=self._begin)
+            vars(made).update(_keeps_assembly=True, _start_angle=self._start_angle)
         return made
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
         angles = self._angles(angles)
         if self._keeps_assembly or not self._root.touching:
             return self
-        at = first_sign_angle(self.counted(angles), self._root.touching, direction)
+        sign_angle = first_sign_angle(self.counted(angles), self._root.touching, direction)
         made = copy.copy(self)
         vars(made)["_keeps_assembly"] = True
-        vars(made).pop("_family", None)
-        if self._root.sign(at) != self._root.sign(self._begin):
+        vars(made).pop("_all_assemblies", None)
+        if self._root.sign(sign_angle) != self._root.sign(self._start_angle):
             vars(made).pop("mechanism", None)
-            vars(made)["_begin"] = self._clear_angle(at)
+            vars(made)["_start_angle"] = self._clear_angle(sign_angle)
         return made
 
     def across(self, angle: Values) -> Any:
-        """Return the square root of the margin that passes change points as `change_point` says, (n,).
+        """Return the square root of the discriminant that passes change points as `change_point` says, (n,).
 
         At the first configuration, see `starting_at`, it has the sign of `branch`. None where there are
         no change points, and the sign never changes.
@@ -535,7 +537,7 @@ class TwoBranchForm(ClosedForm):
         angle = self.counted(angle)
         if self.change_point == "branch":
             return self.branch * self._root.folded(angle)
-        return self.branch * self._root.sign(self._begin) * self._root.over(angle)
+        return self.branch * self._root.sign(self._start_angle) * self._root.over(angle)
 
     def counted(self, angle: Values) -> Any:
         """Return crank angles on the lap of the range, (n,): one that only swings does the same on each."""
@@ -545,11 +547,11 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _arcs(self) -> Arcs:
-        return reachable_arcs(self.margin, self.margin_degree)
+        return reachable_arcs(self.discriminant, self.discriminant_degree)
 
     @cached_property
     def _root(self) -> SignedRoot:
-        return signed_root(sampled(self.margin, self.margin_degree))
+        return signed_root(sampled(self.discriminant, self.discriminant_degree))
 
     @cached_property
     def _keeps_assembly(self) -> bool:
@@ -561,11 +563,11 @@ class TwoBranchForm(ClosedForm):
         if self._root.touching:
             return self._clear_angle(first_sign_angle(np.array([start]), self._root.touching, 1.0))
         spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
-        margins = self.margin(spread)
-        # near a dead centre no guess tells the assemblies apart
-        if self.margin(np.array([start]))[0] > CLEAR * margins.max():
+        discriminants = self.discriminant(spread)
+        # near a dead centre no guess distinguishes the assemblies
+        if self.discriminant(np.array([start]))[0] > MIN_START_DISCRIMINANT * discriminants.max():
             return start
-        return float(spread[np.argmax(margins)])
+        return float(spread[np.argmax(discriminants)])
 
     def _clear_angle(self, angle: float) -> float:
         """Return a crank angle, in [rad], with well separated assemblies and no change point between."""
@@ -573,17 +575,23 @@ class TwoBranchForm(ClosedForm):
         angle -= turns * REVOLUTION * np.round(angle / (turns * REVOLUTION)) if full else 0.0
         low, high = segment(angle, self._root.touching, None if full else interval_around(self._arcs, angle))
         spread = np.concatenate([[angle], np.linspace(low, high, 25)])
-        margins = self.margin(spread)
-        return angle if margins[0] > CLEAR * margins.max() else float(spread[np.argmax(margins)])
+        discriminants = self.discriminant(spread)
+        return (
+            angle
+            if discriminants[0] > MIN_START_DISCRIMINANT * discriminants.max()
+            else float(spread[np.argmax(discriminants)])
+        )
 
     def assemblies(self, angle: float) -> Sequence[Self]:
-        margin = self._root.rest.value(angle) if self._root.touching else self.margin(np.array([angle]))[0]
-        if not margin >= 0.0:
+        discriminant = (
+            self._root.rest.value(angle) if self._root.touching else self.discriminant(np.array([angle]))[0]
+        )
+        if not discriminant >= 0.0:
             return []
-        return self._family
+        return self._all_assemblies
 
     @cached_property
-    def _family(self) -> list[Self]:
+    def _all_assemblies(self) -> list[Self]:
         """This mechanism in both assemblies; kept, for each finds its own dead centres."""
         own = None if self._keeps_assembly else self.branch
         return [self if branch == own else replace(self, branch=branch) for branch in (1, -1)]

@@ -82,23 +82,23 @@ class Bennett(ClosedForm):
 
     @property
     def description(self) -> Mechanism:
-        near, far = self.length0, self.length1
+        length_a, length_b = self.length0, self.length1
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("rocker")),
             joints=(
                 Joint("crank", "revolute", End(GROUND), End("crank")),
-                Joint("A", "revolute", _far_end("crank", far, self.twist1), End("coupler")),
+                Joint("A", "revolute", _far_end("crank", length_b, self.twist1), End("coupler")),
                 Joint(
                     "B",
                     "revolute",
-                    _far_end("coupler", near, self.twist0),
-                    _far_end("rocker", far, self.twist1),
+                    _far_end("coupler", length_a, self.twist0),
+                    _far_end("rocker", length_b, self.twist1),
                 ),
-                Joint("rocker", "revolute", _far_end(GROUND, near, self.twist0), End("rocker")),
+                Joint("rocker", "revolute", _far_end(GROUND, length_a, self.twist0), End("rocker")),
             ),
             driver="crank",
-            points={"A": ("crank", (far, 0.0, 0.0)), "B": ("rocker", (far, 0.0, 0.0))},
+            points={"A": ("crank", (length_b, 0.0, 0.0)), "B": ("rocker", (length_b, 0.0, 0.0))},
         )
 
     def crank_range(self) -> Arcs:

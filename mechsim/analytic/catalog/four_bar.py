@@ -34,7 +34,7 @@ class FourBar(TwoBranchForm):
     }
     swinging: ClassVar[Mapping[str, Any]] = {"rocker": 0.035}
     critical: ClassVar[str] = "coupler"
-    laid_flat: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+    collinear_cases: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "parallelogram": {"ground": 0.1, "coupler": 0.1, "crank": 0.04, "rocker": 0.04},
         "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
     }
@@ -80,7 +80,7 @@ class FourBar(TwoBranchForm):
         across = (self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle), 0.0)
         return {"A": (self.crank, 0.0, 0.0), "B": (self.rocker, 0.0, 0.0), "C": across}
 
-    def margin(self, angles: ArrayLike) -> Array:
+    def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + r2 - l2)2 for rocker r, coupler l and d = |O4A|."""
         tip = self.crank * spun(column(EX), column(EZ), np.asarray(angles))
         to_crank = tip - column((self.ground, 0.0, 0.0))
@@ -128,7 +128,7 @@ class FourBar(TwoBranchForm):
         rhombus = self.crank == self.rocker
         along = self.crank / self.rocker * sine
         aside = cosine if rhombus else np.sqrt(1.0 - along * along)
-        begin = 0.5 * self._begin
+        begin = 0.5 * self._start_angle
         side = float(np.sign(np.sin(begin) * (np.cos(begin) if rhombus else 1.0)))
-        left, back = (spun(column(mark), column(EZ), half) for mark in (EY, (-1.0, 0.0, 0.0)))
-        return along * left - self.branch * side * aside * back
+        across, back = (spun(column(direction), column(EZ), half) for direction in (EY, (-1.0, 0.0, 0.0)))
+        return along * across - self.branch * side * aside * back

@@ -105,7 +105,7 @@ class Looper(ClosedForm):
 
     @property
     def description(self) -> Mechanism:
-        joints, far = self.joint_points(), vector(self.local_points()["E"])
+        joints, point_e = self.joint_points(), vector(self.local_points()["E"])
         (tip, _), (at_b, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
         (on_coupler, on_follower), (slide, _) = joints["C"], joints["slide"]
         # counted from the direction to O1, which a crank-rocker's angle stays near: it never wraps
@@ -113,7 +113,7 @@ class Looper(ClosedForm):
         line = End(GROUND, slide, axis=EX, mark=EY)
         return Mechanism(
             name=self.name,
-            links=(Link("crank"), Link("coupler"), Link("rocker"), Link("follower", outline=(far,))),
+            links=(Link("crank"), Link("coupler"), Link("rocker"), Link("follower", outline=(point_e,))),
             joints=(
                 Joint("crank", "revolute", End(GROUND), End("crank")),
                 Joint("A", "spherical", End("crank", tip), End("coupler")),
@@ -133,12 +133,12 @@ class Looper(ClosedForm):
                 "B": ("rocker", on_rocker),
                 "C": ("coupler", on_coupler),
                 "D": ("follower", (0.0, 0.0, 0.0)),
-                "E": ("follower", far),
+                "E": ("follower", point_e),
             },
         )
 
     def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
-        x, y, z = (float(part) for part in self._outward[:, 0])
+        x, y, z = (float(component) for component in self._outward[:, 0])
         pivot = (self.frame * x, self.frame * y, z)
         return {
             "A": ((self.crank, 0.0, 0.0), ORIGIN),
@@ -174,17 +174,21 @@ class Looper(ClosedForm):
         return sampled(self._planar_margin, 2).touching()
 
     def crank_range(self) -> Arcs:
-        found = self._sheet
-        return found[0].arcs(found[1]) if found else Arcs(False, ())
+        sheet = self._sheet
+        return sheet[0].arcs(sheet[1]) if sheet else Arcs(False, ())
 
     def assemblies(self, angle: float) -> list[Self]:
-        at = np.array([angle])
-        return [one for one, sheet, layer in self._family if not np.isnan(sheet.unrolled(at, layer)[0])]
+        angles = np.array([angle])
+        return [
+            assembly
+            for assembly, sheet, layer in self._all_assemblies
+            if not np.isnan(sheet.unrolled(angles, layer)[0])
+        ]
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Return the lesser of the two sines whose signs are `branch` and `side`, (n,).
 
-        Further roots of one sign (side 2 and 3) are not told from the first by it.
+        It does not distinguish further roots of one sign (side 2 and 3) from the first.
         """
         to_a, to_b = (points[name] - self.pivot[:, 0] for name in "AB")
         planar = (to_b * np.cross(to_a, np.asarray(EZ))).sum(-1) / (self.rocker * np.sqrt((to_a**2).sum(-1)))
@@ -228,23 +232,23 @@ class Looper(ClosedForm):
         """Every root whose sign is that of `side`, by number: a sheet and a layer of it."""
         sign = 1 if self.side > 0 else -1
         with np.errstate(invalid="ignore", divide="ignore"):
-            found = sheets(self._residual, self.planar_range(), sign)
-        layers = range(max((sheet.layers for sheet in found), default=0))
-        return [(sheet, layer) for layer in layers for sheet in found if layer < sheet.layers]
+            listed = sheets(self._residual, self.planar_range(), sign)
+        layers = range(max((sheet.layers for sheet in listed), default=0))
+        return [(sheet, layer) for layer in layers for sheet in listed if layer < sheet.layers]
 
     @cached_property
-    def _family(self) -> list[tuple[Self, Sheet, int]]:
-        """This mechanism in every assembly it has somewhere, with its sheet and layer; each is dear."""
-        found: list[tuple[Self, Sheet, int]] = []
+    def _all_assemblies(self) -> list[tuple[Self, Sheet, int]]:
+        """This mechanism in every assembly, with its sheet and layer; each takes long."""
+        members: list[tuple[Self, Sheet, int]] = []
         for branch in (1, -1):
             for sign in (1, -1):
                 first = replace(self, branch=branch, side=sign)
                 for count, (sheet, layer) in enumerate(first._sheets, 1):
-                    one = replace(first, side=sign * count)
+                    member = replace(first, side=sign * count)
                     # all roots of one sign lie on the same sheets
-                    vars(one)["_sheets"] = first._sheets
-                    found.append((one, sheet, layer))
-        return found
+                    vars(member)["_sheets"] = first._sheets
+                    members.append((member, sheet, layer))
+        return members
 
     @property
     def _sheet(self) -> tuple[Sheet, int] | None:
@@ -286,10 +290,12 @@ class Looper(ClosedForm):
         """Return the root of the chosen sheet at each crank angle, (n,) in [rad]; NaN off the sheet."""
         polynomial = self._cylinder(flat)
         at_rest = _stacked(polynomial)
-        found = self._root_on_sheet(values(angle), at_rest)
+        root_angle = self._root_on_sheet(values(angle), at_rest)
         if not isinstance(angle, Jet):
-            return found
-        return root(lambda t: trig_quartic.value(polynomial, t), found, trig_quartic.slope(at_rest, found))
+            return root_angle
+        return root(
+            lambda t: trig_quartic.value(polynomial, t), root_angle, trig_quartic.slope(at_rest, root_angle)
+        )
 
     def _root_on_sheet(self, angles: Array, polynomial: Array) -> Array:
         if self._sheet is None:
@@ -301,8 +307,8 @@ class Looper(ClosedForm):
         away = np.abs(np.mod(roots - sheet.guide(unrolled) + np.pi, 2.0 * np.pi) - np.pi)
         best = np.argmin(np.where(fits, away, np.inf), 0)
         columns = np.arange(len(angles))
-        found = fits[best, columns] & ~np.isnan(away[best, columns])
-        return np.where(found, roots[best, columns], np.nan)
+        valid = fits[best, columns] & ~np.isnan(away[best, columns])
+        return np.where(valid, roots[best, columns], np.nan)
 
     def _together(self, angles: Array) -> Array:
         """Return the crank angles of one motion inside a range of more than a turn, (n,); NaN outside it."""
@@ -310,8 +316,8 @@ class Looper(ClosedForm):
         if arcs.full or not arcs.arcs or np.ptp(arcs.arcs[0]) <= REVOLUTION:
             return angles
         low, high = arcs.arcs[0]
-        turned = shifted_into(angles, (low, high), arcs.start())
-        return np.where((turned >= low) & (turned <= high), turned, np.nan)
+        shifted = shifted_into(angles, (low, high), arcs.start())
+        return np.where((shifted >= low) & (shifted <= high), shifted, np.nan)
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """The planar four-bar, then C on its circle about AB, turned by the cone angle from the plane."""
@@ -319,12 +325,12 @@ class Looper(ClosedForm):
         return self._posed(flat, self._cone_angle(angle, flat))
 
     @property
-    def begins_alone(self) -> bool:
+    def has_own_start(self) -> bool:
         """Further roots of one sign are numbered by all they do over the turn."""
         return abs(self.side) == 1
 
-    def begin_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]]:
-        """Yield frames in designs whose cranks stand at nought; NaN where more than one root has the sign."""
+    def start_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]]:
+        """Yield frames in designs whose cranks stand at 0; NaN where more than one root has the sign."""
         flat = self._planar(np.zeros(count))
         polynomial = _stacked(self._cylinder(flat))
         roots = trig_quartic.real_roots(polynomial)
@@ -346,5 +352,7 @@ class Looper(ClosedForm):
 
 def _stacked(polynomial: trig_quartic.Coefficients) -> Array:
     """Return the coefficients without their rates, (5, n)."""
-    rest = (values(part) if isinstance(part, Jet) else part for part in polynomial)
+    rest = (
+        values(coefficient) if isinstance(coefficient, Jet) else coefficient for coefficient in polynomial
+    )
     return np.stack(np.broadcast_arrays(*rest))

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.base import CLEAR, ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.base import MIN_START_DISCRIMINANT, ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.parameter_checks import HUGE
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.jets import Jet
@@ -24,16 +24,17 @@ from mechsim.numerics.arrays import Array
 REAL, NEARLY = 1e-6, 1e-2
 # real roots nearer to each other in [rad], and leading coefficients smaller than this part of the largest,
 # leave a design to be solved by itself
-APART, LEAST = 1e-2, 1e-8
+MIN_ROOT_DISTANCE, LEAST = 1e-2, 1e-8
 NEWTON = 3
 
 Complex = NDArray[np.complex128]
 
 
+Solver = TypeVar("Solver", bound=ClosedForm)
 AXES = "xyz"
-# places in the turn at which margins are looked at before their lowest are sought, Newton steps to
-# those, and a margin, as a part of the largest harmonic, that may be a change point or the end of a range
-PLACES, NEWTON, CLOSE = 48, 6, 1e-7
+# crank angles at which discriminants are sampled, Newton steps to their minima, and the size of a minimum,
+# relative to the largest harmonic, that may be a change point or the end of a range
+GRID, NEWTON, CLOSE = 48, 6, 1e-7
 # a polynomial without change points: an array of parameters holds only designs that have none
 PLAIN = SignedRoot(TrigPolynomial(np.array([1.0 + 0.0j])), ())
 
@@ -41,126 +42,128 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Turning:
+class CrankRanges:
     """Over which part of the turn designs can stand.
 
     Attributes:
         full: whether the crank turns fully, (n,).
-        doubtful: whether margins come so near to nought that only the exact roots tell, (n,).
+        doubtful: whether discriminants come so close to 0 that only the exact roots decide, (n,).
         lowest: the crank angle at which each comes nearest to falling apart, or is farthest open, (n,).
-        margins: coefficients of the margins as `numpy.fft` orders them, (n, 2 degree + 1).
-        clear: whether they stand clear of dead centres with the crank at nought, (n,); they are begun there.
+        discriminants: coefficients of the discriminants as `numpy.fft` orders them, (n, 2 degree + 1).
+        clear: whether the crank angle 0 is away from dead centres, (n,); designs start there.
     """
 
     full: Bools
     doubtful: Bools
     lowest: Array
-    margins: NDArray[np.complex128]
+    discriminants: NDArray[np.complex128]
     clear: Bools
 
 
-def can_be_many(form: ClosedForm, varied: Iterable[str]) -> bool:
+def can_be_many(solver: ClosedForm, varied: Iterable[str]) -> bool:
     """Whether a closed form takes arrays of these parameters; parts of a place are called pivot.x."""
-    takes = form.broadcast | form.idle
-    return isinstance(form, TwoBranchForm) and {one.partition(".")[0] for one in varied} <= takes
+    takes = solver.broadcast | solver.idle
+    return isinstance(solver, TwoBranchForm) and {name.partition(".")[0] for name in varied} <= takes
 
 
-def can_be_begun(form: ClosedForm, varied: Iterable[str]) -> bool:
-    """Whether `started` tells where designs of these parameters begin."""
-    return form.begins_alone and {one.partition(".")[0] for one in varied} <= form.broadcast | form.idle
+def can_be_started(solver: ClosedForm, varied: Iterable[str]) -> bool:
+    """Whether `started` determines where designs of these parameters start."""
+    return (
+        solver.has_own_start and {name.partition(".")[0] for name in varied} <= solver.broadcast | solver.idle
+    )
 
 
-def allowed(form: ClosedForm, varied: Mapping[str, Array]) -> Bools:
+def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
     """Return which designs have parameters that their declarations allow, (n,)."""
-    rules = {one.name: one.metadata for one in fields(form)}
-    good = np.ones(len(next(iter(varied.values()))), dtype=np.bool_)
+    rules = {parameter.name: parameter.metadata for parameter in fields(solver)}
+    valid = np.ones(len(next(iter(varied.values()))), dtype=np.bool_)
     for name, values in varied.items():
         rule = rules[name.partition(".")[0]]
         if "options" in rule:
-            good &= np.isin(values, np.array(rule["options"], dtype=np.float64))
+            valid &= np.isin(values, np.array(rule["options"], dtype=np.float64))
             continue
-        good &= np.abs(values) < (HUGE if rule["unit"] == "m" else np.inf)
+        valid &= np.abs(values) < (HUGE if rule["unit"] == "m" else np.inf)
         if rule.get("positive"):
-            good &= values > 1.0 / HUGE
-    return good
+            valid &= values > 1.0 / HUGE
+    return valid
 
 
-def many(form: ClosedForm, varied: Mapping[str, Array], repeat: int) -> ClosedForm:
+def many(solver: Solver, varied: Mapping[str, Array], repeat: int) -> Solver:
     """Return a closed form whose varied parameters are arrays, each number so many times in a row.
 
-    Only its formulas are of use: `frames`, `margin`, `local_points`; nothing is checked.
+    Only its formulas are of use: `frames`, `discriminant`, `local_points`; nothing is checked.
     """
-    one = object.__new__(type(form))
-    values = {parameter.name: getattr(form, parameter.name) for parameter in fields(form)}
+    design = object.__new__(type(solver))
+    values = {parameter.name: getattr(solver, parameter.name) for parameter in fields(solver)}
     for name, row in varied.items():
         parameter, dot, axis = name.partition(".")
         wide = np.repeat(row, repeat)
         if dot:
-            place = list(values[parameter])
-            place[AXES.index(axis)] = wide
-            values[parameter] = tuple(place)
+            position = list(values[parameter])
+            position[AXES.index(axis)] = wide
+            values[parameter] = tuple(position)
         else:
             values[parameter] = wide
     for name, value in values.items():
-        object.__setattr__(one, name, value)
+        object.__setattr__(design, name, value)
     # in place of what `cached_property` would find
-    own: dict[str, object] = vars(one)
+    own: dict[str, object] = vars(design)
     own["_root"] = PLAIN
-    return one
+    return design
 
 
-def turning(form: TwoBranchForm, varied: Mapping[str, Array]) -> Turning:
-    """Return over which part of the turn designs can stand: by their margins' lowest values.
+def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRanges:
+    """Return over which part of the turn designs can stand: by their discriminants' lowest values.
 
-    A margin is a trigonometric polynomial; each of its minima is found from evenly spread places.
+    A discriminant is a trigonometric polynomial; each of its minima is found from evenly spread places.
     """
-    count, n = 2 * form.margin_degree + 1, len(next(iter(varied.values())))
-    at = REVOLUTION * np.arange(count) / count
+    count, n = 2 * solver.discriminant_degree + 1, len(next(iter(varied.values())))
+    angles = REVOLUTION * np.arange(count) / count
     with np.errstate(all="ignore"):
-        sampled = many(form, varied, count).margin(np.tile(at, n))  # pyright: ignore[reportAttributeAccessIssue]
+        sampled = many(solver, varied, count).discriminant(np.tile(angles, n))
     harmonics = np.fft.fft(sampled.reshape(n, count)) / count
     order = np.fft.fftfreq(count, 1.0 / count)
     scale = np.abs(harmonics).max(1)
-    places = REVOLUTION * np.arange(PLACES) / PLACES
-    heights = (harmonics @ np.exp(1j * np.outer(order, places))).real
+    grid = REVOLUTION * np.arange(GRID) / GRID
+    heights = (harmonics @ np.exp(1j * np.outer(order, grid))).real
     minima = (heights <= np.roll(heights, 1, 1)) & (heights <= np.roll(heights, -1, 1))
-    of, which = np.nonzero(minima)
-    found, own = places[which], harmonics[of]
+    design, which = np.nonzero(minima)
+    minimum, own = grid[which], harmonics[design]
     for _ in range(NEWTON):
-        turned = own * np.exp(1j * np.outer(found, order))
-        slope, bend = (turned @ (1j * order)).real, (turned @ (1j * order) ** 2).real
-        step = np.divide(-slope, bend, out=np.zeros_like(slope), where=np.abs(bend) > 0.0)
-        found = found + np.clip(step, -REVOLUTION / PLACES, REVOLUTION / PLACES)
-    low = (own * np.exp(1j * np.outer(found, order))).sum(1).real
+        powers = own * np.exp(1j * np.outer(minimum, order))
+        first, second = (powers @ (1j * order)).real, (powers @ (1j * order) ** 2).real
+        step = np.divide(-first, second, out=np.zeros_like(first), where=np.abs(second) > 0.0)
+        minimum = minimum + np.clip(step, -REVOLUTION / GRID, REVOLUTION / GRID)
+    low = (own * np.exp(1j * np.outer(minimum, order))).sum(1).real
     least = np.full(n, np.inf)
-    np.minimum.at(least, of, low)
+    np.minimum.at(least, design, low)
     lowest = np.zeros(n)
-    lowest[of[low == least[of]]] = found[low == least[of]] % REVOLUTION
-    known = np.isfinite(least) & (scale > 0.0)
-    doubtful = ~known | (np.abs(least) <= CLOSE * scale)
-    clear = heights[:, 0] > CLEAR * heights.max(1)
-    return Turning(known & (least > CLOSE * scale), doubtful, lowest, harmonics, clear)
+    lowest[design[low == least[design]]] = minimum[low == least[design]] % REVOLUTION
+    finite = np.isfinite(least) & (scale > 0.0)
+    doubtful = ~finite | (np.abs(least) <= CLOSE * scale)
+    clear = heights[:, 0] > MIN_START_DISCRIMINANT * heights.max(1)
+    return CrankRanges(finite & (least > CLOSE * scale), doubtful, lowest, harmonics, clear)
 
 
-def closed_at(form: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
+def closed_at(solver: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
     """Return which designs' loops close at all of some crank angles (p,) in [rad], (n,)."""
     designs = len(next(iter(varied.values())))
     with np.errstate(all="ignore"):
-        margins = many(form, varied, len(angles)).margin(np.tile(angles, designs))  # pyright: ignore[reportAttributeAccessIssue]
-    return (margins.reshape(designs, -1) > 0.0).all(1)
+        discriminants = many(solver, varied, len(angles)).discriminant(np.tile(angles, designs))
+    return (discriminants.reshape(designs, -1) > 0.0).all(1)
 
 
-def ranges(found: Turning) -> tuple[Array, NDArray[np.intp]]:
+def ranges(turning_: CrankRanges) -> tuple[Array, NDArray[np.intp]]:
     """Return over how much of the turn cranks can stand, (n,) in [rad], and how many dead centres end it.
 
-    Those in doubt are as if margins that touch nought did not.
+    Those in doubt are as if discriminants that touch 0 did not.
     """
-    count = found.margins.shape[1]
+    count = turning_.discriminants.shape[1]
     degree = count // 2
-    top = np.fft.fftshift(found.margins, axes=1)[:, ::-1]
-    widest, ends = np.where(found.full, REVOLUTION, 0.0), np.zeros(len(top), dtype=np.intp)
+    top = np.fft.fftshift(turning_.discriminants, axes=1)[:, ::-1]
+    widest, ends = np.where(turning_.full, REVOLUTION, 0.0), np.zeros(len(top), dtype=np.intp)
     order = np.arange(-degree, degree + 1.0)
-    for i in np.flatnonzero(~found.full & np.isfinite(top).all(1)):
+    for i in np.flatnonzero(~turning_.full & np.isfinite(top).all(1)):
         zeros = np.roots(top[i])
         real = np.sort(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < CLOSE**0.5]))
         gaps = np.diff(np.append(real, real[:1] + REVOLUTION))
@@ -170,7 +173,7 @@ def ranges(found: Turning) -> tuple[Array, NDArray[np.intp]]:
 
 
 def solved(
-    form: ClosedForm,
+    solver: ClosedForm,
     varied: Mapping[str, Array],
     angles: Array,
     speed: ArrayLike,
@@ -182,12 +185,12 @@ def solved(
     """Return the motions of designs, one design after another.
 
     Args:
-        form: what the parameters that do not vary are of.
+        solver: what the parameters that do not vary are of.
         varied: parameter -> (n,) in SI.
         angles: crank angles, (p,) in [rad], or (n, p) where each design has its own.
         speed: of the crank, alike in [rad/s].
         acceleration: alike in [rad/s2].
-        rates: False leaves velocities and accelerations nought.
+        rates: False leaves velocities and accelerations 0.
         joints: whether joints are wanted, too.
 
     Returns:
@@ -195,79 +198,79 @@ def solved(
     """
     designs = len(next(iter(varied.values())))
     wide_rows = (np.broadcast_to(row, angles.shape) for row in (angles, speed, acceleration))
-    crank, pace, second = (np.tile(row, designs) if row.ndim == 1 else row.ravel() for row in wide_rows)
-    wide = many(form, varied, angles.shape[-1])
-    described = form.mechanism
-    at = Jet(crank, pace, second) if rates else crank
-    wanted = {link for link, _ in described.points.values()}
+    crank, rate, second = (np.tile(row, designs) if row.ndim == 1 else row.ravel() for row in wide_rows)
+    wide = many(solver, varied, angles.shape[-1])
+    described = solver.mechanism
+    angle = Jet(crank, rate, second) if rates else crank
+    carriers = {link for link, _ in described.points.values()}
     if joints:
-        wanted |= {link.name for link in described.links}
+        carriers |= {link.name for link in described.links}
     with np.errstate(all="ignore"):
         frames: dict[str, link_frames.LinkFrame] = {GROUND: GROUND_FRAME}
-        for name, frame in wide.frames(at):
+        for name, frame in wide.frames(angle):
             frames[name] = frame
-            if wanted <= frames.keys():
+            if carriers <= frames.keys():
                 break
         points: dict[str, PointMotion] = {}
         for name, local in wide.local_points().items():
-            place = frames[described.points[name][0]].point(local)
-            points[name] = link_frames.point_motion(place, len(crank))
-        found: dict[str, JointMotion] = {}
+            position = frames[described.points[name][0]].point(local)
+            points[name] = link_frames.point_motion(position, len(crank))
+        joint_motions: dict[str, JointMotion] = {}
         for joint in described.joints if joints else ():
             if KINDS[joint.kind].single:
                 coordinates = (
-                    [at]
+                    [angle]
                     if joint.name == described.driver
                     else link_frames.joint_coordinates(
                         joint, frames[joint.a.link], frames[joint.b.link], wide.side_a(joint)
                     )
                 )
-                found |= link_frames.joint_motions(joint, coordinates, len(crank))
-    return Motion("closed form", crank, pace, second, points, joints=found)
+                joint_motions |= link_frames.joint_motions(joint, coordinates, len(crank))
+    return Motion("closed form", crank, rate, second, points, joints=joint_motions)
 
 
-def started(form: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
-    """Return the description of designs, and how they stand with the crank at nought, where they can.
+def started(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
+    """Return the description of designs, and their poses with the crank at 0, where they close.
 
     As `form.mechanism` describes one.
     """
-    n, described = len(next(iter(varied.values()))), form.mechanism
-    wide, links = many(form, varied, 1), [link.name for link in described.links]
-    at = wide.joint_points()
+    n, described = len(next(iter(varied.values()))), solver.mechanism
+    wide, links = many(solver, varied, 1), [link.name for link in described.links]
+    joint_points = wide.joint_points()
     ends: dict[str, Ends] = {}
     for joint in described.joints:
-        point_a, point_b = at.get(joint.name, (ORIGIN, ORIGIN))
+        point_a, point_b = joint_points.get(joint.name, (ORIGIN, ORIGIN))
         frame_a, frame_b = wide.side_a(joint), joint.b.frame
-        ends[joint.name] = _place(point_a, n), _frame(frame_a, n), _place(point_b, n), _frame(frame_b, n)
-    points = {name: _place(local, n) for name, local in wide.local_points().items()}
+        ends[joint.name] = _vectors(point_a, n), _frame(frame_a, n), _vectors(point_b, n), _frame(frame_b, n)
+    points = {name: _vectors(local, n) for name, local in wide.local_points().items()}
     with np.errstate(all="ignore"):
-        frames = dict(wide.begin_frames(n))
+        frames = dict(wide.start_frames(n))
     guess = {
         name: Pose(link_frames.place(frames[name].origin, n), frames[name].rotation(n)) for name in links
     }
     return StartedDesigns(DesignArrays(described, ends, points), guess, {described.crank.name: np.zeros(n)})
 
 
-def _place(parts: Sequence[Any], n: int) -> Array:
-    return np.stack([np.broadcast_to(part, n) for part in parts]).astype(np.float64)
+def _vectors(components: Sequence[Any], n: int) -> Array:
+    return np.stack([np.broadcast_to(component, n) for component in components]).astype(np.float64)
 
 
 def _frame(frame: Array, n: int) -> Array:
     return np.broadcast_to(frame if frame.ndim == 3 else frame[..., None], (3, 3, n))
 
 
-def swing_arcs(found: Turning) -> tuple[Array, Array]:
+def swing_arcs(turning_: CrankRanges) -> tuple[Array, Array]:
     """Return lower and upper ends of the arc over which each crank swings, (n,) in [rad].
 
     That is the arc with crank angle zero, otherwise the longest. NaN where there is none, or none that is
     certain.
     """
-    count = found.margins.shape[1]
+    count = turning_.discriminants.shape[1]
     order = np.arange(count) - count // 2
-    harmonics = np.fft.fftshift(found.margins, axes=1)
+    harmonics = np.fft.fftshift(turning_.discriminants, axes=1)
     low, high = np.full(len(harmonics), np.nan), np.full(len(harmonics), np.nan)
     lead = np.abs(harmonics[:, -1]) > LEAST * np.abs(harmonics).max(1)
-    index = np.flatnonzero(lead & np.isfinite(harmonics).all(1) & ~found.full)
+    index = np.flatnonzero(lead & np.isfinite(harmonics).all(1) & ~turning_.full)
     if not len(index):
         return low, high
     roots = _roots(harmonics[index])
@@ -277,9 +280,9 @@ def swing_arcs(found: Turning) -> tuple[Array, Array]:
     for real in range(2, count, 2):
         rows = np.flatnonzero(certain & (number == real))
         if len(rows):
-            at = np.angle(roots[rows][off[rows] < REAL]).reshape(len(rows), real)
+            angles = np.angle(roots[rows][off[rows] < REAL]).reshape(len(rows), real)
             ends = _chosen(
-                np.sort(_polished(at, harmonics[index[rows]], order)), harmonics[index[rows]], order
+                np.sort(_polished(angles, harmonics[index[rows]], order)), harmonics[index[rows]], order
             )
             low[index[rows]], high[index[rows]] = ends
     return low, high
@@ -294,17 +297,17 @@ def _roots(harmonics: Complex) -> Complex:
     return np.linalg.eigvals(companion).astype(np.complex128)
 
 
-def _values(at: Array, harmonics: Complex, order: Array, derivative: int = 0) -> Array:
+def _values(angles: Array, harmonics: Complex, order: Array, derivative: int = 0) -> Array:
     """Return polynomials (n, k) or a derivative at angles (n, m)."""
-    turned = np.exp(1j * at[..., None] * order) * (1j * order) ** derivative
-    return (turned * harmonics[:, None]).sum(-1).real
+    powers = np.exp(1j * angles[..., None] * order) * (1j * order) ** derivative
+    return (powers * harmonics[:, None]).sum(-1).real
 
 
-def _polished(at: Array, harmonics: Complex, order: Array) -> Array:
+def _polished(angles: Array, harmonics: Complex, order: Array) -> Array:
     for _ in range(NEWTON):
-        slope = _values(at, harmonics, order, 1)
-        at = at - _values(at, harmonics, order) / np.where(slope == 0.0, np.inf, slope)
-    return at
+        derivative = _values(angles, harmonics, order, 1)
+        angles = angles - _values(angles, harmonics, order) / np.where(derivative == 0.0, np.inf, derivative)
+    return angles
 
 
 def _chosen(ends: Array, harmonics: Complex, order: Array) -> tuple[Array, Array]:
@@ -317,5 +320,5 @@ def _chosen(ends: Array, harmonics: Complex, order: Array) -> tuple[Array, Array
     row = np.arange(len(ends))
     low, wide, zero = ends[row, best], width[row, best], holds_zero[row, best]
     low = np.where(zero & (low > 0.0), low - REVOLUTION, low)
-    good = open_[row, best] & (width.min(1) > APART)
-    return np.where(good, low, np.nan), np.where(good, low + wide, np.nan)
+    valid = open_[row, best] & (width.min(1) > MIN_ROOT_DISTANCE)
+    return np.where(valid, low, np.nan), np.where(valid, low + wide, np.nan)

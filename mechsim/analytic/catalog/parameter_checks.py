@@ -35,7 +35,7 @@ def number(default: float, doc: str) -> Any:
     return field(default=default, metadata={"unit": "1", "doc": doc})
 
 
-def place(default: tuple[float, ...], doc: str) -> Any:
+def position(default: tuple[float, ...], doc: str) -> Any:
     """Declare a point in [m]."""
     return field(default=default, metadata={"unit": "m", "doc": doc})
 
@@ -88,45 +88,45 @@ def _below(most: float) -> str:
     return f" below {most:g}" if most < np.inf else ""
 
 
-def parameter_value(mechanism: str, field: Any, parameter: str, given: Any) -> Any:
+def parameter_value(mechanism: str, field: Any, parameter: str, value: Any) -> Any:
     """Return the value of a parameter: text is read with its unit, all else is returned as it is.
 
     Args:
         mechanism: its name.
         field: of the mechanism's class, which declares unit, options and default.
         parameter: its name.
-        given: text, a sequence with text in it, or a value in SI.
+        value: text, a sequence with text in it, or a value in SI.
 
     Raises:
         InputError: for text that is no such value.
     """
     unit, what = field.metadata["unit"], f"{parameter} of {mechanism}"
-    if isinstance(given, tuple | list) and any(isinstance(part, str) for part in given):
-        return tuple(units.si(part, unit, what) for part in given)
-    if not isinstance(given, str):
-        return given
+    if isinstance(value, tuple | list) and any(isinstance(component, str) for component in value):
+        return tuple(units.si(component, unit, what) for component in value)
+    if not isinstance(value, str):
+        return value
     if "options" in field.metadata:
-        return _option(what, field.metadata["options"], given)
+        return _option(what, field.metadata["options"], value)
     if isinstance(field.default, tuple):
-        values = units.parse_vector(given, unit, what)
+        values = units.parse_vector(value, unit, what)
         if len(values) != len(field.default):
             raise InputError(
-                f"{what} is {given!r}, {len(values)} numbers; give {len(field.default)}, with commas"
+                f"{what} is {value!r}, {len(values)} numbers; give {len(field.default)}, with commas"
             )
         return values
-    value = units.parse(given, unit, what)
+    number = units.parse(value, unit, what)
     if isinstance(field.default, int):
-        if value != int(value):
-            raise InputError(f"{what} is {given!r}; give a whole number")
-        return int(value)
-    return value
+        if number != int(number):
+            raise InputError(f"{what} is {value!r}; give a whole number")
+        return int(number)
+    return number
 
 
-def _option(what: str, options: tuple[Any, ...], given: str) -> Any:
+def _option(what: str, options: tuple[Any, ...], text: str) -> Any:
     words = {str(option).lower(): option for option in options}
     if set(options) == {False, True}:
         words = {"on": True, "off": False, "true": True, "false": False, "1": True, "0": False}
-    word = given.lower().removeprefix("+")
+    word = text.lower().removeprefix("+")
     if word not in words:
-        raise InputError(f"{what} is {given!r}; it can be {' or '.join(list(words)[:2])}")
+        raise InputError(f"{what} is {text!r}; it can be {' or '.join(list(words)[:2])}")
     return words[word]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.base import TwoBranchForm
-from mechsim.analytic.catalog.parameter_checks import angle, choice, length, place
+from mechsim.analytic.catalog.parameter_checks import angle, choice, length, position
 from mechsim.analytic.vector_method.jets import Values, revalued, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import (
@@ -68,7 +68,7 @@ class Rrsrr(TwoBranchForm):
     crank: float = length(0.012, "length of the crank, to C; R1 of the torus")
     coupler: float = length(0.028, "length CS; r1 of the torus")
     link: float = length(0.039, "length P02S of the connecting link; R2 of the sphere")
-    pivot: tuple[float, float, float] = place((-0.024, -0.008, 0.0), "rocker pivot P02")
+    pivot: tuple[float, float, float] = position((-0.024, -0.008, 0.0), "rocker pivot P02")
     gamma1: float = angle(np.deg2rad(15.0), "turn of the rocker axis about Y")
     gamma2: float = angle(np.deg2rad(15.0), "turn of the rocker axis about the turned X")
     branch: Sign = choice(1, (1, -1), "assembly: sign of sin(v1 - direction from P02 to C)")
@@ -113,7 +113,7 @@ class Rrsrr(TwoBranchForm):
     def side_a(self, joint: Joint) -> Array:
         return self.rocker_frame if joint.name == "rocker" else super().side_a(joint)
 
-    def margin(self, angles: ArrayLike) -> Array:
+    def discriminant(self, angles: ArrayLike) -> Array:
         """A2 + B2 - K2 of the closed form A cos v1 + B sin v1 = K."""
         f, (x, y, z) = np.asarray(angles), self.pivot
         ahead = self.crank - (y * np.cos(f) + z * np.sin(f))  # P02C . er
@@ -145,7 +145,7 @@ class Rrsrr(TwoBranchForm):
 
     def guess(self) -> tuple[dict[str, Pose], float]:
         poses, start = super().guess()
-        if self.margin(start) >= 0.0:
+        if self.discriminant(start) >= 0.0:
             self._require_off_pole(np.array([start]), np.isfinite(poses["rocker"].rotation[:1, 0]))
         return poses, start
 
@@ -159,8 +159,8 @@ class Rrsrr(TwoBranchForm):
     def _require_finite(self, motion: Motion) -> None:
         if "rocker" in motion.links:
             stands = np.isfinite(motion.points["S"].acceleration[:, 0])
-            known = np.isfinite(motion.links["rocker"].rotation[:, 0, 0])
-            self._require_off_pole(motion.angle, known | ~stands)
+            finite = np.isfinite(motion.links["rocker"].rotation[:, 0, 0])
+            self._require_off_pole(motion.angle, finite | ~stands)
         super()._require_finite(motion)
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
@@ -172,24 +172,24 @@ class Rrsrr(TwoBranchForm):
         across = self.across(angle)
         rod = self.coupler * circle_sphere(c, hinge, self.coupler, pivot, self.link, self.branch, across)
         if across is None:
-            rod = _settled(rod, cross(hinge, rod), c + rod - pivot, self.link)
+            rod = _determined(rod, cross(hinge, rod), c + rod - pivot, self.link)
         yield "crank", LinkFrame(origin, x=ex, y=radial)
         yield "coupler", LinkFrame(c, x=rod / self.coupler, z=hinge)
         axis, arm = column(self.rocker_frame[:, 2]), c + rod - pivot
         flat = arm - dot(arm, axis) * axis
         reach = norm(flat)
-        known = values(reach)
-        ahead = flat / revalued(reach, np.where(known >= POLE * self.link, known, np.nan))
+        reach_value = values(reach)
+        ahead = flat / revalued(reach, np.where(reach_value >= POLE * self.link, reach_value, np.nan))
         yield "link", LinkFrame(pivot, x=arm / self.link, z=cross(ahead, axis))
         yield "rocker", LinkFrame(pivot, x=ahead, z=axis)
 
 
-def _settled(rod: Values, swing: Values, arm: Values, link: float) -> Any:
+def _determined(rod: Values, swing: Values, arm: Values, link: float) -> Any:
     """Return rod vectors turned by the last few ulp that bring |arm| to the length of the link.
 
     A short link against long others would otherwise stand open by the rounding of their squares.
     """
     gap = (norm(arm) - link) * link / dot(arm, swing)
     # a turn above 1e-8 is a dead centre, where the gap is rounding of the wrong order to act on
-    known = values(gap)
-    return rod - revalued(gap, np.where(np.abs(known) < 1e-8, known, 0.0)) * swing
+    gap_value = values(gap)
+    return rod - revalued(gap, np.where(np.abs(gap_value) < 1e-8, gap_value, 0.0)) * swing

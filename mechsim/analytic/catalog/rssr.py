@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import TwoBranchForm
-from mechsim.analytic.catalog.parameter_checks import angle, choice, length, place
+from mechsim.analytic.catalog.parameter_checks import angle, choice, length, position
 from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import (
@@ -63,7 +63,7 @@ class Rssr(TwoBranchForm):
     crank: float = length(0.013, "length P1P2")
     coupler: float = length(0.046, "length P2P3")
     rocker: float = length(0.027, "length P4P3")
-    pivot: tuple[float, float, float] = place((0.043, -0.010, -0.024), "rocker pivot P4")
+    pivot: tuple[float, float, float] = position((0.043, -0.010, -0.024), "rocker pivot P4")
     gamma1: float = angle(np.deg2rad(20.0), "turn of the rocker axis about Y")
     gamma2: float = angle(np.deg2rad(30.0), "turn of the rocker axis about the turned X")
     branch: Sign = choice(-1, (1, -1), "assembly: sign of P4P3 . (P4P2 x axis)")
@@ -120,7 +120,7 @@ class Rssr(TwoBranchForm):
     def side_a(self, joint: Joint) -> Array:
         return self.rocker_frame if joint.name == "rocker" else super().side_a(joint)
 
-    def margin(self, angles: ArrayLike) -> Array:
+    def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with parts d across, h along the axis."""
         to_crank = self.crank * self._radial(np.asarray(angles)) - column(self.pivot)
         height = dot(to_crank, column(self.rocker_frame[:, 2]))

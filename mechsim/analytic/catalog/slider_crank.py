@@ -68,7 +68,7 @@ class SliderCrank(TwoBranchForm):
     def local_points(self) -> Mapping[str, Sequence[Any]]:
         return {"A": (self.crank, 0.0, 0.0), "B": (0.0, 0.0, 0.0)}
 
-    def margin(self, angles: ArrayLike) -> Array:
+    def discriminant(self, angles: ArrayLike) -> Array:
         """rod2 - h2 for the height h of the slide above A."""
         return self.rod**2 - (self.offset - self.crank * np.sin(np.asarray(angles))) ** 2
 

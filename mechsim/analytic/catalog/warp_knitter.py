@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.parameter_checks import angle, length, number, place
+from mechsim.analytic.catalog.parameter_checks import angle, length, number, position
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame
@@ -73,10 +73,12 @@ class WarpKnitter(ClosedForm):
     rod3: float = length(0.074, "length AB")
     rod5: float = length(0.049, "length DC")
     rocker: float = length(0.035, "length EK")
-    pivot2: tuple[float, float] = place((0.055, 0.023), "pivot O2 of crank 2")
-    pivot_rocker: tuple[float, float] = place((-0.003, 0.079), "rocker pivot E")
-    base_c: tuple[float, float] = place((0.042, 0.0), "C in the frame of the base link, B being its origin")
-    base_k: tuple[float, float] = place((0.003, 0.024), "K in the frame of the base link")
+    pivot2: tuple[float, float] = position((0.055, 0.023), "pivot O2 of crank 2")
+    pivot_rocker: tuple[float, float] = position((-0.003, 0.079), "rocker pivot E")
+    base_c: tuple[float, float] = position(
+        (0.042, 0.0), "C in the frame of the base link, B being its origin"
+    )
+    base_k: tuple[float, float] = position((0.003, 0.024), "K in the frame of the base link")
     phase: float = angle(math.radians(75.0), "angle of crank 2 where crank 1 is at zero")
     gear_ratio: float = number(-2.0, "turns of crank 2 per turn of crank 1")
     assembly: int = number(2, "number of the assembly at crank angle 0, by rising angle of the base link")
@@ -108,7 +110,7 @@ class WarpKnitter(ClosedForm):
         Frames: cranks and rocker at their pivots, rods at their cranks, x along the link; the base link
         at B as its parameters say.
         """
-        places = {
+        positions = {
             ("crank2", GROUND): self.pivot2,
             ("rocker", GROUND): self.pivot_rocker,
             ("A", "crank1"): (self.crank1, 0.0),
@@ -120,12 +122,12 @@ class WarpKnitter(ClosedForm):
             ("K", "rocker"): (self.rocker, 0.0),
         }
 
-        def at(joint: str, link: str) -> Vector:
-            x, y = places.get((joint, link), (0.0, 0.0))
+        def position_of(joint: str, link: str) -> Vector:
+            x, y = positions.get((joint, link), (0.0, 0.0))
             return float(x), float(y), 0.0
 
         def end(joint: str, link: str) -> End:
-            return End(link, at(joint, link))
+            return End(link, position_of(joint, link))
 
         points = {"A": "crank1", "B": "base", "C": "base", "D": "crank2", "K": "base"}
         return Mechanism(
@@ -135,7 +137,7 @@ class WarpKnitter(ClosedForm):
                 Joint(name, "revolute", end(name, a), end(name, b)) for name, (a, b) in JOINED.items()
             ),
             driver="crank",
-            points={name: (link, at(name, link)) for name, link in points.items()},
+            points={name: (link, position_of(name, link)) for name, link in points.items()},
             gears=(Gear("crank", "crank2", self.gear_ratio, self.phase),),
         )
 
@@ -180,11 +182,11 @@ class WarpKnitter(ClosedForm):
             return Arcs(False, ())
         if self._path.round() is not None:
             return Arcs(True, ((-np.pi, np.pi),))
-        far = 2.0 * np.pi * TURNS_TRIED
-        low, high = self._path.end(-1, -far), self._path.end(1, far)
+        limit = 2.0 * np.pi * TURNS_TRIED
+        low, high = self._path.end(-1, -limit), self._path.end(1, limit)
         if low is None and high is None:
             return Arcs(True, ((-np.pi, np.pi),))
-        low, high = -far if low is None else low, far if high is None else high
+        low, high = -limit if low is None else low, limit if high is None else high
         if period_of(self.gear_ratio) == 2.0 * np.pi > high - low:
             shift = 2.0 * np.pi * np.floor((low + np.pi) / (2.0 * np.pi))
             low, high = float(low - shift), float(high - shift)
@@ -192,20 +194,28 @@ class WarpKnitter(ClosedForm):
 
     def assemblies(self, angle: float) -> Sequence[Self]:
         """Return the mechanism in each assembly that is carried from crank angle 0 to this one."""
-        return [drive for drive in self._family if drive._reaches(angle)]
+        return [member for member in self._all_assemblies if member._reaches(angle)]
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
         """Return every real assembly at a crank angle; its number is None if none at angle 0 leads to it."""
-        numbered = [(drive.assembly, drive.positions([angle])) for drive in self.assemblies(angle)]
-        known = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
-        found: list[tuple[dict[str, int | None], dict[str, Array]]] = []
+        numbered = [(member.assembly, member.positions([angle])) for member in self.assemblies(angle)]
+        numbered_points = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
+        listed: list[tuple[dict[str, int | None], dict[str, Array]]] = []
         for pose in self._assemblies_at(self.pivots.at(angle)):
-            here = {name: xyz(point) for name, point in self._points(angle, *pose).items()}
-            gaps = [max(float(np.abs(here[name] - other[name]).max()) for name in here) for _, other in known]
-            near = int(np.argmin(gaps)) if gaps else None
-            matched = near is not None and gaps[near] < 1e-6 * self._longest
-            found.append(({"assembly": known[near][0] if matched and near is not None else None}, here))
-        return found
+            points = {name: xyz(point) for name, point in self._points(angle, *pose).items()}
+            gaps = [
+                max(float(np.abs(points[name] - other[name]).max()) for name in points)
+                for _, other in numbered_points
+            ]
+            nearest = int(np.argmin(gaps)) if gaps else None
+            matched = nearest is not None and gaps[nearest] < 1e-6 * self._longest
+            listed.append(
+                (
+                    {"assembly": numbered_points[nearest][0] if matched and nearest is not None else None},
+                    points,
+                )
+            )
+        return listed
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Return the triad's determinant over that of this assembly at crank angle 0, (n,).
@@ -228,37 +238,37 @@ class WarpKnitter(ClosedForm):
         e3, e5 = (b - a) / self.rod3, (c - d) / self.rod5
         e6 = (k - complex(*self.pivot_rocker)) / self.rocker
         force = cross(c - k, e5) * e3 - cross(b - k, e3) * e5
-        size = np.maximum(abs(force), np.finfo(np.float64).tiny)
-        return np.arcsin(np.minimum(abs(cross(force, e6)) / size, 1.0))
+        magnitude = np.maximum(abs(force), np.finfo(np.float64).tiny)
+        return np.arcsin(np.minimum(abs(cross(force, e6)) / magnitude, 1.0))
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """The base link as the triad carries it; rods and rocker between its points and the pivots."""
-        place, turn = self._base(angle)
+        origin, direction = self._base(angle)
         a, d, e = self.pivots.at_all(angle)
-        b, c, k = (place + turn * point for point in self.platform)
+        b, c, k = (origin + direction * point for point in self.platform)
         ez = column(EZ)
         yield "crank1", LinkFrame(column(ORIGIN), x=spun(column(EX), ez, angle), z=ez)
-        turned = self.gear_ratio * angle + self.phase
-        yield "crank2", LinkFrame(column((*self.pivot2, 0.0)), x=spun(column(EX), ez, turned), z=ez)
-        yield "base", LinkFrame(xyz(b), x=xyz(turn), z=ez)
+        driven = self.gear_ratio * angle + self.phase
+        yield "crank2", LinkFrame(column((*self.pivot2, 0.0)), x=spun(column(EX), ez, driven), z=ez)
+        yield "base", LinkFrame(xyz(b), x=xyz(direction), z=ez)
         yield "rod3", LinkFrame(xyz(a), x=xyz((b - a) / self.rod3), z=ez)
         yield "rod5", LinkFrame(xyz(d), x=xyz((c - d) / self.rod5), z=ez)
         yield "rocker", LinkFrame(column((*self.pivot_rocker, 0.0)), x=xyz((k - e) / self.rocker), z=ez)
 
     def _base(self, angle: Values) -> tuple[Any, Any]:
         """Return place and turn of the base link, (n,) each."""
-        at = values(angle)
+        angles = values(angle)
         if self._path is None:
-            return np.full(at.shape, np.nan + 0j), np.full(at.shape, np.nan + 0j)
-        place, turn = self._path.poses(at)
+            return np.full(angles.shape, np.nan + 0j), np.full(angles.shape, np.nan + 0j)
+        origin, direction = self._path.poses(angles)
         if not isinstance(angle, Jet):
-            return place, turn
-        return carried(place, turn, self.pivots.at_all(angle), self.platform, self.sides)
+            return origin, direction
+        return carried(origin, direction, self.pivots.at_all(angle), self.platform, self.sides)
 
-    def _points(self, angle: float, place: complex, turn: complex) -> dict[str, complex]:
+    def _points(self, angle: float, origin: complex, direction: complex) -> dict[str, complex]:
         """Return A, B, C, D, K at one crank angle for a pose of the base link."""
         a, d, _ = self.pivots.at(angle)
-        b, c, k = (place + turn * point for point in self.platform)
+        b, c, k = (origin + direction * point for point in self.platform)
         return dict(zip("ABCDK", (a, b, c, d, k), strict=True))
 
     def _assemblies_at(self, pivots: list[complex]) -> list[tuple[complex, complex]]:
@@ -272,7 +282,7 @@ class WarpKnitter(ClosedForm):
         return self._assemblies_at(self.pivots.at(0.0))
 
     @cached_property
-    def _family(self) -> list[Self]:
+    def _all_assemblies(self) -> list[Self]:
         """This mechanism in every assembly of crank angle 0; kept, for each knows its path."""
         numbers = range(1, 1 + len(self._at_zero))
         return [self if n == self.assembly else replace(self, assembly=n) for n in numbers]
@@ -286,9 +296,9 @@ class WarpKnitter(ClosedForm):
 
     @cached_property
     def _nominal_determinant(self) -> float:
-        place, turn = self._at_zero[self.assembly - 1] if self._at_zero else (0j, 1.0 + 0j)
-        vectors = leg_vectors(place, turn, self.pivots.at(0.0), self.platform)
-        return determinant(vectors, moments(vectors, turn, self.platform))
+        origin, direction = self._at_zero[self.assembly - 1] if self._at_zero else (0j, 1.0 + 0j)
+        vectors = leg_vectors(origin, direction, self.pivots.at(0.0), self.platform)
+        return determinant(vectors, moments(vectors, direction, self.platform))
 
     @property
     def _longest(self) -> float:

@@ -171,7 +171,7 @@ def change_point(solver: ClosedForm, which: str, swing_only: bool) -> Trial:
 
     Through a change point both branches are correct: any outcome that is true of the run passes.
     """
-    solver = replace(solver, **solver.laid_flat[which])
+    solver = replace(solver, **solver.collinear_cases[which])
     motion: dict[str, Any] = {"speed": SINGULAR_SPEED}
     if swing_only:
         # from one change point, at 0, to the other, at half a revolution

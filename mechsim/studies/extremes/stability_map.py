@@ -127,7 +127,7 @@ def study(
             progress(f"{name}: {axis}", finished / total)
         result.trials += [
             axes.change_point(solver, which, swing_only)
-            for which in solver.laid_flat
+            for which in solver.collinear_cases
             for swing_only in (True, False)
         ]
         if solver.gear:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import allowed, can_be_begun, started
+from mechsim.analytic.catalog.many_designs import allowed, can_be_started, started
 from mechsim.errors import MechsimError
 from mechsim.model.design_arrays import StartedDesigns, those_alike
 from mechsim.model.forces import Forces
@@ -46,7 +46,7 @@ def assembled_designs(
         with_mechanisms: whether to return the mechanisms too, except those with other forces.
     """
     solver = task.subject.closed
-    if solver is not None and can_be_begun(solver, rows):
+    if solver is not None and can_be_started(solver, rows):
         return _by_formula(solver, rows, task.subject.make if with_mechanisms else None)
     mechanisms = [*_made(task, rows)]
     started, which = those_alike(task.subject.solver.mechanism, mechanisms)

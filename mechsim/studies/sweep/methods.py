@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.many_designs import (
-    Turning,
+    CrankRanges,
     allowed,
     can_be_many,
+    crank_ranges,
     ranges,
     solved,
     swing_arcs,
-    turning,
 )
 from mechsim.analytic.dynamics import machine
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
@@ -85,17 +85,17 @@ def _formula(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Ro
     return np.sort(np.concatenate([np.setdiff1d(np.arange(len(result.outcome)), valid[certain]), *remaining]))
 
 
-def _turning_ranges(solver: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows, Turning | None]:
+def _turning_ranges(solver: TwoBranchForm, rows: Mapping[str, Array]) -> tuple[Rows, CrankRanges | None]:
     """Return the designs with valid parameters, and their reachable crank ranges."""
     valid = np.flatnonzero(allowed(solver, rows))
-    return valid, turning(solver, _subset(rows, valid)) if len(valid) else None
+    return valid, crank_ranges(solver, _subset(rows, valid)) if len(valid) else None
 
 
 def _swing_blocks(
     task: SweepTask,
     rows: Mapping[str, Array],
     valid: Rows,
-    turning_ranges: Turning,
+    turning_ranges: CrankRanges,
     facts: Mapping[str, Array],
     result: Measured,
 ) -> list[Rows]:

@@ -63,7 +63,7 @@ def test_what_does_not_turn_fully_swings():
     # a further root of one sign is numbered by all it does over the turn, which no start tells
     assert not swept_task(
         "looper", {"crank": [0.006]}, "max:C.x", set={"side": "2"}
-    ).subject.closed.begins_alone
+    ).subject.closed.has_own_start
 
 
 def test_what_stands_elsewhere_after_a_turn_did_not_turn_fully():
