@@ -152,7 +152,7 @@ def tangent(solver: ClosedForm, value: float, method: str) -> Trial:
     """A crank that just makes a full turn: a length is a fraction `value` from where it would stop."""
     limiting = with_limiting_length(solver, value)
     angles = np.linspace(-np.pi, np.pi, 4001)
-    angle = float(angles[np.argmin(limiting.margin(angles))]) + np.pi
+    angle = float(angles[np.argmin(limiting.discriminant(angles))]) + np.pi
     return attempt(
         "near tangent",
         limiting,
