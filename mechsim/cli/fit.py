@@ -66,7 +66,7 @@ def fit(
     loading = Loading(acting.forces, acting.density, acting.diameter)
     moved = MovedFamily(family, measured.angles, speed_of(asked.speed or SPEED), loading)
     with progress("fit", None, quiet=as_json) as tick:
-        found = fit_dimensions(moved, measured, asked.vary, offset=asked.offset, watch=tick)
+        found = fit_dimensions(moved, measured, asked.vary, offset=asked.offset, progress=tick)
     told = _told(found, measured) | {"output": output}
     if place is not None:
         _write(place, found, measured, told)

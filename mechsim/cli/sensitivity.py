@@ -119,7 +119,7 @@ def sensitivity(
         table = derivative_table(moved, asked.of, to)
         study = None
         if given is not None:
-            study = tolerance_study(table, given, samples=asked.samples, seed=asked.seed, watch=tick)
+            study = tolerance_study(table, given, samples=asked.samples, seed=asked.seed, progress=tick)
     if place is not None:
         files.write(place, table if study is None else _Both(table, study))
     if picture is not None:
@@ -266,6 +266,7 @@ def _drawn(table: Sensitivity, study: ToleranceStudy | None) -> Any:
         for one in table.values
     }
     paths = [
-        plots.PathBand(path.point, path.places, path.worst, path.squares) for path in path_bands(table, study)
+        plots.PathBand(path.point, path.positions, path.worst, path.squares)
+        for path in path_bands(table, study)
     ]
     return plots.tolerance_plot(plots.ToleranceSheet(over, at, bands, paths))

@@ -87,7 +87,7 @@ class MeasuredMotion:
         return len(self.angles) * len(self.values)
 
 
-def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table") -> MeasuredMotion:
+def measured_of(table: Mapping[str, Array], solver: Form, where: str = "the table") -> MeasuredMotion:
     """Return what a table of columns holds: angle (or t under programs), quantities, and ± columns of some.
 
     A header may name a unit, as `P.x [mm]`; without one it is SI.
@@ -95,7 +95,7 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
     Raises:
         InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
     """
-    columns, motion_laws = columns_in_si(table, where), form.motion_laws
+    columns, motion_laws = columns_in_si(table, where), solver.motion_laws
     over = "angle" if motion_laws is None else "t"
     if over not in columns:
         unit = "crank angles in rad" if over == "angle" else "times in s"
@@ -104,41 +104,42 @@ def measured_of(table: Mapping[str, Array], form: Form, where: str = "the table"
         sound = np.abs(column) <= HUGE
         if not sound.all():
             row = int(np.argmin(sound)) + 1
-            why = "no finite number" if not np.isfinite(column[row - 1]) else f"{column[row - 1]:g}"
-            raise InputError(f"{where}: column {name} is {why} in row {row}; take the row out")
+            problem = "no finite number" if not np.isfinite(column[row - 1]) else f"{column[row - 1]:g}"
+            raise InputError(f"{where}: column {name} is {problem} in row {row}; take the row out")
     deviations: dict[str, Array] = {}
     values: dict[str, Array] = {}
     for name, column in columns.items():
-        of = deviation_of(name)
-        if of is None:
+        quantity_name = deviation_of(name)
+        if quantity_name is None:
             values[name] = column
-        elif of not in columns:
+        elif quantity_name not in columns:
             raise InputError(
-                f"{where}: column {name} says how well {of} is known, but there is no column {of}"
+                f"{where}: column {name} is the standard deviation of {quantity_name}, but there is no "
+                f"column {quantity_name}"
             )
         elif not (column > 0.0).all():
             row = int(np.argmin(column > 0.0)) + 1
             raise InputError(f"{where}: column {name} is {column[row - 1]:g} in row {row}; give it above 0")
         else:
-            deviations[of] = column
-    at = values.pop(over)
+            deviations[quantity_name] = column
+    instants = values.pop(over)
     # what says when, or what was asked for, was not measured
-    for name in (over, "angle", "time", "speed", "acceleration", *form.mechanism.drivers):
+    for name in (over, "angle", "time", "speed", "acceleration", *solver.mechanism.drivers):
         values.pop(name, None)
         if name in deviations:
             raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
-    angles = at if motion_laws is None else motion_laws.rate * at
+    angles = instants if motion_laws is None else motion_laws.rate * instants
     if len(angles) and float(np.ptp(angles)) > MAX_RANGE:
         turns = float(np.ptp(angles)) / (2.0 * np.pi)
         raise InputError(
             f"{where}: column {over} goes over {turns:.4g} turns; give {MAX_RANGE / (2.0 * np.pi):g} at most"
         )
-    return MeasuredMotion(at, angles, values, deviations)
+    return MeasuredMotion(instants, angles, values, deviations)
 
 
-def single(asked: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:
+def single(table: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:
     """Return the quantity that each column of a table is: its name there -> ours.
 
     Besides our own names those of efforts as `reference/` has them: torque:J of a crank or of a driver,
@@ -147,11 +148,11 @@ def single(asked: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:
     Raises:
         InputError: for a column that is none, or several.
     """
-    found: dict[str, str] = {}
-    straight = {f"force:{name}": f"drive {name}" for name in moved.form.mechanism.straight}
-    for name in asked:
+    names: dict[str, str] = {}
+    straight = {f"force:{name}": f"drive {name}" for name in moved.solver.mechanism.straight}
+    for name in table:
         columns = moved.quantities([straight.get(name, name)])
         if len(columns) != 1:
             raise InputError(f"column {name} is no single quantity; name columns as P3.x or rocker.q")
-        found[name] = columns[0]
-    return found
+        names[name] = columns[0]
+    return names

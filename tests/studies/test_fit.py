@@ -12,7 +12,7 @@ from mechsim import files
 from mechsim.analytic import catalog, dynamics
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.fit import single
-from mechsim.studies.sensitivity.moved_family import beside
+from mechsim.studies.sensitivity.moved_family import family_at
 
 ANGLES = np.linspace(0.0, 6.0, 13)
 TRUE = {"coupler": 0.0913, "rocker": 0.0735, "arm_angle": 0.55}
@@ -99,7 +99,7 @@ def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, 
     table = {one: whole[one][::9] for one in wanted}
     of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
     true = {one: of.family.dimensions[one].value for one in vary}
-    begun = replace(of, family=beside(of.family, {one: 0.99 * value for one, value in true.items()}))
+    begun = replace(of, family=family_at(of.family, {one: 0.99 * value for one, value in true.items()}))
     found = ms.fit(begun, table, vary)
     assert found.outcome == "fitted"
     assert all(found.values[one] == pytest.approx(value, rel=1e-10) for one, value in true.items())

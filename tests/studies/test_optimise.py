@@ -24,7 +24,7 @@ def test_a_straighter_line_is_no_shorter_and_its_crank_turns_fully():
     found = searched("straighter_line")
     assert found.outcome == "found"
     assert found.after < 0.6 * found.before
-    assert found.moved.form.crank_range().full
+    assert found.moved.solver.crank_range().full
     columns = found.moved.values(["C.x", "C.y"], {})
     height = columns["C.y"][9:28]
     assert np.std(height) == pytest.approx(found.after, rel=1e-9)
@@ -140,7 +140,7 @@ WORDS = [
 def test_a_measure_is_the_one_of_a_sweep_and_its_slope_that_of_two_sweeps(word):
     start, step = ms.moved("four_bar", angles=TURN, speed=10.0), 2.0**-14
     goal, name = goal_of(word, start), "coupler"
-    found = start.slopes(start.quantities(goal.of), [name])
+    found = start.derivatives(start.quantities(goal.of), [name])
     alike = {one: stepped(values, found.by[name][one]) for one, values in found.values.items()}
     value = limit_of(MeasureLimit(word, low=0.0), start).function(alike)
     beside = 0.091 + step * np.array([-1.0, 0.0, 1.0])

@@ -191,7 +191,7 @@ def errors(one, found, exact):
 
 def kept(one, found, exact):
     """Lines for the tests: the last point's place and velocity and the drive, at the first instant."""
-    last = list(found.table.moved.form.mechanism.points)[-1]
+    last = list(found.table.moved.solver.mechanism.points)[-1]
     for parameter, slopes in exact.items():
         for column, values in slopes.items():
             wanted = column.rpartition(".")[0] == last and kind(column) in ("place", "velocity")

@@ -15,16 +15,16 @@ from mechsim.model.forces import Forces
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
-from mechsim.studies.sensitivity.moved_family import MovedFamily, beside
-from mechsim.studies.sensitivity.sensitivity import Subject, dimensions_asked, moved_along
+from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
+from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names, moved_along
 from mechsim.subjects.readers import parametric_model
 
 # singular values of the scaled derivatives below this part of the largest tell nothing
-BLIND = 1e-7
+RANK_TOLERANCE = 1e-7
 # part of such a direction that makes a dimension one of those that cannot be told apart
-PART = 0.1
+SHARE = 0.1
 # mechanisms tried at the most, and the relative change at which a fit has come to rest
-MOST, REST = 100, 1e-10
+MAX_MECHANISMS, REST = 100, 1e-10
 
 FitOutcome = Literal["fitted", "underdetermined", "not converged"]
 
@@ -96,7 +96,7 @@ def fit_dimensions(
     vary: Sequence[str],
     *,
     offset: bool = False,
-    watch: Callable[[str, float], None] = lambda _, __: None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> Fit:
     """Return the dimensions with which a mechanism moves most nearly as it was measured.
 
@@ -111,7 +111,7 @@ def fit_dimensions(
         vary: names of dimensions, whole places by their parts.
         offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
             stood ahead of what was read.
-        watch: told now and then how far it has come.
+        progress: told now and then how far it has come.
 
     Raises:
         InputError: for an unknown dimension or quantity, fewer numbers than dimensions, or an offset of what
@@ -122,7 +122,7 @@ def fit_dimensions(
 
     family = replace(moved, angles=measured.angles)
     named = single(measured.values, family)
-    names = dimensions_asked(family, vary)
+    names = dimension_names(family, vary)
     family.family.require_independent(names)
     if offset:
         _require_offset(family, named.values())
@@ -132,18 +132,18 @@ def fit_dimensions(
             f"{measured.count} numbers are measured and {len(names)} dimensions wanted; "
             "measure more, or vary fewer"
         )
-    problem = _Problem(family, measured, named, names, watch)
+    problem = _Problem(family, measured, named, names, progress)
     problem.residuals(np.zeros(len(names)))
-    slopes: Any = problem.slopes
+    derivatives: Any = problem.derivatives
     found: Any = least_squares(
         problem.tried,
         np.zeros(len(names)),
-        slopes,
+        derivatives,
         method="trf",
         xtol=REST,
         ftol=REST,
         gtol=REST,
-        max_nfev=MOST,
+        max_nfev=MAX_MECHANISMS,
     )
     return problem.told(found.x, found.status > 0)
 
@@ -155,7 +155,7 @@ def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
         raise InputError(
             f"{name} has no lone crank without a program whose zero could be unknown; leave it out"
         )
-    acting = moved.loading.acting(moved.form)
+    acting = moved.loading.acting(moved.solver)
     if (acting.loads or acting.couples or acting.crank_torque) and moved.loaded(columns):
         raise InputError(
             f"{name}: efforts under loads that follow the crank do not tell its zero; "
@@ -172,12 +172,12 @@ class _Problem:
         measured: MeasuredMotion,
         named: Mapping[str, str],
         names: list[str],
-        watch: Callable[[str, float], None],
+        progress: Callable[[str, float], None],
     ):
         self.moved, self.measured, self.named, self.names = moved, measured, named, names
-        self.watch = watch
+        self.watch = progress
         self.columns = [*dict.fromkeys(named.values())]
-        mechanism = moved.form.mechanism
+        mechanism = moved.solver.mechanism
         known = {**moved.family.dimensions, moved.offset: Dimension(moved.offset, 0.0, "rad")}
         self.start = {name: known[name].value for name in names}
         self.dimension_units = units = {name: known[name].unit for name in names}
@@ -238,9 +238,9 @@ class _Problem:
         except MechsimError:
             return np.full(self.measured.count, np.inf)
 
-    def slopes(self, x: Array) -> Array:
+    def derivatives(self, x: Array) -> Array:
         """Return exact derivatives of what is left, (m, p)."""
-        by = self.moved.slopes(self.columns, self.names, self.dimensions(x)).by
+        by = self.moved.derivatives(self.columns, self.names, self.dimensions(x)).by
         rows = [
             np.concatenate([by[name][of] / self.weights[one] for one, of in self.named.items()])
             for name in self.names
@@ -249,12 +249,12 @@ class _Problem:
 
     def told(self, x: Array, rested: bool) -> Fit:
         """Return what came of it."""
-        left, slopes = self.residuals(x), self.slopes(x)
-        _, singular, right = np.linalg.svd(slopes, full_matrices=True)
+        left, derivatives = self.residuals(x), self.derivatives(x)
+        _, singular, right = np.linalg.svd(derivatives, full_matrices=True)
         singular = np.pad(singular, (0, len(self.names) - len(singular)))
-        seen = singular > BLIND * singular[0]
+        seen = singular > RANK_TOLERANCE * singular[0]
         # numbers that stay what they are, as places out of a flat linkage's plane, tell nothing of errors
-        free = int(((left != 0.0) | slopes.any(1)).sum()) - int(seen.sum())
+        free = int(((left != 0.0) | derivatives.any(1)).sum()) - int(seen.sum())
         spread = float(np.sqrt((left**2).sum() / free)) if free > 0 else 0.0
         unit = 1.0 if self.weighed else spread
         covariance = (right[seen].T / singular[seen] ** 2) @ right[seen] * unit**2
@@ -274,7 +274,7 @@ class _Problem:
         own = {name: value for name, value in values.items() if name != self.moved.offset}
         angles = self.moved.angles + values.get(self.moved.offset, 0.0)
         return Fit(
-            moved=replace(self.moved, family=beside(self.moved.family, own), angles=angles),
+            moved=replace(self.moved, family=family_at(self.moved.family, own), angles=angles),
             outcome=outcome,
             start=self.start,
             values=values,
@@ -294,8 +294,8 @@ class _Problem:
 def _groups(blind: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Return groups of dimensions that directions (d, p) join, along which nothing measured changes."""
     reach = np.sqrt((blind**2).sum(0))
-    joined = (np.abs(blind.T @ blind) > PART**2) & np.outer(reach > PART, reach > PART)
-    left = [i for i in range(len(names)) if reach[i] > PART]
+    joined = (np.abs(blind.T @ blind) > SHARE**2) & np.outer(reach > SHARE, reach > SHARE)
+    left = [i for i in range(len(names)) if reach[i] > SHARE]
     groups: list[tuple[str, ...]] = []
     while left:
         group = {left[0]}
@@ -335,8 +335,8 @@ def fit(
     subject = model
     if not isinstance(subject, MovedFamily):
         # the table has the instants
-        pace = units.si(speed, "rad/s", "the speed")
-        subject = moved_along(parametric_model(subject), np.zeros(1), pace, forces)
+        crank_speed = units.si(speed, "rad/s", "the speed")
+        subject = moved_along(parametric_model(subject), np.zeros(1), crank_speed, forces)
     if isinstance(table, Mapping):
         columns: Mapping[str, Array] = {
             name: np.asarray(one, dtype=np.float64) for name, one in table.items()
@@ -345,4 +345,4 @@ def fit(
     else:
         columns, where = files.read(table), str(table)
     names = [vary] if isinstance(vary, str) else vary
-    return fit_dimensions(subject, measured_of(columns, subject.form, where), names, offset=offset)
+    return fit_dimensions(subject, measured_of(columns, subject.solver, where), names, offset=offset)

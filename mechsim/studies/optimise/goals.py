@@ -64,28 +64,28 @@ def smallest(values: Array) -> Any:
     return values[int(np.argmin(np.real(values)))]
 
 
-def numbers_from(found: Any, what: str) -> Array:
+def numbers_from(result: Any, what: str) -> Array:
     """Return what a function gave as one row of numbers.
 
     Raises:
         InputError: for what is no number.
     """
-    values = np.atleast_1d(np.asarray(found)).ravel()
+    values = np.atleast_1d(np.asarray(result)).ravel()
     if values.dtype.kind not in "fciu" or not np.isfinite(values).all():
-        raise InputError(f"{what} gives {found!r}; return finite numbers")
+        raise InputError(f"{what} gives {result!r}; return finite numbers")
     return values
 
 
 def bounded(limits: Sequence[Limit]) -> list[tuple[Limit, float, float]]:
     """Return limits as signs and bounds: sign * (function - bound) >= 0."""
-    found = [(one, 1.0, one.low) for one in limits if one.low is not None]
-    return found + [(one, -1.0, one.high) for one in limits if one.high is not None]
+    lower = [(limit, 1.0, limit.low) for limit in limits if limit.low is not None]
+    return lower + [(limit, -1.0, limit.high) for limit in limits if limit.high is not None]
 
 
 # words whose measure is a root mean square -> what it is of, instant by instant
 SQUARES: dict[str, Callable[[Array], Array]] = {"rms": lambda of: of, "ripple": lambda of: of - of.mean()}
 # how near two angles are one, in [rad]
-SAME = 1e-9
+ANGLE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -112,17 +112,17 @@ def goal_of(text: str, moved: MovedFamily) -> Goal:
     Raises:
         InputError: for what is no measure, or one without a derivative.
     """
-    asked = _measured(text, moved)
-    if asked.measure.kind in SQUARES:
-        alike = SQUARES[asked.measure.kind]
-        return Goal(asked.of, lambda given: alike(asked.over(given)))
-    return Goal(asked.of, asked.value)
+    measured = _measured(text, moved)
+    if measured.measure.kind in SQUARES:
+        alike = SQUARES[measured.measure.kind]
+        return Goal(measured.of, lambda values: alike(measured.over(values)))
+    return Goal(measured.of, measured.value)
 
 
 def limit_of(limit: MeasureLimit, moved: MovedFamily) -> Limit:
     """Return a limit of a measure; as `goal_of`."""
-    asked = _measured(limit.measure, moved)
-    return Limit(asked.of, asked.value, limit.low, limit.high, limit.measure)
+    measured = _measured(limit.measure, moved)
+    return Limit(measured.of, measured.value, limit.low, limit.high, limit.measure)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class _Measured:
         quantity = self.measure.quantity
         if quantity is None:
             return tuple(f"{self.measure.subject}.{axis}" for axis in AXES)
-        return tuple(part.name for part in quantity.scalars())
+        return tuple(component.name for component in quantity.scalars())
 
     @property
     def of(self) -> tuple[str, ...]:
@@ -164,38 +164,42 @@ class _Measured:
 
     def _turns(self, values: Quantities) -> Turns:
         """Return quantities as those of one design."""
-        known = {name: np.asarray(values[name])[self.poses][None] for name in self.columns if name in values}
-        zeros = np.zeros_like(np.real(next(iter(known.values()))))
+        determined = {
+            name: np.asarray(values[name])[self.poses][None] for name in self.columns if name in values
+        }
+        zeros = np.zeros_like(np.real(next(iter(determined.values()))))
         # what rigid links do not determine counts for nothing
-        more = {name: known.get(name, zeros) for name in self.columns}
+        more = {name: determined.get(name, zeros) for name in self.columns}
         return Turns(1, zeros.size, Motion("user", zeros[0], zeros[0], zeros[0], {}), more)
 
 
 def _measured(text: str, moved: MovedFamily) -> _Measured:
-    form, angles = moved.form, moved.angles
-    found = measure(text, form.mechanism, form.motion_laws)
+    solver, angles = moved.solver, moved.angles
+    measured = measure(text, solver.mechanism, solver.motion_laws)
     if (
-        found.kind in FACTS
-        or found.kind == "function"
-        or (found.quantity and found.quantity.kind == TRANSMISSION)
+        measured.kind in FACTS
+        or measured.kind == "function"
+        or (measured.quantity and measured.quantity.kind == TRANSMISSION)
     ):
         raise InputError(
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
             "as examples/design/torque_ripple.py does"
         )
-    whole = form.motion_laws is None and abs(angles[-1] - angles[0] - REVOLUTION) < SAME
+    whole = solver.motion_laws is None and abs(angles[-1] - angles[0] - REVOLUTION) < ANGLE_TOLERANCE
     index = None
-    if found.angle is not None:
-        near = np.abs(angles - found.angle)
-        index = int(np.argmin(near))
-        if near[index] > SAME:
-            motion_laws = form.motion_laws
-            there = (
-                f"{found.angle:.6g} rad" if motion_laws is None else motion_laws.instant_label(found.angle)
+    if measured.angle is not None:
+        distance = np.abs(angles - measured.angle)
+        index = int(np.argmin(distance))
+        if distance[index] > ANGLE_TOLERANCE:
+            motion_laws = solver.motion_laws
+            place = (
+                f"{measured.angle:.6g} rad"
+                if motion_laws is None
+                else motion_laws.instant_label(measured.angle)
             )
             raise InputError(
-                f"{text} is taken at {there}, where the motion is not solved; give `moved` "
+                f"{text} is taken at {place}, where the motion is not solved; give `moved` "
                 f"{'an angle' if motion_laws is None else 'a time'} there"
             )
         whole = False
-    return _Measured(found, slice(0, -1) if whole else slice(None), index)
+    return _Measured(measured, slice(0, -1) if whole else slice(None), index)

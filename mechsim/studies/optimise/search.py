@@ -21,13 +21,13 @@ from mechsim.studies.optimise.goals import (
     limit_of,
     numbers_from,
 )
-from mechsim.studies.sensitivity.moved_family import MovedFamily, Slopes, beside
-from mechsim.studies.sensitivity.sensitivity import Subject, dimensions_asked, moved
+from mechsim.studies.sensitivity.moved_family import MovedFamily, QuantityDerivatives, family_at
+from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names, moved
 
 # mechanisms tried at the most; by how much a limit may be missed, in parts of it
-MOST, KEPT = 300, 1e-6
+MAX_MECHANISMS, KEPT = 300, 1e-6
 # the value of a goal, in parts of that at the start, where there is no assembly
-NOWHERE = 1e6
+GOAL_WITHOUT_ASSEMBLY = 1e6
 # relative change at which a search has come to rest; how near to an end it may begin, and counts as there
 REST, INSIDE, AT_END = 1e-10, 1e-6, 1e-9
 GOAL = "the goal"
@@ -72,7 +72,7 @@ def optimise(
     goal: Goal | str,
     limits: Sequence[Limit | MeasureLimit] = (),
     *,
-    most: int = MOST,
+    most: int = MAX_MECHANISMS,
 ) -> Optimum:
     """Return the dimensions that make a goal smallest near where a mechanism stands.
 
@@ -95,20 +95,20 @@ def optimise(
         AssemblyError: where the mechanism it begins from cannot stand at every angle.
     """
     subject = moved(model)
-    wanted = goal_of(goal, subject) if isinstance(goal, str) else goal
-    kept = [limit_of(one, subject) if isinstance(one, MeasureLimit) else one for one in limits]
-    search = _DimensionSearch(subject, vary, wanted, kept)
+    objective = goal_of(goal, subject) if isinstance(goal, str) else goal
+    kept = [limit_of(limit, subject) if isinstance(limit, MeasureLimit) else limit for limit in limits]
+    search = _DimensionSearch(subject, vary, objective, kept)
     search.at(search.begin)
-    found = search.constrained(most) if limits else search.free(most)
-    return search.told(found)
+    solution = search.constrained(most) if limits else search.free(most)
+    return search.told(solution)
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Evaluated:
     """What was found of one mechanism: quantities and derivatives; None where there is no assembly."""
 
     x: Array
-    slopes: Slopes | None
+    derivatives: QuantityDerivatives | None
 
 
 class _DimensionSearch:
@@ -127,10 +127,10 @@ class _DimensionSearch:
         self.low, self.high = np.array(ends).T
         self.start = np.array([subject.family.dimensions[name].value for name in self.names])
         self.begin = (self.start - self.low) / (self.high - self.low)
-        asked = dict.fromkeys(one for part in (goal, *limits) for one in part.of)
-        self.columns = subject.quantities([*asked]) if asked else []
+        requested = dict.fromkeys(name for objective in (goal, *limits) for name in objective.of)
+        self.columns = subject.quantities([*requested]) if requested else []
         self.tried = 0
-        self._last: _Seen | None = None
+        self._last: _Evaluated | None = None
         self.scale = 1.0
         self.scale = float(np.abs(self.values(goal.function, self.begin, GOAL)).max()) or 1.0
 
@@ -139,47 +139,54 @@ class _DimensionSearch:
         values = self.low + x * (self.high - self.low)
         return dict(zip(self.names, values.tolist(), strict=True))
 
-    def at(self, x: Array) -> Slopes:
+    def at(self, x: Array) -> QuantityDerivatives:
         """Return quantities and their derivatives.
 
         Raises:
             AssemblyError: where there is no assembly.
         """
         if self._last is not None and np.array_equal(self._last.x, x):
-            if self._last.slopes is None:
+            if self._last.derivatives is None:
                 raise AssemblyError(f"{self.moved.family.name}: the loops do not close with these dimensions")
-            return self._last.slopes
+            return self._last.derivatives
         self.tried += 1
-        self._last = _Seen(x.copy(), None)
-        given = self.dimensions(x)
+        self._last = _Evaluated(x.copy(), None)
+        dimensions = self.dimensions(x)
         try:
-            found = self.moved.slopes(self.columns, self.names, given) if self.columns else Slopes({}, {})
+            result = (
+                self.moved.derivatives(self.columns, self.names, dimensions)
+                if self.columns
+                else QuantityDerivatives({}, {})
+            )
         except InputError as error:
             # dimensions that no mechanism can have
             raise AssemblyError(str(error)) from None
-        self._last = _Seen(x.copy(), found)
-        return found
+        self._last = _Evaluated(x.copy(), result)
+        return result
 
     def values(self, function: Function, x: Array, what: str) -> Array:
         """Return a function's values, (k,)."""
-        seen = self.at(x).values
-        return numbers_from(function({**self._all(x), **seen}), what)
+        quantities = self.at(x).values
+        return numbers_from(function({**self._all(x), **quantities}), what)
 
-    def slope(self, part: Goal | Limit, x: Array, what: str) -> Array:
+    def derivative(self, objective: Goal | Limit, x: Array, what: str) -> Array:
         """Return derivatives of a goal or a limit by parts of the dimensions, (k, p)."""
-        seen, rows = self.at(x), list[Array]()
+        evaluated, rows = self.at(x), list[Array]()
         for i, name in enumerate(self.names):
             width = self.high[i] - self.low[i]
-            own = {one: stepped(values, seen.by[name][one] * width) for one, values in seen.values.items()}
-            given: dict[str, Any] = self._all(x)
-            given[name] = stepped(np.array(given[name]), width)
-            found = numbers_from(part.function({**given, **own}), what)
-            if part.of and not np.iscomplexobj(found):
+            own = {
+                column: stepped(values, evaluated.by[name][column] * width)
+                for column, values in evaluated.values.items()
+            }
+            arguments: dict[str, Any] = self._all(x)
+            arguments[name] = stepped(np.array(arguments[name]), width)
+            result = numbers_from(objective.function({**arguments, **own}), what)
+            if objective.of and not np.iscomplexobj(result):
                 raise InputError(
                     f"{what} gives real numbers of what carries a derivative, as abs, max and float do; "
                     "use sums, products, powers, roots, and `largest`, `smallest` or `size_of`"
                 )
-            rows.append(change_of(found))
+            rows.append(change_of(result))
         return np.array(rows).T
 
     def _all(self, x: Array) -> dict[str, Any]:
@@ -191,20 +198,20 @@ class _DimensionSearch:
 
         count = len(self.values(self.goal.function, self.begin, GOAL))
 
-        def left(x: Array) -> Array:
+        def residual(x: Array) -> Array:
             try:
                 return self.values(self.goal.function, x, GOAL) / self.scale
             except AssemblyError:
                 # least squares goes back from there
                 return np.full(count, np.inf)
 
-        def slope(x: Array) -> Array:
-            return self.slope(self.goal, x, GOAL) / self.scale
+        def derivative(x: Array) -> Array:
+            return self.derivative(self.goal, x, GOAL) / self.scale
 
-        jacobian: Any = slope
+        jacobian: Any = derivative
         begin = np.clip(self.begin, INSIDE, 1.0 - INSIDE)
         rest: dict[str, Any] = {"xtol": REST, "ftol": REST, "gtol": REST}
-        return least_squares(left, begin, jacobian, bounds=(0.0, 1.0), max_nfev=most, **rest)
+        return least_squares(residual, begin, jacobian, bounds=(0.0, 1.0), max_nfev=most, **rest)
 
     def constrained(self, most: int) -> Any:
         """Return what SLSQP finds."""
@@ -214,35 +221,35 @@ class _DimensionSearch:
             try:
                 return 0.5 * float(np.square(self.values(self.goal.function, x, GOAL) / self.scale).sum())
             except AssemblyError:
-                return NOWHERE
+                return GOAL_WITHOUT_ASSEMBLY
 
-        def slope(x: Array) -> Array:
+        def derivative(x: Array) -> Array:
             try:
-                left = self.values(self.goal.function, x, GOAL) / self.scale
-                return left @ self.slope(self.goal, x, GOAL) / self.scale
+                residual = self.values(self.goal.function, x, GOAL) / self.scale
+                return residual @ self.derivative(self.goal, x, GOAL) / self.scale
             except AssemblyError:
                 return np.zeros(len(x))
 
-        def kept(limit: Limit, sign: float, bound: float) -> dict[str, Any]:
+        def kept(limit: Limit, sign: float, limit_value: float) -> dict[str, Any]:
             unit = _unit(limit)
             count = len(self.values(limit.function, self.begin, limit.name))
 
             def inside(x: Array) -> Array:
                 try:
-                    return sign * (self.values(limit.function, x, limit.name) - bound) / unit
+                    return sign * (self.values(limit.function, x, limit.name) - limit_value) / unit
                 except AssemblyError:
                     return np.full(count, -1.0)
 
-            def slope(x: Array) -> Array:
+            def derivative(x: Array) -> Array:
                 try:
-                    return sign * self.slope(limit, x, limit.name) / unit
+                    return sign * self.derivative(limit, x, limit.name) / unit
                 except AssemblyError:
                     return np.zeros((count, len(x)))
 
-            return {"type": "ineq", "fun": inside, "jac": slope}
+            return {"type": "ineq", "fun": inside, "jac": derivative}
 
         limits: Any = [kept(*one) for one in bounded(self.limits)]
-        jacobian: Any = slope
+        jacobian: Any = derivative
         ends: Any = [(0.0, 1.0)] * len(self.names)
         options = {"maxiter": most, "ftol": REST}
         begin = np.clip(self.begin, 0.0, 1.0)
@@ -250,21 +257,23 @@ class _DimensionSearch:
             total, begin, jac=jacobian, bounds=ends, constraints=limits, method="SLSQP", options=options
         )
 
-    def told(self, found: Any) -> Optimum:
+    def told(self, solution: Any) -> Optimum:
         """Return what came of a search."""
-        x = np.clip(np.asarray(found.x, dtype=np.float64), 0.0, 1.0)
+        x = np.clip(np.asarray(solution.x, dtype=np.float64), 0.0, 1.0)
         after = self.values(self.goal.function, x, GOAL)
         before = self.values(self.goal.function, self.begin, GOAL)
         nearest: dict[str, float] = {}
-        missed = False
-        for limit, sign, bound in bounded(self.limits):
-            inside = sign * (self.values(limit.function, x, limit.name) - bound)
-            nearest[limit.name] = float(bound + sign * inside.min())
-            missed |= not inside.min() >= -KEPT * _unit(limit)
+        violated = False
+        for limit, sign, limit_value in bounded(self.limits):
+            inside = sign * (self.values(limit.function, x, limit.name) - limit_value)
+            nearest[limit.name] = float(limit_value + sign * inside.min())
+            violated |= not inside.min() >= -KEPT * _unit(limit)
         values = self.dimensions(x)
-        outcome: SearchOutcome = "limits missed" if missed else "found" if found.success else "not converged"
+        outcome: SearchOutcome = (
+            "limits missed" if violated else "found" if solution.success else "not converged"
+        )
         return Optimum(
-            moved=replace(self.moved, family=beside(self.moved.family, values)),
+            moved=replace(self.moved, family=family_at(self.moved.family, values)),
             outcome=outcome,
             start=dict(zip(self.names, self.start.tolist(), strict=True)),
             values=values,
@@ -272,10 +281,12 @@ class _DimensionSearch:
             after=float(np.sqrt(np.square(after).mean())),
             limits=nearest,
             at_bounds=tuple(
-                name for name, part in zip(self.names, x, strict=True) if min(part, 1.0 - part) < AT_END
+                name
+                for name, position in zip(self.names, x, strict=True)
+                if min(position, 1.0 - position) < AT_END
             ),
             tried=self.tried,
-            message=str(found.message),
+            message=str(solution.message),
         )
 
 
@@ -285,7 +296,7 @@ def _unit(limit: Limit) -> float:
 
 
 def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> list[str]:
-    names = dimensions_asked(subject, [*vary])
+    names = dimension_names(subject, [*vary])
     if names != [*vary]:
         raise InputError(f"a whole place cannot vary between two numbers; name its parts, {', '.join(names)}")
     if not names:
@@ -296,15 +307,15 @@ def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> lis
 
 def _ends(subject: MovedFamily, name: str, ends: tuple[float, float]) -> tuple[float, float]:
     """Return where a dimension may vary, checked."""
-    low, high = (float(one) for one in numbers(ends)) if np.shape(ends) == (2,) else (np.nan, np.nan)
-    here = subject.family.dimensions[name].value
+    low, high = (float(end) for end in numbers(ends)) if np.shape(ends) == (2,) else (np.nan, np.nan)
+    current = subject.family.dimensions[name].value
     if not (-np.inf < low < high < np.inf):
         raise InputError(
             f"{name} may vary over {ends}; give its lowest and highest value in SI, in this order"
         )
-    if not low <= here <= high:
+    if not low <= current <= high:
         raise InputError(
-            f"{name} is {here:g} as it stands, outside {low:g} to {high:g}; "
+            f"{name} is {current:g} as it stands, outside {low:g} to {high:g}; "
             "begin from one inside, or widen it"
         )
     return low, high

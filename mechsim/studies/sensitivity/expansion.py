@@ -13,10 +13,10 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
-Watch = Callable[[], None]
-Places = NDArray[np.intp] | slice
+Advance = Callable[[], None]
+Columns = NDArray[np.intp] | slice
 # which of the quantities, and by how much each of many mechanisms is off there
-Block = tuple[Places, Array]
+Block = tuple[Columns, Array]
 EVERY = slice(None)
 # quantities taken in one go
 BLOCK = 64
@@ -40,31 +40,33 @@ class Solved:
     values: Array
     angular: NDArray[np.bool_]
 
-    def off(self, parts: Array) -> Array:
+    def off(self, fractions: Array) -> Array:
         """Return by how much quantities are off, (k,), with dimensions off by parts of their bounds, (p,).
 
         Raises:
             AssemblyError: where the loops do not close.
         """
-        found = self.moved.values(self.columns, self.dimensions(parts))
-        return self.less(np.concatenate([found[one] for one in self.columns]))
+        values = self.moved.values(self.columns, self.dimensions(fractions))
+        return self.less(np.concatenate([values[column] for column in self.columns]))
 
-    def less(self, found: Array, which: Places = EVERY) -> Array:
+    def less(self, values: Array, which: Columns = EVERY) -> Array:
         """Return by how much some of the quantities, (..., k), differ from the mechanism as it stands."""
-        off = found - self.values[which]
+        off = values - self.values[which]
         angular = self.angular[which]
         off[..., angular] -= REVOLUTION * np.round(off[..., angular] / REVOLUTION)
         return off
 
-    def dimensions(self, parts: Array) -> dict[str, float]:
+    def dimensions(self, fractions: Array) -> dict[str, float]:
         """Return the dimensions that changed, in SI."""
-        known: Mapping[str, Dimension] = self.moved.family.dimensions
-        off = zip(self.bounds, parts.tolist(), strict=True)
-        return {name: known[name].value + part * self.bounds[name] for name, part in off if part}
+        dimensions: Mapping[str, Dimension] = self.moved.family.dimensions
+        off = zip(self.bounds, fractions.tolist(), strict=True)
+        return {
+            name: dimensions[name].value + fraction * self.bounds[name] for name, fraction in off if fraction
+        }
 
-    def words(self, parts: Array) -> str:
+    def words(self, fractions: Array) -> str:
         """Return the dimensions that changed, in words."""
-        return ", ".join(f"{name} = {value:.6g}" for name, value in self.dimensions(parts).items())
+        return ", ".join(f"{name} = {value:.6g}" for name, value in self.dimensions(fractions).items())
 
 
 @dataclass(frozen=True)
@@ -72,22 +74,23 @@ class Expansion:
     """Quantities to first or second order: off = slope . d + products of d . bend, d in parts of tolerances.
 
     Attributes:
-        slope: exact, (p, k).
+        derivative: exact, (p, k).
         pairs: indices of two dimensions for each column of bends, (b, 2).
-        bend: second differences over the whole of the tolerances, (b, k); a dimension's own are halved.
+        second_derivative: second differences over the whole of the tolerances, (b, k); those of one
+            dimension are halved.
     """
 
-    slope: Array
+    derivative: Array
     pairs: NDArray[np.intp]
-    bend: Array
+    second_derivative: Array
 
-    def features(self, parts: Array) -> Array:
+    def features(self, fractions: Array) -> Array:
         """Return d and its products, (n, p + b), of parts (n, p)."""
-        return np.concatenate([parts, parts[:, self.pairs[:, 0]] * parts[:, self.pairs[:, 1]]], 1)
+        return np.concatenate([fractions, fractions[:, self.pairs[:, 0]] * fractions[:, self.pairs[:, 1]]], 1)
 
-    def blocks(self, parts: Array) -> Iterator[Block]:
+    def blocks(self, fractions: Array) -> Iterator[Block]:
         """Yield which of the quantities, and by how much mechanisms with parts (n, p) are off there."""
-        features, weights = self.features(parts), self.weights
+        features, weights = self.features(fractions), self.weights
         for first in range(0, weights.shape[1], BLOCK):
             which = slice(first, first + BLOCK)
             yield which, features @ weights[:, which]
@@ -95,51 +98,51 @@ class Expansion:
     @property
     def order(self) -> int:
         """How far it goes: without bends to first order."""
-        return 2 if len(self.bend) else 1
+        return 2 if len(self.second_derivative) else 1
 
     @property
     def weights(self) -> Array:
         """What features are multiplied by, (p + b, k)."""
-        return np.concatenate([self.slope, self.bend])
+        return np.concatenate([self.derivative, self.second_derivative])
 
 
-def first_order(slope: Array) -> Expansion:
+def first_order(derivative: Array) -> Expansion:
     """Return quantities to first order, by derivatives (p, k) by parts of the tolerances."""
-    return Expansion(slope, np.zeros((0, 2), np.intp), np.zeros((0, slope.shape[1])))
+    return Expansion(derivative, np.zeros((0, 2), np.intp), np.zeros((0, derivative.shape[1])))
 
 
-def second_order(solved: Solved, slope: Array, watch: Watch = lambda: None) -> Expansion:
+def second_order(solved: Solved, derivative: Array, advance: Advance = lambda: None) -> Expansion:
     """Return quantities to second order in dimensions.
 
     Args:
         solved: what solves a mechanism.
-        slope: exact derivatives by parts of the tolerances, (p, k).
-        watch: called after each mechanism.
+        derivative: exact derivatives by parts of the tolerances, (p, k).
+        advance: called after each mechanism.
 
     Raises:
         InputError: where tolerances leave no assembly; names the dimensions.
     """
-    count = len(slope)
+    count = len(derivative)
 
     def off(*signed: tuple[int, float]) -> Array:
-        parts = np.zeros(count)
+        fractions = np.zeros(count)
         for i, sign in signed:
-            parts[i] = sign
+            fractions[i] = sign
         try:
-            return solved.off(parts)
+            return solved.off(fractions)
         except MechsimError as error:
             raise InputError(
-                f"the tolerances leave no assembly: with {solved.words(parts)}: {error}"
+                f"the tolerances leave no assembly: with {solved.words(fractions)}: {error}"
             ) from None
         finally:
-            watch()
+            advance()
 
     own = [0.5 * (off((i, 1.0)) + off((i, -1.0))) for i in range(count)]
     two = [*combinations(range(count), 2)]
     # either corner where both go alike, less what each does alone
     both = [0.5 * (off((i, 1.0), (j, 1.0)) + off((i, -1.0), (j, -1.0))) - own[i] - own[j] for i, j in two]
     pairs = np.array([*((i, i) for i in range(count)), *two], dtype=np.intp).reshape(-1, 2)
-    return Expansion(slope, pairs, np.array([*own, *both]).reshape(len(pairs), slope.shape[1]))
+    return Expansion(derivative, pairs, np.array([*own, *both]).reshape(len(pairs), derivative.shape[1]))
 
 
 def solves(count: int) -> int:

@@ -10,13 +10,13 @@ from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.many_designs import Bools, allowed, can_be_many, closed_at, solved
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.arrays import Array
-from mechsim.studies.sensitivity.expansion import EVERY, Block, Solved, Watch, first_order, second_order
+from mechsim.studies.sensitivity.expansion import EVERY, Advance, Block, Solved, first_order, second_order
 from mechsim.studies.sensitivity.tolerances import Tolerances
 
 # poses solved in one go, whose arrays stay in a core's own cache; numbers kept at a time
 BLOCK, KEPT = 8192, 6_400_000
 # poses at the most, of which those with rates count so many times: about two seconds on one core
-MOST, RATED = 10_000_000, 5
+MAX_POSES, RATED = 10_000_000, 5
 
 
 @dataclass(frozen=True)
@@ -25,62 +25,75 @@ class FormulaSamples:
 
     Attributes:
         solved: what solves one.
-        form: the mechanism as it stands.
-        parts: deviations in parts of the tolerances, (n, p), of mechanisms that can be put together.
+        solver: the mechanism as it stands.
+        fractions: deviations in parts of the tolerances, (n, p), of mechanisms that can be put together.
     """
 
     solved: Solved
-    form: ClosedForm
-    parts: Array
+    solver: ClosedForm
+    fractions: Array
 
     def blocks(self) -> Iterator[Block]:
         """Yield which of the quantities, (k,), and by how much all mechanisms are off there, (n, k)."""
         angles, columns = self.solved.moved.angles, self.solved.columns
-        step = max(1, KEPT // (len(self.parts) * len(columns)))
+        step = max(1, KEPT // (len(self.fractions) * len(columns)))
         for first in range(0, len(angles), step):
-            some = np.arange(first, min(first + step, len(angles)))
-            which = np.concatenate([some + i * len(angles) for i in range(len(columns))])
-            yield which, self.solved.less(self._values(angles[some]), which)
+            indices = np.arange(first, min(first + step, len(angles)))
+            which = np.concatenate([indices + i * len(angles) for i in range(len(columns))])
+            yield which, self.solved.less(self._values(angles[indices]), which)
 
     def _values(self, angles: Array) -> Array:
         """Return the quantities at some angles, (n, columns * angles)."""
         columns, speed = self.solved.columns, self.solved.moved.rate
-        wanted = [self.solved.moved.quantity(name) for name in columns]
-        rates = any(part.order > 0 for part in wanted)
-        joints = any(part.uses("joint") for part in wanted)
-        out = np.empty((len(self.parts), len(columns), len(angles)))
-        for rows in _blocks(len(self.parts), len(angles)):
-            varied = _varied(self.solved, self.parts[rows])
-            told = dict(solved(self.form, varied, angles, speed, rates=rates, joints=joints).columns())
-            for i, part in enumerate(wanted):
-                out[rows, i] = part.number(told).reshape(-1, len(angles))
+        quantities = [self.solved.moved.quantity(name) for name in columns]
+        rates = any(quantity.order > 0 for quantity in quantities)
+        joints = any(quantity.uses("joint") for quantity in quantities)
+        out = np.empty((len(self.fractions), len(columns), len(angles)))
+        for rows in _blocks(len(self.fractions), len(angles)):
+            varied = _varied(self.solved, self.fractions[rows])
+            columns_known = dict(
+                solved(self.solver, varied, angles, speed, rates=rates, joints=joints).columns()
+            )
+            for i, quantity in enumerate(quantities):
+                out[rows, i] = quantity.number(columns_known).reshape(-1, len(angles))
         return out.reshape(len(out), -1)
 
 
-def formula_samples(of: Solved, parts: Array) -> tuple[FormulaSamples, Bools] | None:
+def formula_samples(solved_by: Solved, fractions: Array) -> tuple[FormulaSamples, Bools] | None:
     """Return mechanisms that one formula solves, and which of all cannot be put together, (n,).
 
     None where there is no such formula, or where it would take too long.
 
     Args:
-        of: what solves one.
-        parts: deviations of all in parts of the tolerances, (n, p).
+        solved_by: what solves one.
+        fractions: deviations of all in parts of the tolerances, (n, p).
     """
-    form, angles, columns = of.moved.form, of.moved.angles, of.columns
-    wanted = [of.moved.quantity(name) for name in columns]
-    poses = len(parts) * len(angles) * (RATED if any(part.order > 0 for part in wanted) else 1)
-    if poses > MOST or not isinstance(form, TwoBranchForm) or not can_be_many(form, of.bounds):
+    solver, angles, columns = solved_by.moved.solver, solved_by.moved.angles, solved_by.columns
+    quantities = [solved_by.moved.quantity(name) for name in columns]
+    poses = (
+        len(fractions) * len(angles) * (RATED if any(quantity.order > 0 for quantity in quantities) else 1)
+    )
+    if (
+        poses > MAX_POSES
+        or not isinstance(solver, TwoBranchForm)
+        or not can_be_many(solver, solved_by.bounds)
+    ):
         return None
-    told = solved(form, _varied(of, parts[:1]), angles[:1], 1.0, rates=True, joints=True)
-    if not {column.name for part in wanted for column in part.columns} <= dict(told.columns()).keys():
+    columns_known = solved(
+        solver, _varied(solved_by, fractions[:1]), angles[:1], 1.0, rates=True, joints=True
+    )
+    if (
+        not {column.name for quantity in quantities for column in quantity.columns}
+        <= dict(columns_known.columns()).keys()
+    ):
         return None
     # near change points an array of parameters has no branch of its own for each
-    if form.change_points():
+    if solver.change_points():
         return None
-    good = allowed(form, _varied(of, parts))
-    for rows in _blocks(len(parts), len(angles)):
-        good[rows] &= closed_at(form, _varied(of, parts[rows]), angles)
-    return FormulaSamples(of, form, parts[good]), ~good
+    valid = allowed(solver, _varied(solved_by, fractions))
+    for rows in _blocks(len(fractions), len(angles)):
+        valid[rows] &= closed_at(solver, _varied(solved_by, fractions[rows]), angles)
+    return FormulaSamples(solved_by, solver, fractions[valid]), ~valid
 
 
 def _blocks(count: int, poses: int) -> Iterator[slice]:
@@ -88,10 +101,13 @@ def _blocks(count: int, poses: int) -> Iterator[slice]:
     return (slice(first, first + step) for first in range(0, count, step))
 
 
-def _varied(of: Solved, parts: Array) -> dict[str, Array]:
+def _varied(solved: Solved, fractions: Array) -> dict[str, Array]:
     """Return the dimensions of mechanisms: name -> (n,) in SI."""
-    values = of.moved.family.values()
-    return {name: values[name] + parts[:, i] * bound for i, (name, bound) in enumerate(of.bounds.items())}
+    values = solved.moved.family.values()
+    return {
+        name: values[name] + fractions[:, i] * tolerance
+        for i, (name, tolerance) in enumerate(solved.bounds.items())
+    }
 
 
 # parts of the samples that lie below and above the band
@@ -138,12 +154,12 @@ class Sampled:
 
 def sampled(
     solved: Solved,
-    slope: Array,
+    derivative: Array,
     plays: Sequence[Array],
     tolerances: Tolerances,
     count: int,
     seed: int,
-    watch: Watch = lambda: None,
+    advance: Advance = lambda: None,
 ) -> Sampled:
     """Return what comes of many mechanisms at random within tolerances.
 
@@ -153,38 +169,41 @@ def sampled(
 
     Args:
         solved: what solves one.
-        slope: exact derivatives by parts of the tolerances, (p, k).
+        derivative: exact derivatives by parts of the tolerances, (p, k).
         plays: of each loose pin, what it puts off at its bound in 2 or 3 directions, (directions, k).
         tolerances: of dimensions.
         count: how many.
         seed: of the random numbers.
-        watch: called after each that is solved.
+        advance: called after each that is solved.
 
     Raises:
         InputError: where tolerances leave no assembly.
     """
     random = np.random.default_rng(seed)
-    parts = _parts(random, count, len(slope), tolerances)
-    ends = np.concatenate([np.eye(len(slope)), -np.eye(len(slope))])
-    if len(slope) and (found := formula_samples(solved, np.concatenate([ends, parts]))) is not None:
-        whole, lost = found
+    fractions = _fractions(random, count, len(derivative), tolerances)
+    ends = np.concatenate([np.eye(len(derivative)), -np.eye(len(derivative))])
+    if (
+        len(derivative)
+        and (samples := formula_samples(solved, np.concatenate([ends, fractions]))) is not None
+    ):
+        whole, lost = samples
         _require_assembled(solved, ends, lost[: len(ends)])
-        whole, lost = replace(whole, parts=whole.parts[len(ends) :]), lost[len(ends) :]
+        whole, lost = replace(whole, fractions=whole.fractions[len(ends) :]), lost[len(ends) :]
         about = _About(count, int(lost.sum()), 0, 0.0, seed)
-        return _told(whole.blocks(), len(whole.parts), slope.shape[1], plays, random, about)
-    taken = parts[: CHECKED if len(slope) else 0]
-    exact, failed = _each(solved, taken, watch)
-    spread = _spread(slope * tolerances.spread, len(solved.columns))
-    for made in (first_order, lambda slope: second_order(solved, slope, watch)):
-        expanded = made(slope)
-        off = expanded.features(taken[~failed]) @ expanded.weights - exact
+        return _statistics(whole.blocks(), len(whole.fractions), derivative.shape[1], plays, random, about)
+    checked = fractions[: CHECKED if len(derivative) else 0]
+    exact, failed = _each(solved, checked, advance)
+    spread = _spread(derivative * tolerances.spread, len(solved.columns))
+    for made in (first_order, lambda derivative: second_order(solved, derivative, advance)):
+        expanded = made(derivative)
+        off = expanded.features(checked[~failed]) @ expanded.weights - exact
         miss = float((np.abs(off) / spread).max(initial=0.0))
         if miss <= MISS and not failed.any():
-            about = _About(len(taken), 0, expanded.order, miss, seed)
-            return _told(expanded.blocks(parts), count, slope.shape[1], plays, random, about)
-    exact, failed = _each(solved, parts[:EACH], watch)
+            about = _About(len(checked), 0, expanded.order, miss, seed)
+            return _statistics(expanded.blocks(fractions), count, derivative.shape[1], plays, random, about)
+    exact, failed = _each(solved, fractions[:EACH], advance)
     about = _About(len(failed), int(failed.sum()), 0, 0.0, seed)
-    return _told(iter([(EVERY, exact)]), len(exact), slope.shape[1], plays, random, about)
+    return _statistics(iter([(EVERY, exact)]), len(exact), derivative.shape[1], plays, random, about)
 
 
 def _require_assembled(solved: Solved, ends: Array, lost: NDArray[np.bool_]) -> None:
@@ -197,9 +216,9 @@ def _require_assembled(solved: Solved, ends: Array, lost: NDArray[np.bool_]) -> 
         )
 
 
-def _spread(slope: Array, columns: int) -> Array:
+def _spread(derivative: Array, columns: int) -> Array:
     """Return the standard deviations by which misses are judged, (k,); inf where nothing is off at all."""
-    spread = np.sqrt((slope**2).sum(0)).reshape(columns, -1)
+    spread = np.sqrt((derivative**2).sum(0)).reshape(columns, -1)
     least = np.maximum(spread, LEAST * spread.max(1, keepdims=True, initial=0.0)).ravel()
     return np.where(least > 0.0, least, np.inf)
 
@@ -215,7 +234,7 @@ class _About:
     seed: int
 
 
-def _parts(random: np.random.Generator, count: int, dimensions: int, tolerances: Tolerances) -> Array:
+def _fractions(random: np.random.Generator, count: int, dimensions: int, tolerances: Tolerances) -> Array:
     """Return deviations in parts of their bounds, (count, dimensions)."""
     shape = (count, dimensions)
     if tolerances.distribution == "uniform":
@@ -223,20 +242,20 @@ def _parts(random: np.random.Generator, count: int, dimensions: int, tolerances:
     return tolerances.spread * random.standard_normal(shape)
 
 
-def _each(solved: Solved, parts: Array, watch: Watch) -> tuple[Array, NDArray[np.bool_]]:
+def _each(solved: Solved, fractions: Array, advance: Advance) -> tuple[Array, NDArray[np.bool_]]:
     """Return by how much quantities are off, of those that can be put together, and which cannot."""
-    found: list[Array] = []
-    failed = np.zeros(len(parts), dtype=np.bool_)
-    for i, one in enumerate(parts):
+    errors: list[Array] = []
+    failed = np.zeros(len(fractions), dtype=np.bool_)
+    for i, fraction in enumerate(fractions):
         try:
-            found.append(solved.off(one))
+            errors.append(solved.off(fraction))
         except MechsimError:
             failed[i] = True
-        watch()
-    return np.array(found).reshape(-1, len(solved.values)), failed
+        advance()
+    return np.array(errors).reshape(-1, len(solved.values)), failed
 
 
-def _told(
+def _statistics(
     blocks: Iterator[Block],
     count: int,
     width: int,
@@ -245,19 +264,19 @@ def _told(
     about: _About,
 ) -> Sampled:
     """Return the statistics of so many mechanisms, whose quantities (width,) come in blocks."""
-    pins = [_places(len(one), count, random) for one in plays]
-    found = np.empty((6, width))
+    pins = [_pin_positions(len(play), count, random) for play in plays]
+    statistics = np.empty((6, width))
     for which, off in blocks:
-        for places, slope in zip(pins, plays, strict=True):
-            off = off + places @ slope[:, which]
+        for positions, derivative in zip(pins, plays, strict=True):
+            off = off + positions @ derivative[:, which]
         low, high = np.quantile(off, TAILS, axis=0)
-        found[:, which] = off.mean(0), off.std(0), low, high, off.min(0), off.max(0)
+        statistics[:, which] = off.mean(0), off.std(0), low, high, off.min(0), off.max(0)
     return Sampled(
-        count + about.failed, about.solved, about.failed, about.order, about.miss, about.seed, *found
+        count + about.failed, about.solved, about.failed, about.order, about.miss, about.seed, *statistics
     )
 
 
-def _places(directions: int, count: int, random: np.random.Generator) -> Array:
+def _pin_positions(directions: int, count: int, random: np.random.Generator) -> Array:
     """Return places of a pin, evenly over a disc or a ball of radius 1, (count, directions)."""
     away = random.standard_normal((count, directions))
     away /= np.sqrt((away**2).sum(1, keepdims=True))

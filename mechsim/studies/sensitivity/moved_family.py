@@ -33,9 +33,9 @@ from mechsim.studies.quantities import AXES, Quantity, quantity, record_columns,
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
 
 # instants of a motion where none are asked for, and how near to a dead centre they come, as part of the range
-INSTANTS, CLEAR = 73, 0.01
+INSTANTS, DEAD_CENTRE_DISTANCE = 73, 0.01
 # nor nearer to where assemblies meet
-MEETING = 1e-3
+CHANGE_POINT_DISTANCE = 1e-3
 
 Columns = dict[str, Array]
 # how far a mechanism's coordinates may lie from those of the one that it is solved from, in [rad] or sizes
@@ -58,20 +58,20 @@ class Loading:
     density: float = STEEL
     diameter: float | None = None
 
-    def acting(self, form: Form) -> Forces:
+    def acting(self, solver: Form) -> Forces:
         """Return what acts on a mechanism."""
         if self.forces is not None:
-            return self.forces(form)
-        own = form.forces
+            return self.forces(solver)
+        own = solver.forces
         return own or Forces()
 
-    def machine(self, form: Form) -> Machine:
+    def machine(self, solver: Form) -> Machine:
         """Return a mechanism with masses and what acts on it."""
-        return machine(form, self.acting(form), density=self.density, diameter=self.diameter)
+        return machine(solver, self.acting(solver), density=self.density, diameter=self.diameter)
 
 
 @dataclass(frozen=True)
-class Slopes:
+class QuantityDerivatives:
     """Quantities of a mechanism and their derivatives.
 
     Attributes:
@@ -100,31 +100,31 @@ class MovedFamily:
     loading: Loading = Loading()
 
     @cached_property
-    def form(self) -> Form:
+    def solver(self) -> Form:
         """The mechanism as it stands."""
         return self.family.make({})
 
     @cached_property
     def over(self) -> tuple[str, Array]:
         """What tells the instants apart: crank angle in [rad], or t in [s] under programs."""
-        motion_laws = self.form.motion_laws
+        motion_laws = self.solver.motion_laws
         return ("angle", self.angles) if motion_laws is None else ("t", self.angles / motion_laws.rate)
 
     @property
     def rate(self) -> float:
         """Speed of the crank or of the clock, in [rad/s]."""
-        motion_laws = self.form.motion_laws
+        motion_laws = self.solver.motion_laws
         return self.speed if motion_laws is None else motion_laws.rate
 
     @property
     def offset(self) -> str:
         """The name of the crank's unknown zero, a dimension in [rad]; empty under programs."""
-        alone = self.form.motion_laws is None and self.form.mechanism.has_crank
-        return self.form.mechanism.crank.name + OFFSET if alone else ""
+        alone = self.solver.motion_laws is None and self.solver.mechanism.has_crank
+        return self.solver.mechanism.crank.name + OFFSET if alone else ""
 
     def quantity(self, name: str) -> Quantity:
         """Return the quantity of a name."""
-        return quantity(name, self.form.mechanism)
+        return quantity(name, self.solver.mechanism)
 
     def loaded(self, names: Iterable[str]) -> bool:
         """Whether quantities need masses and forces."""
@@ -136,36 +136,38 @@ class MovedFamily:
         Raises:
             InputError: for an unknown name, or a reaction that rigid links do not determine.
         """
-        found = scalar_quantities(names, self.form.mechanism)
-        known = record_columns(motion_derivatives(self.form, {}, self.angles[:1]).motion, found)
+        quantities = scalar_quantities(names, self.solver.mechanism)
+        columns_known = record_columns(
+            motion_derivatives(self.solver, {}, self.angles[:1]).motion, quantities
+        )
         undetermined: set[str] = set()
-        if any(part.loaded for part in found):
-            study = prescribed_along(self.loading.machine(self.form), self.angles[:1], self.rate)
-            known |= self._force_columns(dict(study.columns()))
+        if any(component.loaded for component in quantities):
+            study = prescribed_along(self.loading.machine(self.solver), self.angles[:1], self.rate)
+            columns_known |= self._force_columns(dict(study.columns()))
             reactions = study.efforts.reactions.items()
             undetermined = {
-                f"{joint}.{part}" for joint, reaction in reactions for part in reaction.undetermined
+                f"{joint}.{component}" for joint, reaction in reactions for component in reaction.undetermined
             }
         result: list[str] = []
-        for part in found:
-            columns = {column.name for column in part.columns}
-            if not columns <= known.keys():
-                raise unknown(part.name, self.form.mechanism)
+        for component in quantities:
+            columns = {column.name for column in component.columns}
+            if not columns <= columns_known.keys():
+                raise unknown(component.name, self.solver.mechanism)
             if not columns & undetermined:
-                result.append(part.name)
-            elif part.function is not None or part.name in names:
+                result.append(component.name)
+            elif component.function is not None or component.name in names:
                 raise InputError(
-                    f"{self.form.name}: rigid links do not determine {part.name}, so that it has no "
+                    f"{self.solver.name}: rigid links do not determine {component.name}, so that it has no "
                     f"derivative; name another ({', '.join(sorted(undetermined))} are not determined)"
                 )
         return result
 
     def _force_columns(self, columns: Mapping[str, Array]) -> Columns:
         """Return columns of forces in which the torque of a crank under a motion law is called so, too."""
-        mechanism = self.form.mechanism
-        drive = f"drive {mechanism.drivers[0]}"
-        if mechanism.has_crank and "torque" not in columns and drive in columns:
-            return {**columns, "torque": columns[drive]}
+        mechanism = self.solver.mechanism
+        driver_column = f"drive {mechanism.drivers[0]}"
+        if mechanism.has_crank and "torque" not in columns and driver_column in columns:
+            return {**columns, "torque": columns[driver_column]}
         return dict(columns)
 
     def values(self, names: Sequence[str], dimensions: Mapping[str, float]) -> Columns:
@@ -180,82 +182,89 @@ class MovedFamily:
             InputError: for dimensions that no mechanism can have.
         """
         own, ahead = self._parted(dimensions)
-        form = self.family.make(own)
-        wanted = [self.quantity(name) for name in names]
+        solver = self.family.make(own)
+        quantities = [self.quantity(name) for name in names]
         columns: Columns = {}
-        moving = [part for part in wanted if part.uses("point", "joint", "link")]
+        moving = [component for component in quantities if component.uses("point", "joint", "link")]
         if moving:
-            columns |= record_columns(self._motion(form, moving, ahead), moving)
-        if any(part.loaded for part in wanted):
-            columns |= self._force_columns(dict(self._efforts(form, ahead).columns()))
-        return {name: part.number(columns) for name, part in zip(names, wanted, strict=True)}
+            columns |= record_columns(self._motion(solver, moving, ahead), moving)
+        if any(component.loaded for component in quantities):
+            columns |= self._force_columns(dict(self._forces(solver, ahead).columns()))
+        return {name: component.number(columns) for name, component in zip(names, quantities, strict=True)}
 
     @cached_property
-    def _near(self) -> MotionBeside | None:
+    def _nominal_motion(self) -> MotionBeside | None:
         """The motion as it stands, from which others are solved; None where two assemblies meet on it."""
         with suppress(AssemblyError):
-            return motion_beside(self.form, self.angles, self.rate, reach=REACH)
+            return motion_beside(self.solver, self.angles, self.rate, reach=REACH)
         return None
 
     @cached_property
-    def _near_unit(self) -> MotionBeside | None:
+    def _nominal_unit_motion(self) -> MotionBeside | None:
         """The same per radian of the crank or of the clock."""
-        return None if self._near is None else motion_beside(self.form, self.angles, reach=REACH)
+        return None if self._nominal_motion is None else motion_beside(self.solver, self.angles, reach=REACH)
 
     def _parted(self, dimensions: Mapping[str, float]) -> tuple[dict[str, float], float]:
         """Return dimensions of the family, and how far the crank is ahead in [rad]."""
         own = {name: value for name, value in dimensions.items() if name != self.offset}
         return own, dimensions.get(self.offset, 0.0)
 
-    def _motion(self, form: Form, wanted: Sequence[Quantity], ahead: float) -> Motion:
+    def _motion(self, solver: Form, quantities: Sequence[Quantity], ahead: float) -> Motion:
         """Return the motion of another mechanism; where Newton's method does not reach it, by itself."""
-        if self._near is not None:
+        if self._nominal_motion is not None:
             with suppress(AssemblyError):
-                return self._near.of(form.mechanism, ahead)
-        found = form.solve_along(self.angles + ahead, self.rate)
-        known = dict(found.columns())
-        joints = [column.name for part in wanted for column in part.columns if column.source == "joint"]
+                return self._nominal_motion.of(solver.mechanism, ahead)
+        motion = solver.solve_along(self.angles + ahead, self.rate)
+        columns = dict(motion.columns())
+        joints = [
+            column.name
+            for component in quantities
+            for column in component.columns
+            if column.source == "joint"
+        ]
         return (
-            found
-            if all(name in known for name in joints)
-            else LoopForm(form.mechanism).solve(self.angles + ahead, self.rate)
+            motion
+            if all(name in columns for name in joints)
+            else LoopForm(solver.mechanism).solve(self.angles + ahead, self.rate)
         )
 
-    def _efforts(self, form: Form, ahead: float) -> InverseDynamics:
-        machine = self.loading.machine(form)
-        if self._near_unit is not None:
+    def _forces(self, solver: Form, ahead: float) -> InverseDynamics:
+        machine = self.loading.machine(solver)
+        if self._nominal_unit_motion is not None:
             with suppress(AssemblyError):
-                return moved_efforts(machine, self._near_unit.of(form.mechanism, ahead), self.rate)
+                return moved_efforts(
+                    machine, self._nominal_unit_motion.of(solver.mechanism, ahead), self.rate
+                )
         return prescribed_along(machine, self.angles + ahead, self.rate)
 
-    def slopes(
-        self, columns: Sequence[str], names: Sequence[str], at: Mapping[str, float] | None = None
-    ) -> Slopes:
+    def derivatives(
+        self, columns: Sequence[str], names: Sequence[str], changed: Mapping[str, float] | None = None
+    ) -> QuantityDerivatives:
         """Return quantities and their exact derivatives by dimensions.
 
         Args:
             columns: quantities.
             names: dimensions, and `offset`.
-            at: name -> value in SI, of dimensions that are changed before.
+            changed: name -> value in SI, of dimensions that are changed before.
 
         Raises:
             AssemblyError: where loops do not close, or a dimension alone would tear them open.
         """
-        own, ahead = self._parted(at or {})
-        here = beside(self.family, own)
+        own, ahead = self._parted(changed or {})
+        designs = family_at(self.family, own)
         dimensions = [name for name in names if name != self.offset]
         motion = any(self.quantity(name).uses("point", "joint", "link") for name in columns)
 
-        def slopes(*numbers: Callable[[Mapping[str, float]], Array]) -> dict[str, Array | None]:
-            found = changes(here, dimensions, *numbers)
-            return {name: found.get(name) for name in names}
+        def derivatives(*numbers: Callable[[Mapping[str, float]], Array]) -> dict[str, Array | None]:
+            by_dimension = changes(designs, dimensions, *numbers)
+            return {name: by_dimension.get(name) for name in names}
 
-        return self._found(
-            here.make({}),
+        return self._derivatives_by(
+            designs.make({}),
             ahead,
             columns,
-            slopes() if motion else None,
-            slopes(self._numbers(here)) if self.loaded(columns) else None,
+            derivatives() if motion else None,
+            derivatives(self._numbers(designs)) if self.loaded(columns) else None,
         )
 
     def play(self, columns: Sequence[str], joint: str) -> list[Columns]:
@@ -266,85 +275,95 @@ class MovedFamily:
         Raises:
             AssemblyError: where a shift would tear loops open that repeat each other.
         """
-        mechanism = self.form.mechanism
+        mechanism = self.solver.mechanism
         names = [f"{joint}.b.at.{axis}" for axis in AXES]
         by_axis = np.array([*changes(placed_family(LoopForm(mechanism)), names).values()])
         directions = mechanism.joint(joint).b.frame.T[: 3 if KINDS[mechanism.joint(joint).kind].ball else 2]
-        change = {f"{joint}{CLEARANCE}{i}": one @ by_axis for i, one in enumerate(directions)}
+        change = {f"{joint}{CLEARANCE}{i}": direction @ by_axis for i, direction in enumerate(directions)}
         full = len(self._numbers(self.family)({})) if self.loaded(columns) else 0
-        wide = {name: np.pad(one, (0, full - len(one))) for name, one in change.items()} if full else None
-        found = self._found(self.form, 0.0, columns, change, wide)
-        return [dict(one) for one in found.by.values()]
+        wide = (
+            {name: np.pad(direction, (0, full - len(direction))) for name, direction in change.items()}
+            if full
+            else None
+        )
+        result = self._derivatives_by(self.solver, 0.0, columns, change, wide)
+        return [dict(direction) for direction in result.by.values()]
 
-    def _found(
+    def _derivatives_by(
         self,
-        form: Form,
+        solver: Form,
         ahead: float,
         columns: Sequence[str],
         change: Mapping[str, Array | None] | None,
         machine_change: Mapping[str, Array | None] | None,
-    ) -> Slopes:
+    ) -> QuantityDerivatives:
         """Return quantities and derivatives by changes of a mechanism's numbers and of a machine's."""
-        wanted = [self.quantity(name) for name in columns]
+        quantities = [self.quantity(name) for name in columns]
         values: Columns = {}
         by: dict[str, Columns] = {name: {} for name in (change or machine_change or {})}
         if change is not None:
-            found = derivatives_along(self._followed(self._near, form, ahead, self.rate), change)
-            values |= record_columns(found.motion, wanted)
-            for name, motion in found.by.items():
-                by[name] |= record_columns(motion, wanted)
+            result = derivatives_along(self._followed(self._nominal_motion, solver, ahead, self.rate), change)
+            values |= record_columns(result.motion, quantities)
+            for name, motion in result.by.items():
+                by[name] |= record_columns(motion, quantities)
         if machine_change is not None:
-            unit = self._followed(self._near_unit, form, ahead, 1.0)
-            told = efforts_along(self.loading.machine(form), unit, machine_change, self.rate)
-            values |= self._force_columns(told.columns)
-            for name, moved in told.by.items():
+            unit = self._followed(self._nominal_unit_motion, solver, ahead, 1.0)
+            forces = efforts_along(self.loading.machine(solver), unit, machine_change, self.rate)
+            values |= self._force_columns(forces.columns)
+            for name, moved in forces.by.items():
                 by[name] |= self._force_columns(moved)
-        return Slopes(
-            {part.name: part.number(values) for part in wanted},
-            {name: {part.name: part.changes(values, own)[0] for part in wanted} for name, own in by.items()},
+        return QuantityDerivatives(
+            {component.name: component.number(values) for component in quantities},
+            {
+                name: {component.name: component.changes(values, own)[0] for component in quantities}
+                for name, own in by.items()
+            },
         )
 
-    def _followed(self, near: MotionBeside | None, form: Form, ahead: float, rate: float) -> Followed:
+    def _followed(self, nominal: MotionBeside | None, solver: Form, ahead: float, rate: float) -> Followed:
         """Return the motion of another mechanism from this one, or from its own guess if that is too far."""
-        if near is not None:
+        if nominal is not None:
             with suppress(AssemblyError):
-                return near.followed(form.mechanism, ahead)
-        return followed_motion(form, form.mechanism, self.angles + ahead, rate, 0.0)
+                return nominal.followed(solver.mechanism, ahead)
+        return followed_motion(solver, solver.mechanism, self.angles + ahead, rate, 0.0)
 
-    def _numbers(self, family: DesignFamily) -> Callable[[Mapping[str, float]], Array]:
+    def _numbers(self, designs: DesignFamily) -> Callable[[Mapping[str, float]], Array]:
         """Return what gives the numbers of a machine of the family."""
-        still = self.loading.acting(family.make({}))
+        still = self.loading.acting(designs.make({}))
 
         def numbers(values: Mapping[str, float]) -> Array:
-            mechanism = with_inertia(family.describe(values), self.loading.density, self.loading.diameter)
+            mechanism = with_inertia(designs.describe(values), self.loading.density, self.loading.diameter)
             # where a file says what acts, its dimensions may change that too
-            if family.forces is None:
+            if designs.forces is None:
                 return machine_numbers(mechanism, still)
             if self.loading.forces is None:
-                return machine_numbers(mechanism, family.forces(values) or Forces())
-            return machine_numbers(mechanism, self.loading.acting(family.make(values)))
+                return machine_numbers(mechanism, designs.forces(values) or Forces())
+            return machine_numbers(mechanism, self.loading.acting(designs.make(values)))
 
         return numbers
 
 
-def beside(family: DesignFamily, values: Mapping[str, float]) -> DesignFamily:
+def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamily:
     """Return the same family seen from a mechanism with other dimensions."""
     if not values:
-        return family
+        return designs
     own = dict(values)
-    forces = family.forces
+    forces = designs.forces
     return DesignFamily(
-        family.name,
-        {name: replace(one, value=own.get(name, one.value)) for name, one in family.dimensions.items()},
-        lambda more: family.describe(own | dict(more)),
-        lambda more: family.make(own | dict(more)),
+        designs.name,
+        {
+            name: replace(dimension, value=own.get(name, dimension.value))
+            for name, dimension in designs.dimensions.items()
+        },
+        lambda more: designs.describe(own | dict(more)),
+        lambda more: designs.make(own | dict(more)),
         None if forces is None else lambda more: forces(own | dict(more)),
-        family.usual,
-        {name: of for name, of in family.reckoned.items() if name not in own},
+        designs.usual,
+        {name: parameters for name, parameters in designs.reckoned.items() if name not in own},
     )
 
 
-def instants_of(form: Form) -> Array:
+def instants_of(solver: Form) -> Array:
     """Return angles of the crank or of the programs' clock spread over what it can do, (n,) in [rad].
 
     A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:
@@ -353,17 +372,17 @@ def instants_of(form: Form) -> Array:
     Raises:
         AssemblyError: if the loops close at no crank angle.
     """
-    motion_laws = form.motion_laws
+    motion_laws = solver.motion_laws
     if motion_laws is not None:
-        low, high, turn = 0.0, motion_laws.rate * motion_laws.duration, np.inf
-    elif (arcs := form.crank_range()).full:
-        low, high, turn = 0.0, REVOLUTION, REVOLUTION
+        low, high, period = 0.0, motion_laws.rate * motion_laws.duration, np.inf
+    elif (arcs := solver.crank_range()).full:
+        low, high, period = 0.0, REVOLUTION, REVOLUTION
     else:
         if not arcs.arcs:
-            raise no_crank_range_error(form.name)
+            raise no_crank_range_error(solver.name)
         low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
-        clear = CLEAR * (high - low)
-        low, high, turn = low + clear, high - clear, REVOLUTION
-    at = np.linspace(low, high, INSTANTS)
-    off = np.abs(at[:, None] - np.array(form.change_points()))
-    return at[(np.minimum(off, np.abs(off - turn)) > MEETING * (high - low)).all(1)]
+        clear = DEAD_CENTRE_DISTANCE * (high - low)
+        low, high, period = low + clear, high - clear, REVOLUTION
+    angles = np.linspace(low, high, INSTANTS)
+    off = np.abs(angles[:, None] - np.array(solver.change_points()))
+    return angles[(np.minimum(off, np.abs(off - period)) > CHANGE_POINT_DISTANCE * (high - low)).all(1)]

@@ -18,7 +18,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
-from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, Slopes, instants_of
+from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, QuantityDerivatives, instants_of
 from mechsim.subjects.readers import parametric_model
 from mechsim.subjects.toml_values import suggestion
 
@@ -92,21 +92,21 @@ class Sensitivity:
         Raises:
             MissingToolError: where xarray is not installed.
         """
-        over, at = self.moved.over
-        found: dict[str, Any] = {}
+        over, instants = self.moved.over
+        variables: dict[str, Any] = {}
         for quantity, values in self.values.items():
             unit = self.units[quantity]
-            found[quantity] = (over, values, {"units": unit})
+            variables[quantity] = (over, values, {"units": unit})
             rows = np.array([*self.of(quantity).values()])
             about = {"long_name": f"derivative of {quantity}", "units": f"{unit} per unit of the dimension"}
-            found[f"{quantity}/"] = (("dimension", over), rows, about)
+            variables[f"{quantity}/"] = (("dimension", over), rows, about)
         coordinates = {
-            over: (over, at, {"units": "rad" if over == "angle" else "s"}),
+            over: (over, instants, {"units": "rad" if over == "angle" else "s"}),
             "dimension": [*self.by],
-            "unit": ("dimension", [one.unit for one in self.dimensions.values()]),
-            "value": ("dimension", [one.value for one in self.dimensions.values()]),
+            "unit": ("dimension", [dimension.unit for dimension in self.dimensions.values()]),
+            "value": ("dimension", [dimension.value for dimension in self.dimensions.values()]),
         }
-        return library("xarray").Dataset(found, coordinates, {"mechanism": self.name})
+        return library("xarray").Dataset(variables, coordinates, {"mechanism": self.name})
 
 
 def per(unit: str, by: str) -> str:
@@ -128,23 +128,25 @@ def library(name: str) -> Any:
         raise MissingToolError(f"{name} is not installed; pip install 'mechsim[tables]' brings it") from None
 
 
-def dimensions_asked(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:
+def dimension_names(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:
     """Return names of dimensions, whole places by their parts; the word "all" stands for every one.
 
     Raises:
         InputError: for an unknown one.
     """
-    known = moved.family.dimensions
+    dimensions = moved.family.dimensions
     if to == ALL or list(to) == [ALL]:
-        return list(moved.family.usual or known)
-    found: dict[str, None] = {}
+        return list(moved.family.usual or dimensions)
+    names: dict[str, None] = {}
     for name in (to,) if isinstance(to, str) else to:
-        parts = [one for one in known if one == name or one.startswith(f"{name}.")]
-        if name not in known and not parts:
-            shown = moved.family.usual or known
+        components = [
+            dimension for dimension in dimensions if dimension == name or dimension.startswith(f"{name}.")
+        ]
+        if name not in dimensions and not components:
+            shown = moved.family.usual or dimensions
             raise InputError(f"{moved.family.name} has no dimension {name!r}{suggestion(name, shown)}")
-        found |= dict.fromkeys([name] if name in known else parts)
-    return list(found)
+        names |= dict.fromkeys([name] if name in dimensions else components)
+    return list(names)
 
 
 def derivative_table(moved: MovedFamily, of: Sequence[str], to: str | Sequence[str] = ALL) -> Sensitivity:
@@ -159,23 +161,23 @@ def derivative_table(moved: MovedFamily, of: Sequence[str], to: str | Sequence[s
         InputError: for an unknown quantity or dimension.
         AssemblyError: where the loops do not close, or two assemblies meet.
     """
-    columns, names = moved.quantities(of), dimensions_asked(moved, to)
+    columns, names = moved.quantities(of), dimension_names(moved, to)
     left_out: dict[str, str] = {}
     try:
-        found = moved.slopes(columns, names)
+        result = moved.derivatives(columns, names)
     except AssemblyError:
         if to != ALL and list(to) != [ALL]:
             raise
-        found = moved.slopes(columns, [])
+        result = moved.derivatives(columns, [])
         for name in names:
             try:
-                one = moved.slopes(columns, [name])
+                single = moved.derivatives(columns, [name])
             except AssemblyError as error:
                 left_out[name] = str(error)
                 continue
-            found = Slopes(found.values, {**found.by, **one.by})
+            result = QuantityDerivatives(result.values, {**result.by, **single.by})
     units = {name: moved.quantity(name).unit for name in columns}
-    return Sensitivity(moved, found.values, found.by, units, left_out)
+    return Sensitivity(moved, result.values, result.by, units, left_out)
 
 
 Subject = str | Form | Mechanism | MovedFamily
@@ -205,24 +207,24 @@ def moved(
     """
     if isinstance(model, MovedFamily):
         return model
-    pace = units.si(speed, "rad/s", "the speed")
-    of = parametric_model(model)
-    form = of.make({})
+    crank_speed = units.si(speed, "rad/s", "the speed")
+    designs = parametric_model(model)
+    solver = designs.make({})
     if angles is None and t is None:
-        return moved_along(of, instants_of(form), pace, forces)
-    given = None if form.motion_laws is not None else pace
-    at = np.atleast_1d(
-        numbers(path_instants(form.mechanism, form.motion_laws, angles, given, 0.0, t).parameter)
+        return moved_along(designs, instants_of(solver), crank_speed, forces)
+    path_speed = None if solver.motion_laws is not None else crank_speed
+    parameter = np.atleast_1d(
+        numbers(path_instants(solver.mechanism, solver.motion_laws, angles, path_speed, 0.0, t).parameter)
     )
-    if at.ndim != 1 or not at.size or not np.isfinite(at).all():
-        raise InputError(f"{of.name}: angles must be a list of finite numbers; give them in [rad]")
-    return moved_along(of, at, pace, forces)
+    if parameter.ndim != 1 or not parameter.size or not np.isfinite(parameter).all():
+        raise InputError(f"{designs.name}: angles must be a list of finite numbers; give them in [rad]")
+    return moved_along(designs, parameter, crank_speed, forces)
 
 
-def moved_along(of: DesignFamily, parameter: Array, speed: float, forces: Forces | None) -> MovedFamily:
+def moved_along(designs: DesignFamily, parameter: Array, speed: float, forces: Forces | None) -> MovedFamily:
     """Return a family moved along its path, at values (n,) of the path parameter in [rad]."""
     loading = Loading() if forces is None else Loading(lambda _: forces)
-    return MovedFamily(of, parameter, speed, loading)
+    return MovedFamily(designs, parameter, speed, loading)
 
 
 def sensitivity(

@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array, tangents
-from mechsim.studies.sensitivity.expansion import Solved, Watch, solves
+from mechsim.studies.sensitivity.expansion import Advance, Solved, solves
 from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sampled
 from mechsim.studies.sensitivity.sensitivity import Sensitivity
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, tolerances_of
@@ -53,7 +53,7 @@ class ToleranceStudy:
         """Return the part of a quantity's variance that each makes, over the motion; they add up to 1."""
         variances = {name: float(self._variance(name, quantity).sum()) for name in self.offs}
         total = sum(variances.values())
-        return {name: one / total if total > 0.0 else 0.0 for name, one in variances.items()}
+        return {name: variance / total if total > 0.0 else 0.0 for name, variance in variances.items()}
 
     def across(self, quantities: Sequence[str], direction: Array) -> list[Array]:
         """Return by how much each puts some quantities off at most along a direction, (n,) each.
@@ -63,13 +63,13 @@ class ToleranceStudy:
             direction: unit vectors, (n, k).
         """
 
-        def along(one: Mapping[str, Array]) -> Array:
-            return (direction * np.column_stack([one[name] for name in quantities])).sum(1)
+        def along(row: Mapping[str, Array]) -> Array:
+            return (direction * np.column_stack([row[name] for name in quantities])).sum(1)
 
-        return [np.sqrt(np.sum([along(one) ** 2 for one in own], 0)) for own in self.offs.values()]
+        return [np.sqrt(np.sum([along(row) ** 2 for row in own], 0)) for own in self.offs.values()]
 
     def _squared(self, name: str, quantity: str) -> Array:
-        return np.sum([one[quantity] ** 2 for one in self.offs[name]], 0)
+        return np.sum([row[quantity] ** 2 for row in self.offs[name]], 0)
 
     def _variance(self, name: str, quantity: str) -> Array:
         rows = self.offs[name]
@@ -81,8 +81,8 @@ class ToleranceStudy:
         """Return what Monte Carlo says of a quantity, (n,) each: mean, std, low, high, least, most."""
         if self.sampled is None:
             return {}
-        place = list(self.table.values).index(quantity)
-        part = slice(place * len(self), (place + 1) * len(self))
+        index = list(self.table.values).index(quantity)
+        rows = slice(index * len(self), (index + 1) * len(self))
         names = {
             "mean": "mean",
             "std": "deviation",
@@ -91,7 +91,7 @@ class ToleranceStudy:
             "least": "least",
             "most": "most",
         }
-        return {name: getattr(self.sampled, field)[part] for name, field in names.items()}
+        return {name: getattr(self.sampled, field)[rows] for name, field in names.items()}
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the crank angle or the time, and of each quantity itself and by how much it is off.
@@ -105,8 +105,8 @@ class ToleranceStudy:
             yield f"{quantity}.worst", self.worst(quantity)
             yield f"{quantity}.rss", self.squares(quantity)
             yield f"{quantity}.deviation", self.deviation(quantity)
-            for name, one in self.random(quantity).items():
-                yield f"{quantity}.{name}", one
+            for name, statistic in self.random(quantity).items():
+                yield f"{quantity}.{name}", statistic
 
 
 def tolerance_study(
@@ -115,7 +115,7 @@ def tolerance_study(
     *,
     samples: int = SAMPLES,
     seed: int = SEED,
-    watch: Callable[[str, float], None] = lambda _, __: None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> ToleranceStudy:
     """Return what tolerances make of the quantities of a table.
 
@@ -124,57 +124,58 @@ def tolerance_study(
         tolerances: dimension or JOINT.clearance -> bound, as text with a unit or in SI.
         samples: of Monte Carlo; 0 leaves it out.
         seed: of its random numbers.
-        watch: told now and then how far it has come, in words and as a part of the whole.
+        progress: told now and then how far it has come, in words and as a part of the whole.
 
     Raises:
         InputError: for a name that is none, or tolerances that leave no assembly.
         AssemblyError: where a clearance would tear loops open that repeat each other.
     """
     moved = table.moved
-    asked = (
+    requested = (
         tolerances
         if isinstance(tolerances, Tolerances)
-        else tolerances_of(tolerances, moved.family.dimensions, moved.form.mechanism)
+        else tolerances_of(tolerances, moved.family.dimensions, moved.solver.mechanism)
     )
     columns = list(table.values)
-    moved.family.require_independent(asked.bounds)
-    by = {name: table.by[name] for name in asked.bounds if name in table.by}
-    if missing := [name for name in asked.bounds if name not in by]:
-        by |= moved.slopes(columns, missing).by
+    moved.family.require_independent(requested.bounds)
+    by = {name: table.by[name] for name in requested.bounds if name in table.by}
+    if missing := [name for name in requested.bounds if name not in by]:
+        by |= moved.derivatives(columns, missing).by
     offs: dict[str, list[dict[str, Array]]] = {
-        name: [{one: by[name][one] * bound for one in columns}] for name, bound in asked.bounds.items()
+        name: [{column: by[name][column] * tolerance for column in columns}]
+        for name, tolerance in requested.bounds.items()
     }
     plays = {
-        joint: [{one: radius * own[one] for one in columns} for own in moved.play(columns, joint)]
-        for joint, radius in asked.clearances.items()
+        joint: [{column: radius * own[column] for column in columns} for own in moved.play(columns, joint)]
+        for joint, radius in requested.clearances.items()
     }
-    found = None
+    monte_carlo = None
     if samples:
         width = len(table) * len(columns)
-        slope = np.array([_row(one, columns) for (one,) in offs.values()]).reshape(len(offs), width)
-        values = np.concatenate([table.values[one] for one in columns])
-        angular = np.repeat([table.units[one] == "rad" for one in columns], len(table))
-        solved = Solved(moved, columns, asked.bounds, values, angular)
-        loose = [np.array([_row(one, columns) for one in own]) for own in plays.values()]
-        tick = _counted(watch, CHECKED + (solves(len(slope)) if len(slope) else 0))
-        found = sampled(solved, slope, loose, asked, samples, seed, tick)
+        derivative = np.array([_row(row, columns) for (row,) in offs.values()]).reshape(len(offs), width)
+        values = np.concatenate([table.values[column] for column in columns])
+        angular = np.repeat([table.units[column] == "rad" for column in columns], len(table))
+        solved = Solved(moved, columns, requested.bounds, values, angular)
+        loose = [np.array([_row(row, columns) for row in own]) for own in plays.values()]
+        advance = _counted(progress, CHECKED + (solves(len(derivative)) if len(derivative) else 0))
+        monte_carlo = sampled(solved, derivative, loose, requested, samples, seed, advance)
     offs |= {joint + CLEARANCE: own for joint, own in plays.items()}
-    return ToleranceStudy(table, asked, offs, found)
+    return ToleranceStudy(table, requested, offs, monte_carlo)
 
 
 def _row(off: Mapping[str, Array], columns: Sequence[str]) -> Array:
-    return np.concatenate([off[one] for one in columns])
+    return np.concatenate([off[name] for name in columns])
 
 
-def _counted(watch: Callable[[str, float], None], total: int) -> Watch:
-    done = 0
+def _counted(progress: Callable[[str, float], None], total: int) -> Advance:
+    count = 0
 
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        watch(f"{done} of {total} mechanisms", min(1.0, done / total))
+    def advance() -> None:
+        nonlocal count
+        count += 1
+        progress(f"{count} of {total} mechanisms", min(1.0, count / total))
 
-    return tick
+    return advance
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,36 +184,36 @@ class PathDeviation:
 
     Attributes:
         point: its name.
-        places: (n, 3) in [m].
+        positions: (n, 3) in [m].
         worst: where all conspire, to first order, (n,) in [m].
         squares: by the root of the sum of squares, (n,) in [m].
     """
 
     point: str
-    places: Array
+    positions: Array
     worst: Array
     squares: Array
 
 
 def path_bands(table: Sensitivity, study: ToleranceStudy) -> list[PathDeviation]:
     """Return the bands of the points whose three coordinates are in a study and that move."""
-    found: list[PathDeviation] = []
-    for point in table.moved.form.mechanism.points:
+    bands: list[PathDeviation] = []
+    for point in table.moved.solver.mechanism.points:
         columns = [f"{point}.{axis}" for axis in "xyz"]
-        if not all(one in table.values for one in columns):
+        if not all(column in table.values for column in columns):
             continue
-        places = np.column_stack([table.values[one] for one in columns])
-        if np.ptp(places, axis=0).max() == 0.0:
+        positions = np.column_stack([table.values[column] for column in columns])
+        if np.ptp(positions, axis=0).max() == 0.0:
             continue
-        parts = study.across(columns, _across(places))
-        total, squares = np.sum(parts, 0), np.sqrt(np.sum(np.square(parts), 0))
-        found.append(PathDeviation(point, places, total, squares))
-    return found
+        deviations = study.across(columns, _across(positions))
+        total, squares = np.sum(deviations, 0), np.sqrt(np.sum(np.square(deviations), 0))
+        bands.append(PathDeviation(point, positions, total, squares))
+    return bands
 
 
-def _across(places: Array) -> Array:
+def _across(positions: Array) -> Array:
     """Return unit vectors across a path in the plane nearest to it, (n, 3)."""
-    middle = places - places.mean(0)
+    middle = positions - positions.mean(0)
     normal = np.linalg.svd(middle, full_matrices=False)[2][2]
     across = np.cross(normal, tangents(middle))
     length = np.sqrt((across**2).sum(1, keepdims=True))

@@ -68,15 +68,15 @@ def tolerances_of(
     bounds: dict[str, float] = {}
     clearances: dict[str, float] = {}
     joints = {joint.name: joint for joint in mechanism.joints}
-    for name, bound in written.items():
+    for name, tolerance in written.items():
         if name.endswith(CLEARANCE):
             joint = name.removesuffix(CLEARANCE)
             if joint not in joints:
                 raise InputError(f"{mechanism.name} has no joint {joint!r}{suggestion(joint, joints)}")
             _require_pin(joints[joint])
-            clearances[joint] = _bound(name, bound, "m")
+            clearances[joint] = _tolerance(name, tolerance, "m")
         elif name in dimensions:
-            bounds[name] = _bound(name, bound, dimensions[name].unit)
+            bounds[name] = _tolerance(name, tolerance, dimensions[name].unit)
         else:
             raise InputError(f"{mechanism.name} has no dimension {name!r}{suggestion(name, dimensions)}")
     if not bounds and not clearances:
@@ -84,7 +84,7 @@ def tolerances_of(
     return Tolerances(bounds, clearances, "normal" if distribution == "normal" else "uniform")
 
 
-def _bound(name: str, written: str | float, unit: str) -> float:
+def _tolerance(name: str, written: str | float, unit: str) -> float:
     if isinstance(written, str):
         of: Unit = "m" if unit == "m" else "rad" if unit == "rad" else "1"
         value = units.parse(written.strip().removeprefix("±").removeprefix("+-"), of, f"tolerance of {name}")
@@ -119,7 +119,7 @@ def written_tolerances(text: str) -> dict[str, str]:
                 f"--tolerances holds {name.strip()!r}, which is no NAME=BOUND; "
                 "write crank=±0.02mm, or FILE.csv"
             )
-    return _unique((name.strip(), bound.strip()) for name, _, bound in pairs)
+    return _unique((name.strip(), tolerance.strip()) for name, _, tolerance in pairs)
 
 
 def _table(path: str) -> dict[str, str]:

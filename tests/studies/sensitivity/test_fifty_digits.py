@@ -27,9 +27,9 @@ def judged(name, rows, spoil=lambda values: values):
     laws = ms.load(path).motion_laws is not None
     of = ms.moved(path, t=[at]) if laws else ms.moved(path, angles=[at], speed=20.0)
     drives = {
-        f"{word}:{one}": f"drive {one}" for word in ("torque", "force") for one in of.form.mechanism.drivers
+        f"{word}:{one}": f"drive {one}" for word in ("torque", "force") for one in of.solver.mechanism.drivers
     }
-    drives |= {f"torque:{of.form.mechanism.drivers[0]}": "torque"} if of.offset else {}
+    drives |= {f"torque:{of.solver.mechanism.drivers[0]}": "torque"} if of.offset else {}
     table = ms.sensitivity(of, [*{drives.get(row["column"], row["column"]) for row in rows}])
     off, size = {}, {}
     for row in rows:

@@ -52,7 +52,7 @@ def test_no_random_mechanism_is_farther_off_than_the_worst_case():
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     found = table("hoeken", of=("rocker",))
     given = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
-    asked = tolerances_of(given, found.moved.family.dimensions, found.moved.form.mechanism, distribution)
+    asked = tolerances_of(given, found.moved.family.dimensions, found.moved.solver.mechanism, distribution)
     study = tolerance_study(found, asked, samples=40_000)
     random = study.random("rocker.q")
     assert study.sampled.order == 1
@@ -142,7 +142,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
     path.write_text("dimension,tolerance\ncrank,±0.02mm\narm_angle,+-0.1 deg\n")
     found = table()
     read = tolerances_of(
-        written_tolerances(str(path)), found.moved.family.dimensions, found.moved.form.mechanism
+        written_tolerances(str(path)), found.moved.family.dimensions, found.moved.solver.mechanism
     )
     assert read.bounds == {"crank": pytest.approx(2e-5), "arm_angle": pytest.approx(np.deg2rad(0.1))}
 
@@ -162,7 +162,9 @@ def test_a_table_of_tolerances_is_read(tmp_path):
 def test_what_is_no_tolerance_is_refused_in_one_line(written, said):
     found = table()
     with pytest.raises(InputError, match=said):
-        tolerances_of(written_tolerances(written), found.moved.family.dimensions, found.moved.form.mechanism)
+        tolerances_of(
+            written_tolerances(written), found.moved.family.dimensions, found.moved.solver.mechanism
+        )
 
 
 def test_tolerances_that_leave_no_assembly_are_refused():
