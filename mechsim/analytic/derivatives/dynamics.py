@@ -64,9 +64,8 @@ def efforts_along(
         own, others = _split(slope, len(acting))
         mechanism, motion = followed.changed(name, own)
         forces = with_force_numbers(machine.forces, stepped(acting, others))
-        found = moved_efforts(
-            replace(machine, mechanism=mechanism, forces=forces), motion, speed, acceleration
-        )
+        moved = replace(machine, mechanism=mechanism, forces=forces)
+        found = moved_efforts(moved, motion, speed, acceleration, machine.mechanism)
         by[name] = {column: change_of(values) for column, values in found.columns()}
     left = {joint: one.undetermined for joint, one in study.efforts.reactions.items()}
     open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
@@ -86,7 +85,11 @@ def machine_numbers(mechanism: Mechanism, forces: Forces) -> Array:
 
 
 def moved_efforts(
-    machine: Machine, motion: Motion, speed: ArrayLike, acceleration: ArrayLike = 0.0
+    machine: Machine,
+    motion: Motion,
+    speed: ArrayLike,
+    acceleration: ArrayLike = 0.0,
+    nominal: Mechanism | None = None,
 ) -> InverseDynamics:
     """Return the inverse dynamics of a machine that moves so at unit speed of its crank.
 
@@ -95,13 +98,14 @@ def moved_efforts(
         motion: its motion at speed 1 rad/s of the crank or of the programs' clock, complex or not.
         speed: scalar or (n,) in [rad/s].
         acceleration: scalar or (n,) in [rad/s2].
+        nominal: the mechanism itself where that of the machine carries complex steps.
     """
     speed, acceleration = (
         np.broadcast_to(np.asarray(one, dtype=np.float64), motion.angle.shape)
         for one in (speed, acceleration)
     )
     standing = np.abs(speed) <= STILL * np.abs(speed).max()
-    unit = from_motion(machine.mechanism, motion)
+    unit = from_motion(machine.mechanism, motion, nominal)
     return moved_as(
         machine, unit, speed, acceleration, _times(machine, motion, speed, acceleration), standing
     )

@@ -142,11 +142,12 @@ class UnitMotion:
         return np.concatenate([force, turned + gyro + cross(c, force)], -1)
 
 
-def from_motion(mechanism: Mechanism, motion: Motion) -> UnitMotion:
+def from_motion(mechanism: Mechanism, motion: Motion, nominal: Mechanism | None = None) -> UnitMotion:
     """Return a motion at unit crank speed and no crank acceleration, stacked by link.
 
     A link whose spin nothing determines has its spin taken out: a round body that begins without
     momentum about its own line never gains any, so that it behaves as a link with no spin at all.
+    `nominal` is the mechanism itself where the numbers of this one carry complex steps.
 
     Raises:
         InputError: for such a link that is not round about its line, whose spin would be a second
@@ -164,7 +165,7 @@ def from_motion(mechanism: Mechanism, motion: Motion) -> UnitMotion:
     plain = UnitMotion(
         mechanism, motion.angle, position, rotation, twist, bias, none, drivers, turning, bending
     )
-    idle = _idle(plain)
+    idle = _idle(plain, mechanism if nominal is None else nominal)
     if not idle.shape[-1]:
         return plain
     _require_round(plain, idle)
@@ -172,10 +173,11 @@ def from_motion(mechanism: Mechanism, motion: Motion) -> UnitMotion:
     return replace(plain, twist=twist, bias=bias, idle=idle)
 
 
-def _idle(unit: UnitMotion) -> Array:
+def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
     """Return a basis of the twists left once the crank is held, (n, L, 6, k)."""
     mechanism = unit.mechanism
-    passive = loops.dof_count(mechanism, unit.poses()).passive
+    real = replace(unit, position=np.real(unit.position), rotation=np.real(unit.rotation))
+    passive = loops.dof_count(nominal, real.poses()).passive
     n, count = len(unit), len(mechanism.links)
     if not passive:
         return np.zeros((n, count, 6, 0))
