@@ -10,6 +10,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.poses.trace import MAX_DISPLACEMENT, trace
 from mechsim.simulation.source import from_source, initial_guess
+from mechsim.studies.extremes.special_designs import special_designs
 
 
 def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_leap():
@@ -34,7 +35,7 @@ def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_le
 
 def test_a_stride_of_rounding_s_length_is_gone_close_to_a_dead_centre_too():
     """A recorded crank angle 50 units of rounding beside a knot of the path once ended in a refusal."""
-    drive = catalog.make("four_bar", **catalog.DRIVES["four_bar"].swinging)
+    drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
     closed = from_source(drive)
     (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_address
     there = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]

@@ -18,6 +18,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
+from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.verdict.judge import crosscheck
 
 SWINGING = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")
@@ -139,7 +140,7 @@ def test_a_crank_whose_range_begins_beyond_half_a_turn_starts_there_and_says_so_
 
 
 def test_a_swing_that_leaves_the_range_is_refused_on_every_lap():
-    drive = catalog.make("four_bar", **catalog.DRIVES["four_bar"].swinging)
+    drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
     low, high = drive.crank_range().arcs[0]
     for lap in (-2, 0, 1):
         profile = swing(0.5 * (low + high) + REVOLUTION * lap, 0.51 * (high - low), 20.0)

@@ -12,10 +12,11 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes import axes
+from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.extremes.stability_map import StabilityMap
 from mechsim.studies.extremes.trial import Trial, borders_along
 
-SWINGING = [name for name, drive in catalog.DRIVES.items() if drive.swinging]
+SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett")))
@@ -78,7 +79,7 @@ def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
     assert trial.outcome == trial.right == "passed"
 
 
-@pytest.mark.parametrize("which", catalog.make("four_bar").collinear_cases)
+@pytest.mark.parametrize("which", special_designs("four_bar").change_points)
 def test_beside_a_change_point_it_is_met_and_through_it_true(which):
     drive = catalog.make("four_bar")
     assert axes.change_point(drive, which, True).outcome == "passed"

@@ -19,6 +19,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.newton import root
+from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.theory.continuation import (
     crank_path_length,
     even_motion,
@@ -32,7 +33,10 @@ FORMS = {name: catalog.make(name) for name in catalog.DRIVES}
 FORMS |= {
     f"{name} {case}": replace(drive, **wanted)
     for name, drive in tuple(FORMS.items())
-    for case, wanted in {"swinging": type(drive).swinging, **type(drive).collinear_cases}.items()
+    for case, wanted in {
+        "swinging": special_designs(drive.name).swinging,
+        **special_designs(drive.name).change_points,
+    }.items()
     if wanted
 }
 TRACES = {}

@@ -9,6 +9,7 @@ from mechsim import catalog, closure
 from mechsim.model.motion_laws import swing
 from mechsim.simulation import Settings, simulate
 from mechsim.studies import validate
+from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import check_of
 from mechsim.verdict.judge import crosscheck
@@ -22,12 +23,12 @@ FIVE_LINK = {
     "gamma1": -0.0808723,
     "gamma2": -0.894713,
 }
-SWINGING = [name for name, drive in catalog.DRIVES.items() if drive.swinging]
+SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 
 
 def near_a_dead_centre(name, part):
     """Return a drive that swings over a part of its range, and that swing."""
-    drive = catalog.make(name, **catalog.DRIVES[name].swinging)
+    drive = catalog.make(name, **special_designs(name).swinging)
     low, high = drive.crank_range().arcs[0]
     return drive, swing(0.5 * (low + high), 0.5 * part * (high - low), 20.0)
 

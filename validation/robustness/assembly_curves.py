@@ -25,6 +25,7 @@ from mechsim.errors import MechsimError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables
+from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import load
 from mechsim.theory.continuation import AssemblyCurve, CurvePoses, trace
@@ -49,7 +50,11 @@ def subjects() -> Iterator[tuple[str, Form]]:
     """Yield the catalogue, as it stands, with cranks that swing, and laid flat; then the gallery's cranks."""
     for name, kind in catalog.DRIVES.items():
         own = catalog.make(name)
-        for case, changed in {"": {}, " swinging": kind.swinging, **kind.collinear_cases}.items():
+        for case, changed in {
+            "": {},
+            " swinging": special_designs(kind.name).swinging,
+            **special_designs(kind.name).change_points,
+        }.items():
             if changed or not case:
                 yield f"{name} {case}".replace("  ", " ").strip(), replace(own, **changed)
     for name, path in gallery.files().items():
@@ -154,7 +159,7 @@ def main() -> int:
 def draw(path: str) -> None:
     """Draw the curves of a parallelogram over the angles of crank and rocker."""
     found = trace(
-        replace(catalog.make("four_bar"), **catalog.DRIVES["four_bar"].collinear_cases["parallelogram"])
+        replace(catalog.make("four_bar"), **special_designs("four_bar").change_points["parallelogram"])
     )
     plots.write(path, plots.assembly_plot(assembly_table(found, curve_tables(found)), ("angle", "rocker.q")))
 

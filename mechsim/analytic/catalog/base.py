@@ -96,18 +96,8 @@ class ClosedForm(ABC):
     name: ClassVar[str]
     # what theory has to say of this mechanism alone: "coupler line", "velocity plan"
     theories: ClassVar[frozenset[str]] = frozenset()
-    # what was built wrong -> the parameters of it, which every judge must refuse
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
-    # parameters with which the crank only swings
-    swinging: ClassVar[Mapping[str, Any]] = {}
-    # a length that, moved far enough, lets the crank turn fully no more
-    critical: ClassVar[str] = ""
-    # name -> parameters with which bars come to lie on each other and both assemblies meet
-    collinear_cases: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     # the parameter that is a gear ratio
     gear: ClassVar[str] = ""
-    # whether it stands for its kind in runs of many turns
-    long_runs: ClassVar[bool] = False
     # parameters that may be arrays, one number a design, for `many_designs`
     broadcast: ClassVar[frozenset[str]] = frozenset()
     # what a `LoopForm` may have: drivers under programs, the forces and the formula of its file

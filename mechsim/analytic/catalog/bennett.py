@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,11 +40,6 @@ class Bennett(ClosedForm):
     """
 
     name: ClassVar[str] = "bennett"
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "all links 0.1 % long": {"length0": 0.050 * 1.001},
-        "twist of crank and rocker 0.1 deg off": {"twist1": np.deg2rad(63.1)},
-    }
-    long_runs: ClassVar[bool] = True
 
     length0: float = length(0.050, "length of frame OO4 and coupler AB")
     twist0: float = angle(np.deg2rad(34.0), "twist of frame and coupler")

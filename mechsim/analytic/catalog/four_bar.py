@@ -28,17 +28,6 @@ class FourBar(TwoBranchForm):
     """
 
     name: ClassVar[str] = "four_bar"
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "coupler 0.1 % long": {"coupler": 0.091 * 1.001},
-        "other assembly": {"branch": -1},
-    }
-    swinging: ClassVar[Mapping[str, Any]] = {"rocker": 0.035}
-    critical: ClassVar[str] = "coupler"
-    collinear_cases: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "parallelogram": {"ground": 0.1, "coupler": 0.1, "crank": 0.04, "rocker": 0.04},
-        "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
-    }
-    long_runs: ClassVar[bool] = True
     broadcast: ClassVar[frozenset[str]] = frozenset(
         ("ground", "crank", "coupler", "rocker", "branch", "arm", "arm_angle")
     )

@@ -62,10 +62,6 @@ class Looper(ClosedForm):
 
     name: ClassVar[str] = "looper"
     theories: ClassVar[frozenset[str]] = frozenset({"coupler line"})
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "follower 0.1 % long": {"follower": 0.0133 * 1.001},
-        "other side": {"side": -1},
-    }
 
     # the angle of the frame turns a joint's own frame as well
     broadcast: ClassVar[frozenset[str]] = frozenset(

@@ -54,13 +54,6 @@ class Rrsrr(TwoBranchForm):
     """
 
     name: ClassVar[str] = "rrsrr"
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "link 0.1 % long": {"link": 0.039 * 1.001},
-        "sign of gamma2": {"gamma2": -np.deg2rad(15.0)},
-        "other assembly": {"branch": -1},
-    }
-    swinging: ClassVar[Mapping[str, Any]] = {"link": 0.055}
-    critical: ClassVar[str] = "link"
     broadcast: ClassVar[frozenset[str]] = frozenset(
         ("crank", "coupler", "link", "pivot", "gamma1", "gamma2", "branch")
     )

@@ -46,16 +46,6 @@ class Rssr(TwoBranchForm):
     """
 
     name: ClassVar[str] = "rssr"
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "coupler 0.1 % long": {"coupler": 0.046 * 1.001},
-        "coupler and rocker swapped": {"coupler": 0.0461, "rocker": 0.0269},
-        "rocker axis turned by 0.1 deg": {"gamma1": np.deg2rad(20.1)},
-        "sign of gamma2": {"gamma2": -np.deg2rad(30.0)},
-        "other assembly": {"branch": 1},
-    }
-    swinging: ClassVar[Mapping[str, Any]] = {"rocker": 0.009}
-    critical: ClassVar[str] = "coupler"
-    long_runs: ClassVar[bool] = True
     broadcast: ClassVar[frozenset[str]] = frozenset(
         ("crank", "coupler", "rocker", "pivot", "gamma1", "gamma2", "branch")
     )

@@ -26,13 +26,6 @@ class SliderCrank(TwoBranchForm):
     """
 
     name: ClassVar[str] = "slider_crank"
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "rod 0.1 % long": {"rod": 0.2 * 1.001},
-        "slide 0.1 mm low": {"offset": 0.0099},
-        "other assembly": {"branch": -1},
-    }
-    swinging: ClassVar[Mapping[str, Any]] = {"rod": 0.045}
-    critical: ClassVar[str] = "rod"
     broadcast: ClassVar[frozenset[str]] = frozenset(("crank", "rod", "offset", "branch"))
 
     crank: float = length(0.05, "length OA")

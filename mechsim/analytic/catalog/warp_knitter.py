@@ -61,11 +61,6 @@ class WarpKnitter(ClosedForm):
 
     name: ClassVar[str] = "warp_knitter"
     theories: ClassVar[frozenset[str]] = frozenset({"velocity plan"})
-    faults: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "gear one tooth in a hundred off": {"gear_ratio": -2.02},
-        "other assembly of the triad": {"assembly": 1},
-        "rod 5 0.1 % long": {"rod5": 0.049 * 1.001},
-    }
     gear: ClassVar[str] = "gear_ratio"
 
     crank1: float = length(0.009, "length O1A")

@@ -16,6 +16,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.source import assembled
+from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.extremes.trial import Trial, attempt, position_errors
 from mechsim.units import rpm
 
@@ -130,7 +131,7 @@ def gears(solver: ClosedForm, value: float) -> Trial:
 
 def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> Trial:
     """A crank that swings to `value` in [rad] before its dead centres, or beyond them."""
-    swinging = replace(solver, **solver.swinging)
+    swinging = replace(solver, **special_designs(solver.name).swinging)
     low, high = swinging.crank_range().arcs[0]
     middle = 0.5 * (low + high)
     revolutions = REVOLUTION * np.round((middle - swinging.mechanism.start) / REVOLUTION)
@@ -171,7 +172,7 @@ def change_point(solver: ClosedForm, which: str, swing_only: bool) -> Trial:
 
     Through a change point both branches are correct: any outcome that is true of the run passes.
     """
-    solver = replace(solver, **solver.collinear_cases[which])
+    solver = replace(solver, **special_designs(solver.name).change_points[which])
     motion: dict[str, Any] = {"speed": SINGULAR_SPEED}
     if swing_only:
         # from one change point, at 0, to the other, at half a revolution
@@ -238,7 +239,7 @@ def _perturbed(pose: Pose, value: float, length: float, random: np.random.Genera
 def with_limiting_length(solver: ClosedForm, slack: float) -> TwoBranchForm:
     """Return a closed form with one length a fraction `slack` from where its crank stops turning fully."""
     assert isinstance(solver, TwoBranchForm)
-    name = solver.critical
+    name = special_designs(solver.name).limiting_length
 
     def scaled(factor: float) -> TwoBranchForm:
         return replace(solver, **{name: factor * getattr(solver, name)})

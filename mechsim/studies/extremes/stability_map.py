@@ -12,6 +12,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.extremes import axes
 from mechsim.studies.extremes.axes import Drift
+from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.extremes.trial import Border, Trial, borders_along
 
 # name of an axis -> its quantity and unit
@@ -85,7 +86,7 @@ def axes_of(solver: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[f
         ("mass ratio", axes.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
         ("mass ratio", axes.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
     ]
-    if solver.swinging:
+    if special_designs(solver.name).swinging:
         distances = _decades(1e-12, 1e-1, 3 if quick else 1)[::-1]
         for method in ("pose", "step"):
             before = partial(axes.dead_centre, method=method, beyond=False)
@@ -114,7 +115,9 @@ def study(
     """
     result = StabilityMap()
     solvers = {name: catalog.make(name) for name in names or catalog.DRIVES}
-    total = sum(len(axes_of(solver, quick)) + solver.long_runs for solver in solvers.values())
+    total = sum(
+        len(axes_of(solver, quick)) + special_designs(solver.name).long_runs for solver in solvers.values()
+    )
     finished = 0
     for name, solver in solvers.items():
         for axis, push, values in axes_of(solver, quick):
@@ -127,13 +130,13 @@ def study(
             progress(f"{name}: {axis}", finished / total)
         result.trials += [
             axes.change_point(solver, which, swing_only)
-            for which in solver.collinear_cases
+            for which in special_designs(solver.name).change_points
             for swing_only in (True, False)
         ]
         if solver.gear:
             exponents = range(MAX_EXPONENT[0 if quick else 1] + 1)
             result.trials += [axes.gears(solver, 2.0**exponent) for exponent in exponents]
-        if solver.long_runs:
+        if special_designs(solver.name).long_runs:
             result.drifts.append(axes.drift(solver, TURNS[0 if quick else 1]))
             finished += 1
             progress(f"{name}: {result.drifts[-1].turns:g} turns", finished / total)
