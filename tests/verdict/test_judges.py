@@ -20,9 +20,7 @@ SPEED = 20.0 * np.pi
 
 # each fault by one road, each mechanism by both
 CASES = [
-    (name, fault, ("pose", "step")[i % 2])
-    for name in catalog.DRIVES
-    for i, fault in enumerate(FAULTS[name])
+    (name, fault, ("pose", "step")[i % 2]) for name in catalog.DRIVES for i, fault in enumerate(FAULTS[name])
 ]
 SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 
