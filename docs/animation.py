@@ -9,7 +9,7 @@ from pathlib import Path
 TARGET = Path(__file__).with_name("gripper.gif")
 COMMAND = [
     *("mechsim", "render", "parallel_gripper", "--from", "both"),
-    *("--drive", "right=60deg-28deg*cos(2*pi*t)", "--duration", "1s"),
+    *("--drive", "right=57deg-25deg*cos(2*pi*t)", "--duration", "1s"),
     *("--size", "480x360", "--fps", "24", "--no-labels", "-o", str(TARGET)),
 ]
 

@@ -14,7 +14,7 @@ from mechsim.cli import main
 FIRST = ("parallel_gripper", "humanoid_ankle", "stewart_gough", "delta_robot", "four_bar", "slider_crank")
 PICTURE_SIZE = "240x180"
 # a gripper opens and closes; a full turn of its driver would fold it
-MOTIONS = {"parallel_gripper": "--drive right=60deg-28deg*cos(2*pi*t)"}
+MOTIONS = {"parallel_gripper": "--drive right=57deg-25deg*cos(2*pi*t)"}
 RENDER = f"--size {PICTURE_SIZE} --fps 12 --no-labels"
 
 HEAD = """# Gallery
