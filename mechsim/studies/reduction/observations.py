@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import rank
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.reduced_scene import ReducedScene
@@ -121,9 +122,9 @@ def _needed(model: mujoco.MjModel, data: mujoco.MjData) -> set[int]:
     """Return the equalities that the others do not imply."""
     owner = np.asarray(data.efc_id)[np.asarray(data.efc_type) == EQUALITY]
     jacobian = _equality_jacobian(model, data)
-    rank, needed = _rank(jacobian), set[int]()
+    full_rank, needed = rank(jacobian, RANK_TOLERANCE, floor=0.0), set[int]()
     for equality in set(owner.tolist()):
-        if _rank(jacobian[owner != equality]) < rank:
+        if rank(jacobian[owner != equality], RANK_TOLERANCE, floor=0.0) < full_rank:
             needed.add(int(equality))
     return needed
 
@@ -138,8 +139,3 @@ def _equality_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
         address, count = int(data.efc_J_rowadr[i]), int(data.efc_J_rownnz[i])
         row[data.efc_J_colind[address : address + count]] = data.efc_J[address : address + count]
     return jacobian
-
-
-def _rank(matrix: Array) -> int:
-    values = np.linalg.svd(matrix, compute_uv=False) if len(matrix) else np.zeros(1)
-    return int((values > RANK_TOLERANCE * max(float(values[0]), 1e-300)).sum()) if len(matrix) else 0

@@ -93,13 +93,13 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
     """Return all that can be turned on or off, or left out, in a scene."""
     option = observed.spec.option
     candidates = [
-        _flag("contacts", "disableflags", int(OFF.mjDSBL_CONTACT), option.disableflags, off=True),
-        _flag("islands", "disableflags", int(OFF.mjDSBL_ISLAND), option.disableflags, off=True),
-        _flag("energy", "enableflags", int(ON.mjENBL_ENERGY), option.enableflags, off=False),
+        _flag("contacts", "disableflags", int(OFF.mjDSBL_CONTACT), option.disableflags, disables=True),
+        _flag("islands", "disableflags", int(OFF.mjDSBL_ISLAND), option.disableflags, disables=True),
+        _flag("energy", "enableflags", int(ON.mjENBL_ENERGY), option.enableflags, disables=False),
     ]
     if observed.spec.sensors:
         candidates.append(
-            _flag("sensors", "disableflags", int(OFF.mjDSBL_SENSOR), option.disableflags, off=True)
+            _flag("sensors", "disableflags", int(OFF.mjDSBL_SENSOR), option.disableflags, disables=True)
         )
     for propose in VISUAL_ONLY:
         candidates += [
@@ -107,7 +107,8 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
         ]
     sparse = mujoco.mj_isSparse(observed.model)
     kind = mujoco.mjtJacobian.mjJAC_DENSE if sparse else mujoco.mjtJacobian.mjJAC_SPARSE
-    candidates.append(_set(f"{'dense' if sparse else 'sparse'} matrices", "jacobian", kind))
+    what = f"{'dense' if sparse else 'sparse'} matrices"
+    candidates.append(RemovalCandidate("options", what, partial(_set, field="jacobian", value=int(kind))))
     for field, names, kinds, prefix in (
         ("integrator", INTEGRATORS, mujoco.mjtIntegrator, "mjINT_"),
         ("solver", SOLVERS, mujoco.mjtSolver, "mjSOL_"),
@@ -115,7 +116,8 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
         for name in names:
             value = getattr(kinds, prefix + name)
             if int(getattr(option, field)) != int(value):
-                candidates.append(_set(f"{field} {name}", field, value))
+                edit = partial(_set, field=field, value=int(value))
+                candidates.append(RemovalCandidate("options", f"{field} {name}", edit))
     loops = [candidate.name for candidate in observed.spec.equalities if candidate.active]
     if loops:
         what = f"without {count_text(len(loops), 'loop')}: none of their rows"
@@ -123,21 +125,15 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
     return candidates
 
 
-def _flag(what: str, field: str, bit: int, flags: int, *, off: bool) -> RemovalCandidate:
-    """Return the turning of a flag; `off` where it is one that disables."""
-    enabled = bool(flags & bit) != off
-
-    def with_parameters(spec: mujoco.MjSpec) -> None:
-        setattr(spec.option, field, getattr(spec.option, field) ^ bit)
-
-    return RemovalCandidate("flags", f"{what} {'off' if enabled else 'on'}", with_parameters)
+def _flag(what: str, field: str, bit: int, flags: int, *, disables: bool) -> RemovalCandidate:
+    """Return the candidate that toggles a flag."""
+    enabled = bool(flags & bit) != disables
+    return RemovalCandidate(
+        "flags", f"{what} {'off' if enabled else 'on'}", partial(_set, field=field, value=flags ^ bit)
+    )
 
 
-def _set(what: str, field: str, value: object) -> RemovalCandidate:
-    return RemovalCandidate("options", what, partial(_put, field=field, value=value))
-
-
-def _put(spec: mujoco.MjSpec, field: str, value: object) -> None:
+def _set(spec: mujoco.MjSpec, field: str, value: int) -> None:
     setattr(spec.option, field, value)
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.rank import significant
 from mechsim.simulation.divergence import limit_or_contact, near_singular, stiffness_cause
 from mechsim.studies.scene.run import SceneRun, stepped
 from mechsim.studies.scene.scene import UserScene
@@ -21,8 +22,6 @@ MEASURES: dict[By, str] = {
 ENERGY_SAMPLES = 100
 # factor by which the step is reduced to test whether stiffness caused a divergence
 FINER = 8.0
-# relative singular value of the loop Jacobian below which a direction is not constrained
-RANK_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +159,6 @@ def _singularity_distance(run: SceneRun) -> Array:
     matrix = np.moveaxis(jacobian[:, loops.unknown], -1, 0)
     valid = np.isfinite(matrix).all(axis=(1, 2))
     values = np.linalg.svd(np.where(valid[:, None, None], matrix, 0.0), compute_uv=False)
-    rank = int((values[0] > RANK_TOLERANCE * values[0, 0]).sum())
+    rank = int(significant(values[0], floor=0.0).sum())
     least = values[:, rank - 1] / values[0, rank - 1] if rank else np.ones(len(valid))
     return np.where(valid, least, 1.0)

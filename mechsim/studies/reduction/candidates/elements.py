@@ -1,6 +1,7 @@
 """Candidates among contacts, visual elements, limits, actuators, equalities, springs and dampers."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -14,69 +15,60 @@ from mechsim.studies.reduction.candidates.candidate import (
 )
 from mechsim.studies.reduction.observations import Evidence
 
-OFF = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-CONTACTS = "contacts"
+CONTACTS_DISABLED = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+# largest force of an idle actuator, in [N m] or [N]
+MAX_FORCE_AT_REST = 1e-12
+# field of a joint or tendon -> its value without effect, and its name in messages
+SPRING_FIELDS = {
+    "frictionloss": (0.0, "dry friction"),
+    "stiffness": (np.zeros(3), "spring"),
+    "damping": (np.zeros(3), "damper"),
+}
 
 
 def contacts(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to disable contacts if none occurred, otherwise those of geoms that touched nothing."""
-    if observed.spec.option.disableflags & OFF:
+    if observed.spec.option.disableflags & CONTACTS_DISABLED:
         return []
     if not observed.touched:
-        return [RemovalCandidate(CONTACTS, "looking for contacts: nothing touched", _disable_contacts)]
-    apart = [
+        return [RemovalCandidate("contacts", "looking for contacts: nothing touched", _disable_contacts)]
+    names = [
         geom.name
         for geom in observed.spec.geoms
         if geom.name not in observed.touched and (geom.contype or geom.conaffinity)
     ]
-    if not apart:
-        return []
-    what = f"contacts of {count_text(len(apart), 'geom')} that touched nothing"
-    return [RemovalCandidate(CONTACTS, what, lambda spec: _without_contacts(spec, apart))]
+    what = f"contacts of {count_text(len(names), 'geom')} that touched nothing"
+    return [RemovalCandidate("contacts", what, partial(_without_contacts, names=names))] if names else []
 
 
 def _disable_contacts(spec: mujoco.MjSpec) -> None:
-    spec.option.disableflags |= OFF
+    spec.option.disableflags |= CONTACTS_DISABLED
 
 
-def _without_contacts(spec: mujoco.MjSpec, names: list[str]) -> None:
+def _without_contacts(spec: mujoco.MjSpec, names: Collection[str]) -> None:
     for geom in spec.geoms:
         if geom.name in names:
             geom.contype = geom.conaffinity = 0
-    for pair in list(spec.pairs):
-        if pair.geomname1 in names or pair.geomname2 in names:
-            spec.delete(pair)
-
-
-VISUAL = "visual-only elements"
+    _delete(spec, (pair for pair in spec.pairs if pair.geomname1 in names or pair.geomname2 in names))
 
 
 def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to remove each kind of visual-only element."""
-    spec, candidates = observed.spec, list[RemovalCandidate]()
+    """Propose to remove each kind of element that acts on nothing: sensors, cameras, geoms, meshes."""
+    spec, edits = observed.spec, dict[str, Any]()
     if spec.sensors:
-        candidates.append(RemovalCandidate(VISUAL, count_text(len(spec.sensors), "sensor"), _no_sensors))
+        edits[count_text(len(spec.sensors), "sensor")] = lambda spec: _delete(spec, spec.sensors)
     if count := len(spec.cameras) + len(spec.lights):
-        candidates.append(
-            RemovalCandidate(VISUAL, count_text(count, "camera or light", "cameras and lights"), _no_cameras)
+        edits[count_text(count, "camera or light", "cameras and lights")] = lambda spec: _delete(
+            spec, (*spec.cameras, *spec.lights)
         )
     used = _used_geoms(spec) | observed.touched
     geoms = [geom.name for geom in spec.geoms if geom.name not in used]
     if geoms:
         what = f"{count_text(len(geoms), 'geom')} that touched nothing, with their meshes and materials"
-        candidates.append(RemovalCandidate(VISUAL, what, lambda spec: _no_geoms(spec, geoms)))
+        edits[what] = partial(_without_geoms, names=geoms)
     elif spec.materials or spec.textures or spec.meshes:
-        candidates.append(RemovalCandidate(VISUAL, "materials, textures and meshes", _no_assets))
-    return candidates
-
-
-def _no_sensors(spec: mujoco.MjSpec) -> None:
-    _delete(spec, spec.sensors)
-
-
-def _no_cameras(spec: mujoco.MjSpec) -> None:
-    _delete(spec, spec.cameras)
-    _delete(spec, spec.lights)
+        edits["materials, textures and meshes"] = _without_assets
+    return [RemovalCandidate("visual-only elements", what, edit) for what, edit in edits.items()]
 
 
 def _used_geoms(spec: mujoco.MjSpec) -> set[str]:
@@ -87,101 +79,83 @@ def _used_geoms(spec: mujoco.MjSpec) -> set[str]:
         for wrap in tendon.path
         if wrap.type in (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER)
     }
-    pairs = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
-    return wraps | pairs
+    return wraps | {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
 
 
-def _no_geoms(spec: mujoco.MjSpec, names: Sequence[str]) -> None:
+def _without_geoms(spec: mujoco.MjSpec, names: Collection[str]) -> None:
     """Remove geoms; inertial properties of bodies stay."""
-    bodies = [body for body in list(spec.bodies)[1:] if any(geom.name in names for geom in body.geoms)]
-    for body in bodies:
-        if not body.explicitinertial:
+    for body in list(spec.bodies)[1:]:
+        if any(geom.name in names for geom in body.geoms) and not body.explicitinertial:
             spec.adopt_inertial(body)
-    _delete(spec, [geom for geom in spec.geoms if geom.name in names])
-    _no_assets(spec)
+    _delete(spec, (geom for geom in spec.geoms if geom.name in names))
+    _without_assets(spec)
 
 
-def _no_assets(spec: mujoco.MjSpec) -> None:
+def _without_assets(spec: mujoco.MjSpec) -> None:
     """Remove materials, textures and skins, and the meshes and height fields that no geom uses."""
     meshes = {geom.meshname for geom in spec.geoms}
     fields = {geom.hfieldname for geom in spec.geoms}
     _delete(spec, spec.skins)
-    for elements in (spec.geoms, spec.sites, spec.tendons):
-        for element in elements:
-            element.material = ""
-    _delete(spec, spec.materials)
-    _delete(spec, spec.textures)
-    _delete(spec, [mesh for mesh in spec.meshes if mesh.name not in meshes])
-    _delete(spec, [field for field in spec.hfields if field.name not in fields])
-
-
-def _delete(spec: mujoco.MjSpec, elements: Sequence[Any]) -> None:
-    for element in list(elements):
-        spec.delete(element)
-
-
-LIMITS = "limits"
-NONE = int(mujoco.mjtLimited.mjLIMITED_FALSE)
+    for element in (*spec.geoms, *spec.sites, *spec.tendons):
+        element.material = ""
+    _delete(spec, (*spec.materials, *spec.textures))
+    _delete(spec, (mesh for mesh in spec.meshes if mesh.name not in meshes))
+    _delete(spec, (field for field in spec.hfields if field.name not in fields))
 
 
 def limits(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove all limits that were never reached, and each of the others."""
     model = observed.model
-    joints = [model.joint(j).name for j in range(model.njnt) if model.jnt_limited[j]]
-    tendons = [model.tendon(t).name for t in range(model.ntendon) if model.tendon_limited[t]]
-    free = [name for name in (*joints, *tendons) if name not in observed.limited]
+    names = [model.joint(j).name for j in range(model.njnt) if model.jnt_limited[j]]
+    names += [model.tendon(t).name for t in range(model.ntendon) if model.tendon_limited[t]]
+    unused = [name for name in names if name not in observed.limited]
     candidates: list[RemovalCandidate] = []
-    if free:
-        what = f"{count_text(len(free), 'limit')} that {'was' if len(free) == 1 else 'were'} never reached"
-        candidates.append(RemovalCandidate(LIMITS, what, lambda spec: _without_limits(spec, free)))
-    for name in (*joints, *tendons):
-        if name in observed.limited:
-            edit = lambda spec, names=(name,): _without_limits(spec, names)  # noqa: E731
-            candidates.append(RemovalCandidate(LIMITS, f"limit of {name}", edit, only_if_faster=True))
-    return candidates
+    if unused:
+        what = (
+            f"{count_text(len(unused), 'limit')} that {'was' if len(unused) == 1 else 'were'} never reached"
+        )
+        candidates.append(RemovalCandidate("limits", what, partial(_without_limits, names=unused)))
+    return candidates + [
+        RemovalCandidate(
+            "limits", f"limit of {name}", partial(_without_limits, names=(name,)), only_if_faster=True
+        )
+        for name in names
+        if name in observed.limited
+    ]
 
 
 def _without_limits(spec: mujoco.MjSpec, names: Collection[str]) -> None:
     for element in (*spec.joints, *spec.tendons):
         if element.name in names:
-            element.limited = NONE
-
-
-ACTUATORS = "actuators"
-# largest force of an idle actuator, in [N m] or [N]
-MAX_FORCE_AT_REST = 1e-12
+            element.limited = int(mujoco.mjtLimited.mjLIMITED_FALSE)
 
 
 def actuators(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove the actuators that no motion law controls and that exerted no force."""
-    still = [
+    names = [
         name
-        for name, most in observed.forces.items()
-        if most <= MAX_FORCE_AT_REST and name not in observed.scene.ctrl
+        for name, force in observed.forces.items()
+        if force <= MAX_FORCE_AT_REST and name not in observed.scene.ctrl
     ]
-    if not still:
-        return []
-    what = f"{count_text(len(still), 'actuator')} at rest: {name_list(still)}"
-    return [RemovalCandidate(ACTUATORS, what, lambda spec: _without_actuators(spec, still))]
+    what = f"{count_text(len(names), 'actuator')} at rest: {name_list(names)}"
+    return [RemovalCandidate("actuators", what, partial(without_actuators, names=names))] if names else []
 
 
-def _without_actuators(spec: mujoco.MjSpec, names: list[str]) -> None:
+def without_actuators(spec: mujoco.MjSpec, names: Collection[str]) -> None:
     """Remove actuators."""
-    for actuator in list(spec.actuators):
-        if actuator.name in names:
-            spec.delete(actuator)
-
-
-EQUALITIES = "redundant equalities"
+    _delete(spec, (actuator for actuator in spec.actuators if actuator.name in names))
 
 
 def redundant_equalities(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove each equality that is inactive or implied by the others."""
-    candidates: list[RemovalCandidate] = []
-    for name in observed.redundant:
-        edit = lambda spec, name=name: _without_equality(spec, name)  # noqa: E731
-        candidates.append(RemovalCandidate(EQUALITIES, f"equality {name}, which the others imply", edit))
-    return candidates
+    return [
+        RemovalCandidate(
+            "redundant equalities",
+            f"equality {name}, which the others imply",
+            partial(_without_equality, name=name),
+        )
+        for name in observed.redundant
+    ]
 
 
 def _without_equality(spec: mujoco.MjSpec, name: str) -> None:
@@ -191,46 +165,33 @@ def _without_equality(spec: mujoco.MjSpec, name: str) -> None:
     spec.delete(equality)
 
 
-SPRINGS = "springs"
-# field of a joint or tendon -> its name in messages
-KINDS = {
-    "frictionloss": "dry friction",
-    "stiffness": "spring",
-    "damping": "damper",
-}
-
-
 def springs(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to remove each kind from all joints and tendons that have it, and from each one."""
+    """Propose to remove Coulomb friction, springs and dampers: from all that have it, and from each."""
     candidates: list[RemovalCandidate] = []
-    for field, what in KINDS.items():
-        elements = (*observed.spec.joints, *observed.spec.tendons)
+    for field, (_, what) in SPRING_FIELDS.items():
         # in a prescribed joint these only change the drive force
         names = [
             element.name
-            for element in elements
-            if _has(element, field) and element.name not in observed.scene.joint_laws
+            for element in (*observed.spec.joints, *observed.spec.tendons)
+            if np.any(getattr(element, field)) and element.name not in observed.scene.joint_laws
         ]
-        if not names:
-            continue
-        if len(names) > 1:
-            edit = lambda spec, names=tuple(names), field=field: _without_springs(spec, names, field)  # noqa: E731
-            candidates.append(
-                RemovalCandidate(
-                    SPRINGS, f"{what} of all {len(names)} joints that have one", edit, only_if_faster=True
-                )
+        options = {f"{what} of all {len(names)} joints that have one": names} if len(names) > 1 else {}
+        options |= {f"{what} of {name}": [name] for name in names}
+        candidates += [
+            RemovalCandidate(
+                "springs", text, partial(_without_springs, names=group, field=field), only_if_faster=True
             )
-        for name in names:
-            edit = lambda spec, names=(name,), field=field: _without_springs(spec, names, field)  # noqa: E731
-            candidates.append(RemovalCandidate(SPRINGS, f"{what} of {name}", edit, only_if_faster=True))
+            for text, group in options.items()
+        ]
     return candidates
 
 
-def _has(element: Any, field: str) -> bool:
-    return bool(np.any(np.asarray(getattr(element, field)) != 0.0))
-
-
-def _without_springs(spec: mujoco.MjSpec, names: tuple[str, ...], field: str) -> None:
+def _without_springs(spec: mujoco.MjSpec, names: Collection[str], field: str) -> None:
     for element in (*spec.joints, *spec.tendons):
         if element.name in names:
-            setattr(element, field, 0.0 if field == "frictionloss" else np.zeros(3))
+            setattr(element, field, SPRING_FIELDS[field][0])
+
+
+def _delete(spec: mujoco.MjSpec, elements: Iterable[Any]) -> None:
+    for element in list(elements):
+        spec.delete(element)

@@ -17,13 +17,14 @@ from mechsim.studies.reduction.candidates.bodies import body_of, joints_of
 from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, count_text
 from mechsim.studies.reduction.candidates.rods import kept_bodies
 from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.scene.settings import HARDEST
 
 POLYNOMIALS = "loops as polynomials"
 # highest degree that a joint equality of MJCF takes
 DEGREE = 4
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-# hardest impedance, and time constant in steps, of the equalities that replace loops
-HARDEST, CONSTANT = (0.9999, 0.9999, 0.001, 0.5, 2.0), 2.0
+# time constant in steps of the equalities that replace loops
+CONSTANT = 2.0
 # samples by which reflected inertia and springs are fitted
 FIT_SAMPLES = 41
 

@@ -22,6 +22,7 @@ from mechsim.studies.reduction.candidates.candidate import (
     name_list,
 )
 from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.scene.settings import HARDEST
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 
@@ -201,7 +202,7 @@ def _as_length(spec: mujoco.MjSpec, chain: LooseChain, constant: float | None) -
         name=chain.closing, type=mujoco.mjtEq.mjEQ_TENDON, objtype=TENDON, name1=tendon.name, active=True
     )
     constraint.solref = solref if constant is None else np.array([constant, 1.0])
-    constraint.solimp = solimp if constant is None else np.array([0.9999, 0.9999, 0.001, 0.5, 2.0])
+    constraint.solimp = solimp if constant is None else np.array(HARDEST)
     model = plainly_compiled(spec)
     constraint.data = np.zeros(len(constraint.data))
     constraint.data[0] = length - float(model.tendon_length0[model.tendon(tendon.name).id])
