@@ -245,6 +245,11 @@ PLOTS = {
         ),
         OF_MOTIONS,
     ),
+    "schematic": PlotKind(
+        "kinematic diagram",
+        lambda source: plots.schematic_plot(source.solver.mechanism, source.requested_motion),
+        ("method",),
+    ),
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
     "assemblies": PlotKind("all assemblies as curves", _assemblies, ("coordinates",)),
     "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan, ("angle", "stopped")),

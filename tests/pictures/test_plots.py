@@ -297,3 +297,16 @@ def test_a_logarithmic_axis_has_a_tick_at_each_decade():
     low, high = ax.get_ylim()
     ticks = [t for t in ax.yaxis.get_majorticklocs() if low <= t <= high]
     assert np.allclose(np.diff(np.log10(ticks)), 1.0)
+
+
+def test_a_schematic_has_a_symbol_for_each_joint_and_names_at_their_points():
+    source = PlotSource(solver=catalog.make("four_bar"), speed=1.0)
+    figure = PLOTS["schematic"].figure(source)
+    (ax,) = figure.axes
+    circles = [patch for patch in ax.patches if hasattr(patch, "radius")]
+    assert len(circles) == len(source.solver.mechanism.joints)
+    assert {"A", "B", "C", "crank", "rocker"} <= {text.get_text() for text in ax.texts}
+    for text in ax.texts:
+        if text.get_text() in ("A", "B", "crank", "rocker"):
+            assert min(np.hypot(*np.subtract(circle.center, text.xy)) for circle in circles) < 1e-12
+    assert plots.drawn(figure, "pdf").startswith(b"%PDF")

@@ -25,6 +25,7 @@ from mechsim.pictures.plots.paths import (
     space_curve,
     velocity_plan_plot,
 )
+from mechsim.pictures.plots.schematic import schematic_plot
 from mechsim.pictures.plots.sensitivity import (
     Band,
     PathBand,
@@ -54,6 +55,7 @@ __all__ = [
     "free_plot",
     "motion_plot",
     "reaction_plot",
+    "schematic_plot",
     "sensitivity_plot",
     "space_curve",
     "styled",
