@@ -541,15 +541,20 @@ class _IndependentRows:
         return (rows.T @ matrix) @ self.row_space.T
 
 
-def read_loops(model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None) -> ModelLoops:
+def read_loops(
+    model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None, *, any_joint: bool = False
+) -> ModelLoops:
     """Return the loops of a compiled model with a crank, or with drivers under motion laws.
+
+    With `any_joint` the crank may be a slide too: a model that moves freely has no crank of its own.
 
     Raises:
         InputError: where the model has no hinge of the crank's name.
     """
     crank = crank if drivers is None else PARAMETER_JOINT
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
-    if joint < 0 or model.jnt_type[joint] != HINGE:
+    kinds = (HINGE, SLIDE) if any_joint else (HINGE,)
+    if joint < 0 or model.jnt_type[joint] not in kinds:
         names = [model.joint(i).name for i in range(model.njnt)]
         raise InputError(
             f"the model has no hinge joint called {crank!r} (it has {', '.join(names) or 'none'}); "

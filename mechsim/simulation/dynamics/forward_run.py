@@ -1,0 +1,343 @@
+"""Forward dynamics in MuJoCo: a mechanism whose drivers are free steps in time from an initial state."""
+
+import copy
+import time as wall_clock
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.forces import Forces
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.links import GROUND
+from mechsim.model.masses import with_inertia
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.model.scene import Scene
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.dynamics.friction import dry_frictions, oppose
+from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.mjcf import compiled, quiet
+from mechsim.simulation.mjcf.force_elements import actuators
+from mechsim.simulation.mjcf.joints import model_names
+from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops, read_loops
+from mechsim.simulation.recording import States, add_sensors
+from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
+from mechsim.simulation.source import assembled
+
+# RK4 with stiff equalities; the same as a free crank has (dynamics/free_motion.py)
+FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
+# longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
+STEP = 0.05
+# corrections of a step, and the constraint violation in characteristic lengths that counts as closed
+CORRECTIONS, CLOSED = 20, 1e-12
+# MuJoCo's own Newton iterations of a step
+ITERATIONS = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteppedRun:
+    """A run stepped in MuJoCo.
+
+    Attributes:
+        motion: of points, links and joints of the tree at the recorded instants.
+        kinetic: kinetic energy, (n,) in [J].
+        potential: of gravity and springs, (n,) in [J].
+        diverged: whether the state of MuJoCo became invalid; the records then end before.
+        timestep: in [s].
+        steps: taken.
+        seconds: time spent stepping.
+    """
+
+    motion: Motion
+    kinetic: Array
+    potential: Array
+    diverged: bool
+    timestep: float
+    steps: int
+    seconds: float
+
+
+@quiet()
+def stepped_run(
+    mechanism: Mechanism,
+    forces: Forces,
+    coordinates: Mapping[str, float],
+    rates: Mapping[str, float],
+    times: Array,
+    substeps: int,
+    settings: Settings = FREE,
+) -> SteppedRun:
+    """Step a mechanism from an initial state.
+
+    Args:
+        mechanism: links without an inertia are rods.
+        forces: what acts, the motor too.
+        coordinates: initial values in [m] or [rad] of joint coordinates of the tree.
+        rates: initial rates per second, likewise.
+        times: instants to record, evenly spaced from 0, (n,) in [s].
+        substeps: steps from one recorded instant to the next.
+        settings: of the integrator and the constraints.
+
+    Raises:
+        InputError: for a coordinate that the model does not have.
+        AssemblyError: where the loops do not close at the initial values.
+    """
+    model = free_model(mechanism, forces, {*coordinates, *rates})
+    qpos = _moved(model, coordinates)
+    qvel = _rates(model, qpos, rates)
+    timestep = float(times[1] - times[0]) / substeps
+    loops = replace(model.loops, model=_prepared(model, settings, timestep))
+    begin = wall_clock.perf_counter()
+    states, diverged = _steps(model, loops.model, qpos, qvel, times, substeps)
+    seconds = wall_clock.perf_counter() - begin
+    motion, kinetic, potential = _recorded(model, loops.model, states)
+    return SteppedRun(
+        motion=motion,
+        kinetic=kinetic,
+        potential=potential,
+        diverged=diverged,
+        timestep=timestep,
+        steps=substeps * (len(states.time) - 1),
+        seconds=seconds,
+    )
+
+
+def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
+    """Return the model of a mechanism and its forces; no loop is cut at the coordinates to keep."""
+    described = with_inertia(mechanism)
+    drivers = tuple(dict.fromkeys((*mechanism.drivers, *sorted(kept))))
+    if not mechanism.has_crank or kept - {*mechanism.drivers}:
+        described = replace(described, driver=drivers)
+    spec = assembled(described, Scene(level="dynamics", forces=forces))
+    points = tuple(name for name, (link, _) in mechanism.points.items() if link != GROUND)
+    track = add_sensors(spec, points)
+    compiled_model = compiled(spec)
+    scalar = [
+        compiled_model.joint(i).name
+        for i in range(compiled_model.njnt)
+        if int(compiled_model.jnt_type[i]) in (HINGE, SLIDE)
+    ]
+    if not scalar:
+        raise InputError(
+            f"{mechanism.name} has no revolute or prismatic joint, and MuJoCo's side needs one; "
+            "take --method none"
+        )
+    names = model_names(described)
+    crank = "crank" if described.has_crank else next(names[name] for name in drivers if names[name] in scalar)
+    loops = read_loops(compiled_model, crank, any_joint=True)
+    closed = ClosedModel(loops, track, compiled_model.qpos0.copy())
+    return LoadedModel(
+        loops=closed.loops,
+        track=closed.track,
+        qpos=closed.qpos,
+        mechanism=described,
+        forces=forces,
+        actuators=actuators(described, forces, compiled_model.nu),
+        dry=dry_frictions(compiled_model, forces.friction),
+    )
+
+
+def _prepared(model: LoadedModel, settings: Settings, timestep: float) -> mujoco.MjModel:
+    """Return a copy of the model that is set up for stepping, without virtual drive inertia."""
+    stepped = copy.copy(model.model)
+    crank = np.array([model.loops.crank])
+    own = float(stepped.dof_armature[model.loops.crank])
+    settings.apply(replace(model.loops, model=stepped), timestep, velocity_products=True)
+    stiffen_friction(stepped, timestep)
+    set_armature(stepped, crank, own)
+    stepped.opt.iterations = max(stepped.opt.iterations, ITERATIONS)
+    return stepped
+
+
+def _dofs(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], list[int]]:
+    """Return addresses in qpos and degrees of freedom of joint coordinates.
+
+    Raises:
+        InputError: for a coordinate at which the model's loops are cut, or that it does not have.
+    """
+    called = model_names(model.mechanism)
+    crank = model.mechanism.crank.name if model.mechanism.has_crank else None
+    addresses, dofs = list[int](), list[int]()
+    for name in names:
+        joint = mujoco.mj_name2id(
+            model.model, mujoco.mjtObj.mjOBJ_JOINT, "crank" if name == crank else called.get(name, name)
+        )
+        if joint < 0:
+            raise InputError(
+                f"{model.mechanism.name}: MuJoCo's loops are cut at coordinate {name!r}; "
+                " give initial values of other joints"
+            )
+        addresses.append(int(model.model.jnt_qposadr[joint]))
+        dofs.append(int(model.model.jnt_dofadr[joint]))
+    return addresses, dofs
+
+
+def _moved(model: LoadedModel, coordinates: Mapping[str, float]) -> Array:
+    """Return the closed state at initial coordinates, (nq,), by short steps from the reference."""
+    addresses, dofs = _dofs(model, coordinates)
+    loops, qpos = model.loops, model.qpos.copy()
+    target, begin = np.array([*coordinates.values()]), qpos[addresses].copy()
+    lengths = loops.units[dofs]
+    steps = max(1, int(np.ceil(np.abs((target - begin) / lengths).max(initial=0.0) / STEP)))
+    for k in range(1, steps + 1):
+        qpos = _closed(model, loops, qpos, addresses, dofs, begin + (target - begin) * (k / steps))
+    return qpos
+
+
+def _closed(
+    model: LoadedModel, loops: ModelLoops, qpos: Array, addresses: list[int], dofs: list[int], values: Array
+) -> Array:
+    """Return the nearest state with closed loops and some coordinates at given values."""
+    gap = np.inf
+    for _ in range(CORRECTIONS):
+        residual, jacobian = loops.linearise(qpos[None])
+        scale = _row_scale(loops, residual.shape[1])
+        rows = np.concatenate([jacobian[0] * scale[:, None], np.eye(model.model.nv)[dofs]]) * loops.units
+        gaps = np.concatenate([residual[0] * scale, (qpos[addresses] - values) / loops.units[dofs]])
+        rows[len(scale) :] /= loops.units[dofs][:, None]
+        gap = float(np.abs(gaps).max(initial=0.0))
+        if gap <= 1e-15:
+            break
+        step = -np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ gaps
+        qpos = loops.displaced(qpos[None], (step * loops.units)[None])[0]
+        if gap <= CLOSED:
+            break
+    if not gap <= CLOSED:
+        raise AssemblyError(
+            f"{model.mechanism.name}: MuJoCo's loops do not close at the initial values; "
+            f"a gap of {gap:.3g} is left"
+        )
+    return qpos
+
+
+def _row_scale(loops: ModelLoops, rows: int) -> Array:
+    scale = np.ones(rows)
+    scale[: len(loops.scale)] = loops.scale
+    return scale
+
+
+def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array:
+    """Return the rates of least norm, (nv,), that satisfy the loops and the initial rates."""
+    _, dofs = _dofs(model, rates)
+    loops = model.loops
+    _, jacobian = loops.linearise(qpos[None])
+    rows = np.concatenate([jacobian[0], np.eye(model.model.nv)[dofs]]) * loops.units
+    right = np.concatenate([np.zeros(jacobian.shape[1]), [*rates.values()]])
+    scale = np.concatenate([_row_scale(loops, jacobian.shape[1]), 1.0 / loops.units[dofs]])
+    solution = np.linalg.pinv(rows * scale[:, None], rcond=RANK_TOLERANCE) @ (right * scale)
+    return solution * loops.units
+
+
+def _steps(
+    model: LoadedModel, stepped: mujoco.MjModel, qpos: Array, qvel: Array, times: Array, substeps: int
+) -> tuple[States, bool]:
+    """Step the model; return the recorded states and whether it diverged."""
+    data = mujoco.MjData(stepped)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    crank = model.loops.crank_address if model.mechanism.has_crank else None
+
+    def control(_: mujoco.MjModel, now: mujoco.MjData) -> None:
+        angle = now.qpos[[crank]] if crank is not None else np.zeros(1)
+        controls = model.controls(angle, np.array([now.time]))
+        oppose(model.dry, now.actuator_velocity[None], controls)
+        now.ctrl[:] = controls[0]
+
+    records = [(qpos.copy(), qvel.copy())]
+    before = mujoco.get_mjcb_control()
+    if stepped.nu:
+        mujoco.set_mjcb_control(control)
+    try:
+        for _ in times[1:]:
+            mujoco.mj_step(stepped, data, nstep=substeps)
+            if any(warning.number for warning in data.warning):
+                break
+            records.append((data.qpos.copy(), data.qvel.copy()))
+    finally:
+        mujoco.set_mjcb_control(before)
+    states = States(times[: len(records)], *(np.array(part) for part in zip(*records, strict=True)))
+    return states, len(records) < len(times)
+
+
+def _recorded(model: LoadedModel, stepped: mujoco.MjModel, states: States) -> tuple[Motion, Array, Array]:
+    """Return the motion, kinetic and potential energy at recorded states."""
+    stepped.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    stepped.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data, n = mujoco.MjData(stepped), len(states.time)
+    crank = model.loops.crank_address if model.mechanism.has_crank else None
+    sensors = np.empty((n, stepped.nsensordata))
+    accelerations = np.empty((n, stepped.nv))
+    sites = {name: np.empty((n, 3)) for name in model.track.points}
+    bodies = {name: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
+    energies = np.empty((n, 2))
+    for i in range(n):
+        data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
+        if stepped.nu:
+            angle = data.qpos[[crank]] if crank is not None else np.zeros(1)
+            mujoco.mj_forward(stepped, data)
+            controls = model.controls(angle, states.time[i : i + 1])
+            oppose(model.dry, data.actuator_velocity[None], controls)
+            data.ctrl[:] = controls[0]
+        mujoco.mj_forward(stepped, data)
+        sensors[i], accelerations[i], energies[i] = data.sensordata, data.qacc, data.energy
+        for name, values in sites.items():
+            values[i] = data.site(name).xpos
+        for name, (position, rotation) in bodies.items():
+            position[i], rotation[i] = data.body(name).xpos, data.body(name).xmat.reshape(3, 3)
+    motion = _motion(model, stepped, states, accelerations, sensors, sites, bodies)
+    return motion, energies[:, 1], energies[:, 0]
+
+
+def _motion(
+    model: LoadedModel,
+    stepped: mujoco.MjModel,
+    states: States,
+    accelerations: Array,
+    sensors: Array,
+    sites: Mapping[str, Array],
+    bodies: Mapping[str, tuple[Array, Array]],
+) -> Motion:
+    def sensed(name: str) -> Array:
+        address = int(stepped.sensor(name).adr[0])
+        return sensors[:, address : address + 3]
+
+    points = {
+        name: PointMotion(position, sensed(f"{name}.linvel"), sensed(f"{name}.linacc"))
+        for name, position in sites.items()
+    }
+    links = {
+        name: LinkMotion(
+            position,
+            rotation,
+            *(sensed(f"{name}:{rate}") for rate in ("linvel", "angvel", "linacc", "angacc")),
+        )
+        for name, (position, rotation) in bodies.items()
+    }
+    joints: dict[str, JointMotion] = {}
+    for joint in model.mechanism.joints:
+        kind = KINDS[joint.kind]
+        for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
+            try:
+                (address,), (dof,) = _dofs(model, {name: 0.0})
+            except InputError:
+                continue
+            part = None if kind.single else i
+            values = states.qpos[:, address], states.qvel[:, dof], accelerations[:, dof]
+            joints[name] = JointMotion(*values, "m" if unit == "m" else "rad", part)
+    first = next(iter(joints.values()))
+    return Motion(
+        source="step",
+        angle=first.value,
+        speed=first.rate,
+        acceleration=first.acceleration,
+        points=points,
+        links=links,
+        joints=joints,
+        time=states.time,
+        drivers=tuple(name for name in model.mechanism.drivers if name in joints),
+    )
