@@ -27,6 +27,7 @@ from mechsim.cli.dynamics_output import (
     print_study,
     verdict_facts,
 )
+from mechsim.cli.forward_dynamics import ForwardOptions, forward_dynamics
 from mechsim.cli.load_options import MachineOptions, Verbose, print_masses
 from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of, moving, speed_of, writable
 from mechsim.cli.output import print_json
@@ -115,6 +116,7 @@ def dynamics(
     model: Model,
     acting: MachineOptions,
     asked: DynamicsOptions,
+    forward: ForwardOptions,
     driven: DriveOptions,
     sets: Sets = None,
     verbose: Verbose = False,
@@ -123,6 +125,11 @@ def dynamics(
 ) -> None:
     """What drives and joints carry as prescribed, and the energies; free running under a motor."""
     asked.check()
+    if forward.requested:
+        passed = forward_dynamics(
+            model, acting, forward, driven, sets, asked.samples, asked.method, asked.csv, as_json
+        )
+        raise typer.Exit(0 if passed else 1)
     machine = acting.machine(moving(form_of(model, sets, driven)))
     shown = output_units(units, machine.drive)
     if _programs(machine) is not None and asked.free:

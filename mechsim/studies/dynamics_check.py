@@ -1,13 +1,28 @@
 """Dynamics in MuJoCo against the formulas: the true answer at what the run really did, and the verdict."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
-from mechsim.analytic.dynamics import Machine, free_run, prescribed
+import numpy as np
+
+from mechsim.analytic.dynamics import DynamicRun, Machine, free_run, prescribed
+from mechsim.analytic.dynamics.initial_state import InitialValues
+from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.result import Driven
-from mechsim.verdict.checks import Verdict
+from mechsim.verdict.checks import Check, Verdict
 from mechsim.verdict.judge import judge_efforts, judge_free_run
 from mechsim.verdict.tolerances import Tolerance
+
+# steps of MuJoCo for each step of the integrator of order eight: 4000 a period of a pendulum, for which that
+# takes 55 (validation/published/forward_dynamics.py)
+STEPS_PER_STEP = 70
+# most steps of one run
+MOST_STEPS = 400_000
+# of the largest value: what rounding and the compliance of MuJoCo's constraints leave; dry friction is a soft
+# constraint there
+FLOOR, FRICTION_FLOOR = 1e-9, 1e-4
 
 
 def crosscheck_driven(
@@ -59,3 +74,71 @@ def crosscheck_free(
     exact = free_run(machine, angle=float(found.angle[0]), speed=float(found.speed[0]), times=found.time)
     tolerance = None if run.tolerance_report is None else run.tolerance_report.tolerance
     return judge_free_run(found, exact, tolerance=tolerance, bounds=bounds)
+
+
+def crosscheck_forward(run: DynamicRun, machine: Machine, initial: InitialValues) -> Verdict:
+    """Compare a run of forward dynamics with MuJoCo, stepped from the same initial values.
+
+    MuJoCo steps twice, the second time with half the step. The largest change between the two bounds the
+    error of the second.
+
+    Args:
+        run: of the analytic side.
+        machine: whose run it is.
+        initial: its initial values.
+    """
+    times, intervals = run.time, len(run.time) - 1
+    substeps = max(1, min(MOST_STEPS // intervals, STEPS_PER_STEP * run.steps // intervals))
+    coarse, fine = (
+        stepped_run(machine.mechanism, machine.forces, initial.coordinates, initial.rates, times, count)
+        for count in (substeps, 2 * substeps)
+    )
+    if fine.diverged or coarse.diverged:
+        return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
+    floor = FRICTION_FLOOR if any(friction.dry for friction in machine.forces.friction) else FLOOR
+    checks = [
+        _forward_check(name, unit, times, values, floor)
+        for name, unit, *values in _compared(run.motion, coarse.motion, fine.motion)
+    ]
+    passed = all(check.passed for check in checks)
+    return Verdict("passed" if passed else "failed", tuple(checks), "" if passed else checks_reason(checks))
+
+
+def checks_reason(checks: list[Check]) -> str:
+    """Return in one sentence which quantity misses its tolerance most."""
+    worst = max(checks, key=lambda check: check.worst / check.tolerance)
+    return f"{worst.quantity} is off by {worst.worst:.3g} {worst.unit}, more than {worst.tolerance:.3g}"
+
+
+def _compared(exact: Motion, coarse: Motion, fine: Motion) -> Iterator[tuple[str, str, Array, Array, Array]]:
+    """Yield name, unit and values of what all three motions have."""
+    motions = exact, coarse, fine
+    for name in fine.points:
+        for what, unit in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2")):
+            yield f"{what} of {name}", unit, *(getattr(motion.points[name], what) for motion in motions)
+    for name, joint in fine.joints.items():
+        for what, label, unit in (
+            ("value", "coordinate", joint.unit),
+            ("rate", "rate", f"{joint.unit}/s"),
+            ("acceleration", "acceleration", f"{joint.unit}/s2"),
+        ):
+            yield f"{label} of {name}", unit, *(getattr(motion.joints[name], what) for motion in motions)
+
+
+def _forward_check(name: str, unit: str, times: Array, values: list[Array], floor: float) -> Check:
+    exact, coarse, fine = (value.reshape(len(times), -1) for value in values)
+    error = np.sqrt(((fine - exact) ** 2).sum(1))
+    change = float(np.sqrt(((fine - coarse) ** 2).sum(1)).max())
+    largest = float(np.sqrt((exact**2).sum(1)).max())
+    worst = int(np.argmax(error))
+    return Check(
+        kind=name,
+        method="step",
+        unit=unit,
+        worst=float(error[worst]),
+        at=float(times[worst]),
+        at_unit="s",
+        rms=float(np.sqrt((error**2).mean())),
+        tolerance=change + floor * largest,
+        reason=f"change by halving MuJoCo's step, and {floor:.0e} of the largest value",
+    )

@@ -8,7 +8,14 @@ from mechsim.analytic.dynamics.linearization import Mode
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, reduced
-from mechsim.analytic.dynamics.statics import Equilibrium, equilibria, holding, modes, response
+from mechsim.analytic.dynamics.statics import (
+    Equilibrium,
+    equilibria,
+    holding,
+    modes,
+    nearest_equilibrium,
+    response,
+)
 from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 
 __all__ = [
@@ -29,6 +36,7 @@ __all__ = [
     "holding",
     "machine",
     "modes",
+    "nearest_equilibrium",
     "prescribed",
     "reduced",
     "response",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.dynamics.dynamic_model import machine
+from mechsim.analytic.dynamics.dynamic_model import Machine, machine
 from mechsim.analytic.dynamics.equations_of_motion import (
     Dynamics,
     EquationsOfMotion,
@@ -121,7 +121,7 @@ def run(
         >>> import mechsim as ms
         >>> run = ms.dynamics.run("four_bar", initial={"A.q": "30deg"}, duration="2s")  # doctest: +SKIP
     """
-    model = machine(source, forces)
+    model: Machine = source if isinstance(source, Machine) else machine(source, forces)
     values = initial_values(model.mechanism, initial or {})
     end = _positive(units.si(duration, "s", "the duration"), "duration", "s")
     if not samples >= 1:
@@ -130,13 +130,13 @@ def run(
         raise InputError(f"coefficient of restitution is {restitution}; give 0 to 1")
     if not 1e-14 <= tolerance <= 1e-2:
         raise InputError(f"tolerance of a step is {tolerance}; give 1e-14 to 1e-2")
-    names = {*values.coordinates, *values.rates, *getattr(source, "ranges", {})}
+    names = {*values.coordinates, *values.rates, *getattr(model.drive, "ranges", {})}
     event = None if until is None else parse_event(model.mechanism, until)
     if event is not None and event.joint:
         names.add(event.name)
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0))
     q, rates = initial_state(equations, values)
-    stops = stops_of(equations, getattr(source, "ranges", {}))
+    stops = stops_of(equations, getattr(model.drive, "ranges", {}))
     integration = Integration(equations, q, rates, tolerance, stops, restitution)
     function = None if event is None else lambda state, _: event.function(equations, state)
     trajectory = integration.run(end, function)

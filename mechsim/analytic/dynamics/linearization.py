@@ -85,7 +85,7 @@ class LinearModel:
             magnitude = abs(value)
             scaled: Complex = self.basis @ vector[:dof]
             scaled = scaled / scaled[np.argmax(np.abs(scaled))]
-            ratio = float(-value.real / magnitude) if magnitude > 0.0 else 0.0
+            ratio = float(-value.real / magnitude + 0.0) if magnitude > 0.0 else 0.0
             modes.append(Mode(float(magnitude / (2.0 * np.pi)), ratio, complex(value), self._by_name(scaled)))
         return tuple(modes)
 

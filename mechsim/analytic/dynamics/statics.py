@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.dynamic_model import machine
+from mechsim.analytic.dynamics.dynamic_model import Machine, machine
 from mechsim.analytic.dynamics.dynamic_run import initial_values, parse_event
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.initial_state import initial_state, projected
@@ -20,13 +20,14 @@ from mechsim.analytic.dynamics.linearization import (
     null_space,
 )
 from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
 # searches from configurations reached by a random walk along the motion of the mechanism
-STARTS = 40
+STARTS = 20
 # length of a step of that random walk, in [rad] or sizes of the mechanism
 RANDOM_STEP = 0.7
 # Newton steps from each start, and the longest
@@ -98,9 +99,9 @@ def equilibria(
             solution = _newton(equations, q, downhill=downhill)
             if solution is None:
                 continue
-            equilibrium = _described(equations, solution)
-            if not any(_same(equations, equilibrium.q, other.q) for other in solutions):
-                solutions.append(equilibrium)
+            values = _coordinates(equations, solution)
+            if not any(_same(equations, values, other.q) for other in solutions):
+                solutions.append(_described(equations, solution))
     return tuple(sorted(solutions, key=lambda equilibrium: equilibrium.potential))
 
 
@@ -193,7 +194,7 @@ def holding(
 def _prepared(
     source: Any, forces: Forces | None, initial: Mapping[str, float | str]
 ) -> tuple[EquationsOfMotion, Coordinates]:
-    model = machine(source, forces)
+    model: Machine = source if isinstance(source, Machine) else machine(source, forces)
     values = initial_values(model.mechanism, initial)
     equations = equations_of_motion(model, values.coordinates)
     return equations, initial_state(equations, values)[0]
@@ -250,15 +251,18 @@ def _newton_step(jacobian: Array, value: Array, downhill: bool) -> Array:
 
 def _described(equations: EquationsOfMotion, q: Coordinates) -> Equilibrium:
     linear = linear_model(equations, q)
+    at_rest = np.zeros((equations.loops.tree.count, 1))
+    _, potential = equations.energy(equations.kinematics(q, at_rest))
+    return Equilibrium(_coordinates(equations, q), linear.stable, potential, linear.modes(), linear)
+
+
+def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, float]:
+    """Return joint coordinates in [m] and [rad], angles within (-pi, pi]."""
     tree = equations.loops.tree
-    values = {
-        name: float(q.values[i, 0])
-        if tree.slides[i]
-        else float((q.values[i, 0] + np.pi) % REVOLUTION - np.pi)
+    return {
+        name: float(q.values[i, 0] if tree.slides[i] else wrap(q.values[i, 0]))
         for name, i in tree.index_of.items()
     }
-    _, potential = equations.energy(equations.kinematics(q, np.zeros((tree.count, 1))))
-    return Equilibrium(values, linear.stable, potential, linear.modes(), linear)
 
 
 def _same(equations: EquationsOfMotion, q: Mapping[str, float], other: Mapping[str, float]) -> bool:

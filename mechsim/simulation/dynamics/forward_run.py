@@ -306,15 +306,20 @@ def _motion(
         address = int(stepped.sensor(name).adr[0])
         return sensors[:, address : address + 3]
 
+    # MuJoCo's sensors of linear acceleration are accelerometers: they leave out that of gravity
+    gravity = stepped.opt.gravity
     points = {
-        name: PointMotion(position, sensed(f"{name}.linvel"), sensed(f"{name}.linacc"))
+        name: PointMotion(position, sensed(f"{name}.linvel"), sensed(f"{name}.linacc") + gravity)
         for name, position in sites.items()
     }
     links = {
         name: LinkMotion(
             position,
             rotation,
-            *(sensed(f"{name}:{rate}") for rate in ("linvel", "angvel", "linacc", "angacc")),
+            sensed(f"{name}:linvel"),
+            sensed(f"{name}:angvel"),
+            sensed(f"{name}:linacc") + gravity,
+            sensed(f"{name}:angacc"),
         )
         for name, (position, rotation) in bodies.items()
     }

@@ -1,0 +1,64 @@
+"""Forward dynamics on both methods: MuJoCo agrees from the same initial values; a wrong mass does not."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.dynamics.initial_state import InitialValues
+from mechsim.model.forces import Forces, Friction, JointSpring
+from mechsim.studies.dynamics_check import crosscheck_forward
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "analytic"))
+from test_forward_dynamics import WEIGHT, double_pendulum, point_mass, slider
+
+OSCILLATOR = Forces(joint_springs=(JointSpring("s", 200.0),), friction=(Friction("s", viscous=3.0),))
+
+
+def heavy(mechanism, about=1e-3):
+    """MuJoCo needs moments of inertia."""
+    return replace(
+        mechanism, links=tuple(replace(link, inertia=point_mass(about=about)) for link in mechanism.links)
+    )
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "forces", "initial", "values"),
+    [
+        (heavy(double_pendulum()), WEIGHT, {"A.q": 0.3, "B.v": 1.5}, InitialValues({"A": 0.3}, {"B": 1.5})),
+        (slider(), OSCILLATOR, {"s.q": 0.1}, InitialValues({"s": 0.1}, {})),
+        (ms.catalog.make("four_bar").mechanism, WEIGHT, {"crank.q": 0.5}, InitialValues({"crank": 0.5}, {})),
+        (ms.catalog.make("rssr").mechanism, WEIGHT, {"crank.v": 9.0}, InitialValues({}, {"crank": 9.0})),
+    ],
+    ids=["double pendulum", "oscillator", "four_bar", "rssr"],
+)
+def test_both_methods_agree_on_free_motion(mechanism, forces, initial, values):
+    machine = ms.dynamics.machine(mechanism, forces)
+    run = ms.dynamics.run(machine, initial=initial, duration=0.1, samples=10)
+    verdict = crosscheck_forward(run, machine, values)
+    assert verdict.passed, verdict
+
+
+def test_a_link_heavier_by_a_hundred_thousandth_is_noticed():
+    mechanism = heavy(double_pendulum())
+    run = ms.dynamics.run(mechanism, WEIGHT, initial={"A.q": 0.3}, duration=0.3, samples=10)
+    first, second = mechanism.links
+    wrong = replace(mechanism, links=(first, replace(second, inertia=point_mass(1.0 + 1e-5, about=1e-3))))
+    verdict = crosscheck_forward(run, ms.dynamics.machine(wrong, WEIGHT), InitialValues({"A": 0.3}, {}))
+    assert verdict.outcome == "failed"
+    assert "is off by" in verdict.reason
+
+
+def test_the_error_of_mujoco_falls_with_the_fourth_order_of_its_step():
+    from mechsim.simulation.dynamics.forward_run import stepped_run
+
+    mechanism = heavy(double_pendulum())
+    run = ms.dynamics.run(mechanism, WEIGHT, initial={"A.q": 0.3}, duration=1.0, samples=4)
+    errors = []
+    for substeps in (10, 20):
+        stepped = stepped_run(mechanism, WEIGHT, {"A": 0.3}, {}, run.time, substeps)
+        errors.append(np.abs(stepped.motion.joints["A"].value - run.motion.joints["A"].value).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
