@@ -15,7 +15,7 @@ def cut(text: str, longest: int) -> str:
 
 
 class MechsimError(Exception):
-    """Base of all errors a user can mend; the command line prints its text and exits with 2."""
+    """Base of all errors that a user can correct; the command line prints its text and exits with 2."""
 
 
 class InputError(MechsimError, ValueError):

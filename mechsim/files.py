@@ -42,7 +42,7 @@ class Tabled(Protocol):
         ...
 
 
-def place_of(path: str | Path) -> Path:
+def resolved_path(path: str | Path) -> Path:
     """Return where a file that is asked for really lies: what a symbolic link points to.
 
     Raises:
@@ -50,15 +50,15 @@ def place_of(path: str | Path) -> Path:
     """
     path = Path(path)
     try:
-        place = Path(os.path.realpath(path)) if path.is_symlink() else path
-        if place.is_dir():
+        target = Path(os.path.realpath(path)) if path.is_symlink() else path
+        if target.is_dir():
             raise OutputError(f"cannot write {path}: it is a directory; name a file in it")
-        if not place.parent.is_dir():
-            raise OutputError(f"cannot write {path}: there is no directory {place.parent}; make it first")
-        if place.is_symlink():
+        if not target.parent.is_dir():
+            raise OutputError(f"cannot write {path}: there is no directory {target.parent}; make it first")
+        if target.is_symlink():
             raise OutputError(f"cannot write {path}: its links lead in a circle; name another file")
         # root may write what nobody may; it is protected all the same
-        if place.exists() and not (place.stat().st_mode & 0o222 and os.access(place, os.W_OK)):
+        if target.exists() and not (target.stat().st_mode & 0o222 and os.access(target, os.W_OK)):
             raise OutputError(
                 f"cannot write {path}: it is read-only; name another file, or change its rights"
             )
@@ -66,7 +66,7 @@ def place_of(path: str | Path) -> Path:
         raise
     except (OSError, ValueError) as error:
         raise _cannot_write(path, error) from error
-    return place
+    return target
 
 
 def stem_of(name: str) -> str:
@@ -74,33 +74,33 @@ def stem_of(name: str) -> str:
     return re.sub(r"[^\w.+-]+", "_", name)[-LONGEST_STEM:].lstrip("-.") or "_"
 
 
-def require_place(path: str | Path) -> None:
+def require_writable(path: str | Path) -> None:
     """Refuse a file that cannot be made or written, before there is anything to write.
 
     Raises:
         OutputError: says why.
     """
-    place = place_of(path)
-    if not place.exists():
-        beside = _beside(place, place.parent)
+    target = resolved_path(path)
+    if not target.exists():
+        temporary = _temporary_path(target, target.parent)
         try:
-            _make(beside)
+            _make(temporary)
         except OSError as error:
             raise _cannot_write(Path(path), error) from error
         finally:
-            beside.unlink(missing_ok=True)
-    elif stat.S_ISCHR(place.stat().st_mode):
+            temporary.unlink(missing_ok=True)
+    elif stat.S_ISCHR(target.stat().st_mode):
         # a device that takes nothing says so of no bytes, too
         try:
-            with place.open("wb", buffering=0) as taker:
+            with target.open("wb", buffering=0) as taker:
                 taker.write(b"")
         except OSError as error:
             raise _cannot_write(Path(path), error) from error
 
 
-def _beside(place: Path, folder: Path) -> Path:
+def _temporary_path(target: Path, folder: Path) -> Path:
     """Return a temporary path, named before it is made: no signal comes between that and its care."""
-    return folder / f".{place.stem[:32]}-{secrets.token_hex(4)}{place.suffix}"
+    return folder / f".{target.stem[:32]}-{secrets.token_hex(4)}{target.suffix}"
 
 
 def _make(path: Path) -> None:
@@ -109,8 +109,8 @@ def _make(path: Path) -> None:
 
 
 @contextmanager
-def written_beside(path: str | Path) -> Generator[Path]:
-    """Give a temporary path beside `path`, and put it in its place when the block ends well.
+def atomic_path(path: str | Path) -> Generator[Path]:
+    """Yield a temporary path next to `path`, and move it there when the block ends without an error.
 
     The temporary file keeps the extension, so that writers which go by it are content. A reader sees
     the old file or the whole new one, never a part; nothing is left behind if the block raises. A symbolic
@@ -119,27 +119,27 @@ def written_beside(path: str | Path) -> Generator[Path]:
     Raises:
         OutputError: if the directory does not exist, or the file cannot be written there.
     """
-    place = place_of(path)
-    there = place.exists()
-    special = there and not place.is_file()
-    folder = tempfile.gettempdir() if special else place.parent
-    beside = _beside(place, Path(folder))
+    target = resolved_path(path)
+    exists = target.exists()
+    special = exists and not target.is_file()
+    folder = tempfile.gettempdir() if special else target.parent
+    temporary = _temporary_path(target, Path(folder))
     try:
-        _make(beside)
-        yield beside
+        _make(temporary)
+        yield temporary
         if special:
-            with beside.open("rb") as whole, place.open("wb") as taker:
+            with temporary.open("rb") as whole, target.open("wb") as taker:
                 shutil.copyfileobj(whole, taker)
         else:
             # until now only its owner could read it
-            beside.chmod(stat.S_IMODE(place.stat().st_mode) if there else 0o666 & ~_umask())
-            beside.replace(place)
+            temporary.chmod(stat.S_IMODE(target.stat().st_mode) if exists else 0o666 & ~_umask())
+            temporary.replace(target)
     except OutputError:
         raise
     except OSError as error:
         raise _cannot_write(Path(path), error) from error
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def plain(value: Any) -> Any:
@@ -162,8 +162,8 @@ def write_json(path: str | Path, value: Any) -> None:
         OutputError: where the file cannot be written.
     """
     text = json.dumps(plain(value), indent=1, allow_nan=False)
-    with written_beside(path) as beside:
-        beside.write_text(text + "\n", encoding="utf-8")
+    with atomic_path(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def write(path: str | Path, motion: Tabled) -> None:
@@ -188,22 +188,22 @@ def write_table(path: str | Path, table: Mapping[str, Array]) -> None:
         OutputError: where the file cannot be written.
     """
     kind = _kind(path)
-    with written_beside(path) as beside:
+    with atomic_path(path) as temporary:
         if kind == ".csv":
-            _write_csv(beside, table)
+            _write_csv(temporary, table)
         else:
-            np.savez_compressed(beside, allow_pickle=False, **table)  # pyright: ignore[reportArgumentType]
+            np.savez_compressed(temporary, allow_pickle=False, **table)  # pyright: ignore[reportArgumentType]
 
 
-def write_in_parts(path: str | Path, parts: Iterable[Tabled]) -> None:
+def write_records(path: str | Path, records: Iterable[Tabled]) -> None:
     """Write a motion that comes part by part as `.csv`, with no more than one part in memory.
 
     Raises:
         OutputError: where the file cannot be written.
     """
-    with written_beside(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
-        for number, part in enumerate(parts):
-            table = dict(part.columns())
+    with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        for number, record in enumerate(records):
+            table = dict(record.columns())
             if number == 0:
                 file.write(csv_head(table))
             file.writelines(csv_lines(table))
@@ -279,21 +279,24 @@ def _read_csv(path: Path) -> Table:
 def _first_bad(names: list[str], lines: list[str]) -> str:
     """Return what is wrong with the first row that is not one number under each name."""
     for number, line in enumerate(lines, 2):
-        cells = line.split(",")
-        if len(cells) != len(names):
-            return f"line {number} has {len(cells)} values under {len(names)} names"
-        for name, cell in zip(names, cells, strict=True):
+        entries = line.split(",")
+        if len(entries) != len(names):
+            return f"line {number} has {len(entries)} values under {len(names)} names"
+        for name, entry in zip(names, entries, strict=True):
             try:
-                float(cell)
+                float(entry)
             except ValueError:
-                return f"{cell.strip()!r} in line {number} under {name!r} is no number"
+                return f"{entry.strip()!r} in line {number} under {name!r} is no number"
     return "its rows are not numbers with commas between"
 
 
 def _read_npz(path: Path) -> Table:
     with zipfile.ZipFile(path) as packed:
         require_memory(
-            f"what {path.name} holds", sum(one.file_size for one in packed.infolist()), UNPACKED, SHORTER
+            f"what {path.name} holds",
+            sum(member.file_size for member in packed.infolist()),
+            UNPACKED,
+            SHORTER,
         )
     with np.load(path, allow_pickle=False) as file:
         return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}

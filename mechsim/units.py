@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import InputError, cut
 
 Array = NDArray[np.float64]
-Given = TypeVar("Given")
+Value = TypeVar("Value")
 # (unit as written, SI unit) -> how many of the second one of the first is: those written most, so that pint's
 # definitions need not be read for them, and others as they are met
 FACTORS: dict[tuple[str, str], float] = {
@@ -173,7 +173,7 @@ def parse_time(text: str, name: str = "the time") -> float:
     return parse(text, "s", name)
 
 
-def si(value: Given | str, unit: Unit, name: str = "the value") -> Given | float:
+def si(value: Value | str, unit: Unit, name: str = "the value") -> Value | float:
     """Return a quantity in SI: text is read as by `parse`, all else is returned as it is."""
     return parse(value, unit, name) if isinstance(value, str) else value
 
@@ -197,7 +197,7 @@ def require_written(text: str, unit: Unit, declared: str, name: str, rest: str =
         InputError: where no number of the text has a unit and one is not 0.
     """
     try:
-        values = [float(part) for part in re.split("[,:]", text)]
+        values = [float(piece) for piece in re.split("[,:]", text)]
     except ValueError:
         return
     if not any(values) or in_si(1.0, declared, unit) == 1.0:
@@ -236,11 +236,11 @@ def parse_angles(text: str, name: str = "the angles") -> Array:
     _require_text(text, "rad", name)
     if ":" not in text:
         return np.array(_several(text.split(","), "rad", text, name))
-    parts = text.split(":")
-    if len(parts) != 3:
+    texts = text.split(":")
+    if len(texts) != 3:
         raise InputError(f"{name} {text!r} must be start:stop:step, for example 0:360:5deg")
     # counted in the unit as written, where 360 / 5 is a whole number
-    numbers, factors = _read(parts, "rad", text, name)
+    numbers, factors = _read(texts, "rad", text, name)
     if len(set(factors)) > 1:
         numbers, factors = [n * f for n, f in zip(numbers, factors, strict=True)], [1.0]
     start, stop, step = numbers
@@ -302,8 +302,8 @@ def _require_text(text: str, unit: Unit, name: str) -> None:
         )
 
 
-def _several(parts: list[str], unit: Unit, text: str, name: str) -> list[float]:
-    numbers, factors = _read(parts, unit, text, name)
+def _several(texts: list[str], unit: Unit, text: str, name: str) -> list[float]:
+    numbers, factors = _read(texts, unit, text, name)
     values = [_in_si(number, factor) for number, factor in zip(numbers, factors, strict=True)]
     if not all(abs(value) < np.inf for value in values):
         raise _unit_error(text, unit, name, "is too large")
@@ -316,19 +316,19 @@ def _in_si(number: float, factor: float) -> float:
     return number / inverse if inverse and 1.0 / inverse == factor else number * factor
 
 
-def _read(parts: list[str], unit: Unit, text: str, name: str) -> tuple[list[float], list[float]]:
+def _read(texts: list[str], unit: Unit, text: str, name: str) -> tuple[list[float], list[float]]:
     """Return the numbers as written and the factor to SI of each; the last unit stands for missing ones."""
-    pairs = [_split(part, unit, text, name) for part in parts]
+    pairs = [_split(piece, unit, text, name) for piece in texts]
     last = pairs[-1][1]
     return [number for number, _ in pairs], [_factor(own or last, unit, text, name) for _, own in pairs]
 
 
-def _split(part: str, unit: Unit, text: str, name: str) -> tuple[float, str]:
+def _split(piece: str, unit: Unit, text: str, name: str) -> tuple[float, str]:
     """Return the number and the unit as written; the unit may be empty."""
-    match = _QUANTITY.fullmatch(part)
+    match = _QUANTITY.fullmatch(piece)
     number = float(match[1]) if match else np.nan
     if match is None or not abs(number) < np.inf:
-        what = "is" if part == text else f"holds {_short(part.strip())!r}, which is"
+        what = "is" if piece == text else f"holds {_short(piece.strip())!r}, which is"
         raise _unit_error(text, unit, name, f"{what} not a finite number with a unit")
     return number, match[2]
 
@@ -358,15 +358,15 @@ def converted(written: str, unit: Unit, text: str, name: str) -> float:
         raise _unit_error(text, unit, name, f"has unit {_short(written)!r}, which is not known")
     registry = _registry()
     try:
-        one = registry.Quantity(1.0, registry.parse_units(written)).to_root_units()
+        quantity = registry.Quantity(1.0, registry.parse_units(written)).to_root_units()
     except Exception:  # pint's parser lets errors of every kind through for what is no unit
         raise _unit_error(text, unit, name, f"has unit {written!r}, which is not known") from None
-    wanted = registry.Unit("dimensionless" if unit == "1" else unit)
+    target = registry.Unit("dimensionless" if unit == "1" else unit)
     # pint takes an angle for a plain number, so that 1 Hz would be 1 rad/s and 1 mm/m an angle
-    turns = ("radian" in str(one.units)) == ("rad" in unit)
-    if not turns or not one.is_compatible_with(wanted):
+    turns = ("radian" in str(quantity.units)) == ("rad" in unit)
+    if not turns or not quantity.is_compatible_with(target):
         raise _unit_error(text, unit, name, f"has unit {written!r}, which does not measure that")
-    return float(one.to(wanted).magnitude)
+    return float(quantity.to(target).magnitude)
 
 
 def _unit_error(text: str, unit: Unit, name: str, what: str) -> InputError:
@@ -390,6 +390,6 @@ class WrittenUnits:
     length: str = "m"
     angle: str = "rad"
 
-    def of(self, unit: str) -> str:
+    def declared(self, unit: str) -> str:
         """Return the unit declared for quantities of an SI unit, "m" or "rad"; of all others the SI unit."""
         return {"m": self.length, "rad": self.angle}.get(unit, unit)

@@ -110,7 +110,7 @@ def export(
         whole = scene_of(scene, cut, moved.forces)
         text, missed = _text(moved.mechanism, whole, asked, timestep, speed, tolerance)
     if place is not None:
-        with files.written_beside(place) as path:
+        with files.atomic_path(place) as path:
             path.write_text(text)
     if as_json:
         whole = text if place is None else None
@@ -134,7 +134,7 @@ def _every(place: str, wanted: Scene, as_json: bool) -> None:
     with progress("export", len(catalog.DRIVES)) as tick:
         for one in catalog.DRIVES:
             text = mjcf.to_xml(exported(catalog.make(one).mechanism, wanted))
-            with files.written_beside(folder / f"{one}.xml") as path:
+            with files.atomic_path(folder / f"{one}.xml") as path:
                 path.write_text(text)
             tick(one)
     if as_json:

@@ -245,7 +245,7 @@ def writable(path: str, *extensions: str) -> Path:
         raise OutputError(
             f"cannot write {path!r}: {str(folder)!r} is no folder that can be written; make it first"
         )
-    files.require_place(place)
+    files.require_writable(place)
     return place
 
 

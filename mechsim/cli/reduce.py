@@ -48,7 +48,7 @@ def reduce(
     keep = {part for text in asked.track for part in text.partition("@")[0].split(",")} | set(scene.tracked)
     with progress("reduce", 100) as tick:
         found = reduced(scene, spec_of(scene), bound, keep=keep, by=by, progress=_Told(tick))
-    with files.written_beside(place) as path:
+    with files.atomic_path(place) as path:
         path.write_text(with_comment(found, Path(model).name, bound, unit))
     if as_json:
         print_json(_as_dict(found) | {"tolerance": bound, "by": by, "unit": unit, "output": output})

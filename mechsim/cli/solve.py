@@ -108,7 +108,7 @@ def solve(
         parts = _parts(drive, instants, solved, tick, lost)
         labelled = (_labelled(part, shown) for part in parts)
         if place is not None:
-            files.write_in_parts(place, labelled)
+            files.write_records(place, labelled)
         else:
             _print(labelled)
     tell_digits(lost[0])

@@ -13,7 +13,7 @@ from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, ch
 from mechsim.cli.output import print_json, print_table
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, OutputError
-from mechsim.files import place_of
+from mechsim.files import resolved_path
 from mechsim.model.masses import masses_of, with_inertia
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.designs import declared_units, parsed_range
@@ -172,7 +172,7 @@ def require_writable(output: str) -> None:
     """
     suffix_of(output)
     if not output.lower().endswith(".zarr"):
-        place_of(output)
+        resolved_path(output)
     from pathlib import Path
 
     if not Path(output).parent.is_dir():

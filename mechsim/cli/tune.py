@@ -16,7 +16,7 @@ from mechsim.cli.output import print_json, print_table
 from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import SceneOptions, expressions, user_scene
 from mechsim.errors import InputError
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.studies.scene import (
     MEASURES,
     SceneTrial,
@@ -229,7 +229,7 @@ def _write_script(script: Path, found: Tuned, outside: UserScene, place: Path, s
         }
         scene = replace(outside, model=found.beyond.settings.applied(found.scene.model))
     text = python_of(scene, place, said, changed=changed)
-    with written_beside(script) as beside:
+    with atomic_path(script) as beside:
         beside.write_text(text, encoding="utf-8")
 
 

@@ -25,7 +25,7 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import print_json
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
 from mechsim.subjects.mjcf_source import MjcfForm
 
@@ -61,7 +61,7 @@ def view(
         stem = Path(model.split(".py:")[0]).stem
         name = f"{stem}.view.html"
         place = Path(tempfile.mkdtemp(prefix="mechsim-")) / name if browser else Path(name)
-    with written_beside(place) as beside:
+    with atomic_path(place) as beside:
         beside.write_text(text, encoding="utf-8")
     opened = browser is not None and browser.open(place.resolve().as_uri())
     if as_json:

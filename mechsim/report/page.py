@@ -18,7 +18,7 @@ import numpy as np
 
 from mechsim._version import __version__
 from mechsim.errors import OutputError, needs
-from mechsim.files import write_json, written_beside
+from mechsim.files import atomic_path, write_json
 from mechsim.pictures.number_text import number
 from mechsim.verdict.checks import Check
 
@@ -142,7 +142,7 @@ def write_report(
     changes = changes_since(directory / NUMBERS, results)
     page = render(results, sections, about, notes, studies, changes)
     write_json(directory / NUMBERS, {**results, "notes": list(notes), "about": about})
-    with written_beside(directory / "index.html") as temporary:
+    with atomic_path(directory / "index.html") as temporary:
         temporary.write_text(page, encoding="utf-8")
     return directory / "index.html"
 

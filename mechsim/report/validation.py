@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import MissingToolError, OutputError, needs
-from mechsim.files import stem_of, written_beside
+from mechsim.files import atomic_path, stem_of
 from mechsim.model.motion import Motion
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
@@ -126,7 +126,7 @@ def _write_view(folder: Path, name: str, case: Case) -> str:
         return ""
     library, path = folder / "three.min.js", folder / f"{stem_of(name)}.view.html"
     for file, text in ((library, three_js()), (path, page(view, library.name))):
-        with written_beside(file) as temporary:
+        with atomic_path(file) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return path.name
 

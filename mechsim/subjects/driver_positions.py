@@ -14,7 +14,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.arrays import Array
 
-# endings of the columns that a pose has: places of points and coordinates of joints
+# suffixes of the columns that a pose has: coordinates of points
 _COORDINATE_SUFFIXES = (".x", ".y", ".z")
 
 
@@ -55,22 +55,24 @@ class DriverPath:
     times: Array
 
 
-def poses_of_table(form: Form, table: Mapping[str, Array], source: str) -> Poses:
+def poses_of_table(solver: Form, table: Mapping[str, Array], source: str) -> Poses:
     """Return the poses at rows of driver coordinates, in the assembly followed from the guess through them.
 
     Raises:
         InputError: as `driver_path`.
         AssemblyError: where the loops cannot close, or a joint would leave its range; names the rows.
     """
-    path = driver_path(form, table, source)
+    path = driver_path(solver, table, source)
     zero = np.zeros_like(path.times)
-    ranges = form.ranges if isinstance(form, LoopForm) else {}
-    loops = LoopForm(form.mechanism, motion_laws=path.motion_laws, ranges=ranges)
+    ranges = solver.ranges if isinstance(solver, LoopForm) else {}
+    loops = LoopForm(solver.mechanism, motion_laws=path.motion_laws, ranges=ranges)
     motion = loops.within_ranges(loops.solve_along(path.times, zero, zero))
     return Poses(replace(motion, time=path.times))
 
 
-def driver_path(form: Form, table: Mapping[str, Array], source: str, *, uniform: bool = False) -> DriverPath:
+def driver_path(
+    solver: Form, table: Mapping[str, Array], source: str, *, uniform: bool = False
+) -> DriverPath:
     """Return the motion laws through rows of driver positions.
 
     Args:
@@ -83,7 +85,7 @@ def driver_path(form: Form, table: Mapping[str, Array], source: str, *, uniform:
     Raises:
         InputError: for a driver without its column, or numbers that are not finite.
     """
-    mechanism = form.mechanism
+    mechanism = solver.mechanism
     missing = [name for name in mechanism.drivers if name not in table]
     if missing:
         raise InputError(
@@ -92,7 +94,7 @@ def driver_path(form: Form, table: Mapping[str, Array], source: str, *, uniform:
         )
     values = np.array([table[name] for name in mechanism.drivers])
     if not np.isfinite(values).all():
-        raise InputError(f"{source} holds numbers that are not finite; mend the table")
+        raise InputError(f"{source} holds numbers that are not finite; correct the table")
     scales = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
     lengths = np.abs(np.diff(values) / np.array(scales)[:, None]).max(0, initial=0.0)
     times = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if uniform else lengths, dtype=np.float64)])

@@ -41,7 +41,7 @@ _INVERSE_TRIGONOMETRIC: dict[str, tuple[Callable[..., float], int]] = {
     "atan2": (math.atan2, 2),
 }
 FUNCTIONS = (*_TRIGONOMETRIC, *_INVERSE_TRIGONOMETRIC, *_PLAIN)
-_KNOWN = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
+_ALLOWED = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
 
 
 class ExpressionEvaluator(ABC, Generic[Value]):
@@ -86,14 +86,14 @@ class ExpressionEvaluator(ABC, Generic[Value]):
                 return self.combine(op, self.evaluate(left, depth + 1), self.evaluate(right, depth + 1))
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 if name not in FUNCTIONS:
-                    raise InputError(f"calls {name!r}, which is no function here; {_KNOWN}")
+                    raise InputError(f"calls {name!r}, which is no function here; {_ALLOWED}")
                 values = [self.evaluate(argument, depth + 1) for argument in args]
                 count = 1 if name in _TRIGONOMETRIC else {**_INVERSE_TRIGONOMETRIC, **_PLAIN}[name][1]
                 if len(values) != count and (count is not None or not values):
                     raise InputError(f"gives {name} {len(values)} numbers; give {count or '1 or more'}")
                 return self.call(name, values, node)
             case _:
-                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {_KNOWN}")
+                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {_ALLOWED}")
 
 
 def parse_expression(text: str) -> ast.expr:
@@ -107,7 +107,7 @@ def parse_expression(text: str) -> ast.expr:
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise InputError(f"is no expression; {_KNOWN}") from None
+        raise InputError(f"is no expression; {_ALLOWED}") from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def folder() -> Path:
-    """Return where the gallery lies: in an installed package, or beside one that is run from its sources."""
+    """Return where the gallery lies: in an installed package, or next to one that is run from its sources."""
     inside = PACKAGE / "gallery"
     return inside if inside.is_dir() else PACKAGE.parent / "models" / "gallery"
 

@@ -69,7 +69,7 @@ class MujocoSource(ModelSource):
         """Return the mechanism with locks, keyframe and tracked points; motion laws are bound later."""
         if changed:
             raise InputError(f"{self.model}: an MJCF file has no parameters; leave out --set")
-        form = read_mjcf(
+        solver = read_mjcf(
             self.model,
             drivers=tuple(prescription.drive),
             lock=prescription.lock,
@@ -78,7 +78,7 @@ class MujocoSource(ModelSource):
             track=prescription.track,
             still=prescription.still,
         )
-        return ModelDescription(form, prescribed=True)
+        return ModelDescription(solver, prescribed=True)
 
 
 def read_mjcf(

@@ -24,7 +24,7 @@ class ModelDescription:
         prescribed: whether locks, fixed bases, keyframes and tracked points are applied already.
     """
 
-    form: "Form"
+    solver: "Form"
     motion_laws: Mapping[str, "FileMotionLaw"] = field(default_factory=dict[str, "FileMotionLaw"])
     duration: float | None = None
     prescribed: bool = False

@@ -1,4 +1,4 @@
-"""What the parameters of a TOML file measure, told by where the file uses them, and what they follow from."""
+"""Units of the parameters of a TOML file, inferred from their use, and dependencies between them."""
 
 import ast
 from collections.abc import Iterable, Iterator, Mapping

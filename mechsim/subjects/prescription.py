@@ -31,7 +31,7 @@ DriverLaw = str | State | FileMotionLaw
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prescription:
-    """What is asked of a subject beside what it says itself.
+    """What the user requests of a model in addition to its own description.
 
     Attributes:
         drive: coordinate -> its motion law, as text (see `parse_motion_law`) or a function of time.
@@ -56,7 +56,7 @@ class Prescription:
 
 
 def apply_prescription(
-    form: Form,
+    solver: Form,
     prescription: Prescription,
     file_laws: Mapping[str, FileMotionLaw] | None = None,
     file_duration: float | None = None,
@@ -64,7 +64,7 @@ def apply_prescription(
     """Return what moves as it is asked to.
 
     Args:
-        form: what moves.
+        solver: what moves.
         prescription: what is prescribed.
         file_laws: what a file says of drivers of which nothing is asked.
         file_duration: of them in [s], where a file says.
@@ -73,13 +73,13 @@ def apply_prescription(
         InputError: for a coordinate, a point or a program that is none.
     """
     if prescription == Prescription() and not file_laws:
-        return form
+        return solver
     if prescription.key is not None:
         raise InputError(
-            f"{form.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
+            f"{solver.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
         )
-    loop_form = form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
-    mechanism = form.mechanism
+    loop_form = solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
+    mechanism = solver.mechanism
     if prescription.track:
         mechanism = replace(
             mechanism,
@@ -93,11 +93,11 @@ def apply_prescription(
         )
     mechanism = _with_drivers_and_locks(mechanism, prescription, loop_form.written)
     if (
-        mechanism is form.mechanism
+        mechanism is solver.mechanism
         and not (prescription.drive or file_laws)
         and prescription.duration is None
     ):
-        return form
+        return solver
     form_laws = loop_form.motion_laws
     laws: dict[str, DriverLaw] = {} if form_laws is None else dict(form_laws.by_name)
     laws |= file_laws or {}
@@ -115,24 +115,24 @@ class _NeedsStartError(Exception):
     """A motion law counts from where its driver starts."""
 
 
-def started_by_laws(form: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
+def started_by_laws(solver: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
     """Return a mechanism whose drivers start where their motion laws begin, if nothing else says where.
 
     A value that the file states, or a guess of both links of a driver's joint, comes first. A lone crank
     starts at zero.
     """
-    mechanism = form.mechanism
+    mechanism = solver.mechanism
     if mechanism.has_crank:
-        return form
+        return solver
     guessed, starts = {GROUND, *mechanism.guess}, dict(mechanism.counted)
     for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
         if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= guessed:
             with suppress(_NeedsStartError):
-                state = _state(mechanism, name, laws[name], _no_start, form.written)
+                state = _state(mechanism, name, laws[name], _no_start, solver.written)
                 starts[name] = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
     if starts == mechanism.counted or not np.isfinite(list(starts.values())).all():
-        return form
-    return replace(form, mechanism=replace(mechanism, counted=starts))
+        return solver
+    return replace(solver, mechanism=replace(mechanism, counted=starts))
 
 
 def _no_start() -> float:
@@ -143,7 +143,7 @@ def _state(mechanism: Mechanism, name: str, law: DriverLaw, start: Start, writte
     """Return the motion law of a driver, read."""
     unit = mechanism.unit(name)
     if isinstance(law, str):
-        return parse_motion_law(law, name, unit, start, declared=written.of(unit))
+        return parse_motion_law(law, name, unit, start, declared=written.declared(unit))
     return law.parse(name, unit, start) if isinstance(law, FileMotionLaw) else law
 
 
@@ -273,7 +273,7 @@ def _locked_coordinates(
             raise InputError(f"joint {name!r} has coordinates {listed}; hold each by its own name")
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
-            units.require_written(value, unit, written.of(unit), f"the locked position of {name}")
+            units.require_written(value, unit, written.declared(unit), f"the locked position of {name}")
             locked[first] = units.parse(value, unit, f"the locked position of {name}")
         else:
             locked[first] = number(value)
@@ -293,12 +293,12 @@ def _tracked_point(mechanism: Mechanism, text: str, written: WrittenUnits) -> tu
             f"{mechanism.name} has no point or link {name!r} to track"
             f"{suggestion(name, [*mechanism.points, *links])}"
         )
-    link, at, numbers = rest.partition("@")
+    link, separator, numbers = rest.partition("@")
     if link not in links:
         raise InputError(f"the point {name} is tracked on link {link!r}{suggestion(link, links)}")
-    if at:
+    if separator:
         units.require_written(numbers, "m", written.length, f"the place of {name}")
-    values = units.parse_vector(numbers, "m", f"the place of {name}") if at else ORIGIN
+    values = units.parse_vector(numbers, "m", f"the place of {name}") if separator else ORIGIN
     if len(values) != 3:
         raise InputError(f"the place of {name} is {numbers!r}; give three numbers in m, with commas")
     return name, (link, (values[0], values[1], values[2]))

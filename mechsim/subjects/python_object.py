@@ -132,4 +132,4 @@ def run_user_code(what: str, call: Any) -> Any:
         raise InputError(f"{what}: {error}") from error
     except (Exception, SystemExit) as error:
         line = (str(error).splitlines() or [""])[0]
-        raise InputError(f"{what} ends in {type(error).__name__}: {line}; mend the file") from error
+        raise InputError(f"{what} ends in {type(error).__name__}: {line}; repair the file") from error

@@ -142,16 +142,16 @@ def _load(
         lock = {**prescription.lock, **dict.fromkeys(undetermined)}
         prescription = replace(prescription, lock_others=False, lock=lock)
     description = source.describe(changed, prescription)
-    form = description.form
+    solver = description.solver
     if description.prescribed:
         return apply_prescription(
-            form, Prescription(drive=prescription.drive, duration=prescription.duration)
+            solver, Prescription(drive=prescription.drive, duration=prescription.duration)
         )
-    if isinstance(form, LoopForm):
-        form = started_by_laws(form, {**description.motion_laws, **prescription.drive})
+    if isinstance(solver, LoopForm):
+        solver = started_by_laws(solver, {**description.motion_laws, **prescription.drive})
         if assembled:
-            form = replace(form, mechanism=with_closed_guess(form.mechanism))
-    return apply_prescription(form, prescription, description.motion_laws, description.duration)
+            solver = replace(solver, mechanism=with_closed_guess(solver.mechanism))
+    return apply_prescription(solver, prescription, description.motion_laws, description.duration)
 
 
 def parametric_model(
@@ -174,15 +174,15 @@ def parametric_model(
     changed, prescription = dict(set or {}), _prescription(**options)
     source = open_model(model)
     # an object is taken as it is
-    form = _load(source, changed, prescription, assembled=not isinstance(source, GivenObject))
+    solver = _load(source, changed, prescription, assembled=not isinstance(source, GivenObject))
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
     if not dimensions:
-        return catalog_family(form) if isinstance(form, ClosedForm) else placed_family(form)
+        return catalog_family(solver) if isinstance(solver, ClosedForm) else placed_family(solver)
 
     def design(values: Mapping[str, float], *, assembled: bool) -> Form:
         if not values:
-            return form
+            return solver
         texts = {name: as_text(value, dimensions[name].unit) for name, value in values.items()}
         return _load(source, changed | texts, prescription, assembled=assembled)
 
@@ -191,11 +191,11 @@ def parametric_model(
 
     derived = {name: used for name, used in parameters.derived.items() if used and name not in changed}
     return DesignFamily(
-        form.name,
+        solver.name,
         dimensions,
         lambda values: design(values, assembled=False).mechanism,
         lambda values: design(values, assembled=True),
-        forces if form.forces is not None else None,
+        forces if solver.forces is not None else None,
         tuple(name for name in dimensions if name not in derived),
         derived,
     )

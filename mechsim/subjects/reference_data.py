@@ -36,11 +36,11 @@ class ReferenceTable:
     speed: float | None
     first: Array
     points: Mapping[str, PointMotion]
-    efforts: Mapping[str, Array]
+    drive_forces: Mapping[str, Array]
 
 
 def folder() -> Path:
-    """Return where the data lie: in an installed package, or beside one that is run from its sources."""
+    """Return where the data lie: in an installed package, or next to one that is run from its sources."""
     inside = PACKAGE / "reference"
     return inside if inside.is_dir() else PACKAGE.parent / "reference"
 
@@ -82,7 +82,7 @@ def read(where: Path, name: str) -> ReferenceTable:
         speed=None if speed is None else float(speed.split()[0]),
         first=columns[head[0]],
         points={point: _point(columns, point) for point in _points(head)},
-        efforts={
+        drive_forces={
             resource.partition(":")[2]: column
             for resource, column in columns.items()
             if resource.startswith(DRIVE_FORCE_PREFIXES)

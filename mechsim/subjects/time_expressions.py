@@ -200,13 +200,13 @@ class TimeEvaluator(ExpressionEvaluator[DimensionedValue]):
             return self.names[name]
         if name == "pi":
             return self.constant(math.pi)
-        known = ", ".join(
+        names = ", ".join(
             [self.variable, "pi", *(name_ for name_ in self.names if not _is_placeholder(name_)), "units"]
         )
         try:
             return quantity(f"1 {name}")
         except InputError:
-            raise InputError(f"names {name!r}, which is nothing here; known are {known}") from None
+            raise InputError(f"names {name!r}, which is nothing here; known are {names}") from None
 
     def negate(self, op: ast.unaryop, value: DimensionedValue) -> DimensionedValue:
         return replace(value, value=-value.value) if isinstance(op, ast.USub) else value
@@ -325,8 +325,8 @@ def time_function(
 
 def _is_zero(value: Values) -> bool:
     """Whether a value and its rates are zero, which needs no unit."""
-    parts = (value.value, value.rate, value.second) if isinstance(value, Jet) else (value,)
-    return not any(np.any(part) for part in parts)
+    derivatives = (value.value, value.rate, value.second) if isinstance(value, Jet) else (value,)
+    return not any(np.any(derivative) for derivative in derivatives)
 
 
 def python_expression(text: str) -> str:

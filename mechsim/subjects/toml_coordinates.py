@@ -171,7 +171,7 @@ def motion_laws_of(
 
 Side = str | dict[str, float]
 
-# what tells a kind of coupling, and the keys that go with it
+# key that selects a kind of coupling, and the keys that go with it
 _KEYS_OF_KIND = {
     "ratio": ("phase", "pressure_angle"),
     "radius": ("phase", "pressure_angle"),
@@ -271,14 +271,14 @@ def _polynomial(
     values = coordinates.values
     driven: Side = table["driven"]
     driver: Side = table.get("driver", {})
-    left, right = (_unit_factor(coordinates, side) for side in (driven, driver))
+    factor, right = (_unit_factor(coordinates, side) for side in (driven, driver))
     coefficients: list[float] = []
     for power, written in enumerate(table["coefficients"]):
         entry_path = (*path, "coefficients", power)
         if power == 0 and isinstance(driven, str):
             coefficients.append(coordinates.value(driven, written, entry_path))
         else:
-            coefficients.append(values.plain_number(written, entry_path) * (left / right**power))
+            coefficients.append(values.plain_number(written, entry_path) * (factor / right**power))
     zeros = [
         _zero(coordinates, side, written, (*path, "zeros", i))
         for i, (side, written) in enumerate(

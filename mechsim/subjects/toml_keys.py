@@ -260,7 +260,7 @@ _COUPLING = Table(
             "rad", "of the teeth of a gear or rack, 0 to 90 deg; 0 if left out: the tooth force is tangential"
         ),
     },
-    "driven = ratio * driver + phase, a rack, or a polynomial: told by its keys",
+    "driven = ratio * driver + phase, a rack, or a polynomial, selected by its keys",
     ("driven",),
 )
 _GUESS = Table(

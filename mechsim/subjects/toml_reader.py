@@ -110,7 +110,7 @@ def toml_model(
             up=_up(read),
         )
     require_pitch_points(source, mechanism, read)
-    form = LoopForm(
+    solver = LoopForm(
         mechanism,
         parameters=values.parameters,
         formula=_formula(source.path, read),
@@ -120,7 +120,7 @@ def toml_model(
     duration = read.get("duration")
     if duration is not None and not duration > 0.0:
         raise source.error(("duration",), f"is {duration:g} s; give a time above 0")
-    return ModelDescription(form, motion_laws_of(coordinates, read, driver), duration)
+    return ModelDescription(solver, motion_laws_of(coordinates, read, driver), duration)
 
 
 def _up(read: Mapping[str, Any]) -> Up | None:
@@ -132,7 +132,7 @@ def _up(read: Mapping[str, Any]) -> Up | None:
 
 
 def _formula(path: str, read: Mapping[str, Any]) -> str:
-    """Return FILE.py:FUNCTION of the formula, the file looked for beside the mechanism's; empty without."""
+    """Return FILE.py:FUNCTION of the formula, with the folder of the mechanism; empty without."""
     reference = read.get("formula", {}).get("python", "")
     return os.path.join(os.path.dirname(path), reference) if reference else ""
 

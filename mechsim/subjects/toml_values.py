@@ -70,7 +70,7 @@ class TomlSource:
         return self.lines.get(names, 1)
 
     def sibling(self, name: str) -> str:
-        """Return the path of a file that is named in this one and looked for beside it."""
+        """Return the path of a file that is named in this one and looked for next to it."""
         return str(Path(self.path).parent / name.strip())
 
     def error(self, key: KeyPath, reason: str) -> InputError:
@@ -95,13 +95,13 @@ def dotted(key: KeyPath) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as a refusal repeats it."""
+    """Return a value as an error message repeats it."""
     return cut(repr(value), MAX_SHOWN)
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return the end of a refusal: what was probably meant, and what there is."""
-    listed = list(known)
+def suggestion(name: str, names: Iterable[str]) -> str:
+    """Return the end of an error message: the closest name, and all names."""
+    listed = list(names)
     close = difflib.get_close_matches(name, listed, n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
     return f"{hint} known are {', '.join(listed) or 'none'}"
@@ -126,7 +126,7 @@ def read_source(path: str) -> TomlSource:
     except UnicodeDecodeError:
         raise InputError(f"{path} is no text in UTF-8; name a TOML file") from None
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is no TOML: {error}; mend that line") from None
+        raise InputError(f"{path} is no TOML: {error}; correct that line") from None
     except RecursionError:
         raise InputError(f"{path} nests too deep; a mechanism needs five levels") from None
     except (OSError, ValueError) as error:
@@ -257,7 +257,7 @@ class Values:
         Args:
             entries: the file's table.
             changed: name -> text, or number in SI, that stands for what the file has.
-            units_of: parameter -> "m" or "rad", of those whose use tells.
+            units_of: parameter -> "m" or "rad", of those whose use determines it.
         """
         table = self._table(entries, ("parameters",))
         for name in changed:

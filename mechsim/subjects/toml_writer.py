@@ -31,7 +31,7 @@ def listed(values: Iterable[float]) -> str:
 def number(value: float) -> str:
     """Return a number that reads back to the last bit."""
     text = f"{float(value):.17g}"
-    return text if any(mark in text for mark in ".e") else f"{text}.0"
+    return text if any(character in text for character in ".e") else f"{text}.0"
 
 
 def quoted(value: str) -> str:
@@ -45,18 +45,18 @@ def key(name: str) -> str:
     return name if _BARE.fullmatch(name) else quoted(name)
 
 
-def driving_lines(form: LoopForm) -> Iterator[str]:
+def driving_lines(solver: LoopForm) -> Iterator[str]:
     """Yield the lines of programs, forces and formula.
 
     Raises:
         InputError: for a program or a load that no text says.
     """
-    if form.motion_laws is not None:
-        yield from _motion_law_lines(form.motion_laws)
-    if form.formula:
-        yield from ("", "[formula]", f"python = {quoted(form.formula)}")
-    if form.forces is not None:
-        yield from _force_lines(form.forces)
+    if solver.motion_laws is not None:
+        yield from _motion_law_lines(solver.motion_laws)
+    if solver.formula:
+        yield from ("", "[formula]", f"python = {quoted(solver.formula)}")
+    if solver.forces is not None:
+        yield from _force_lines(solver.forces)
 
 
 def _motion_law_lines(laws: MotionLaws) -> Iterator[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mechsim.errors import OutputError
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.testing.running import RunningTest
@@ -79,7 +79,7 @@ def write_page(found: Agreement, command: str, running: RunningTest) -> Path | N
     path = running.folder / f"{name}.html"
     try:
         running.folder.mkdir(parents=True, exist_ok=True)
-        with written_beside(path) as beside:
+        with atomic_path(path) as beside:
             beside.write_text(page(found, command), encoding="utf-8")
     except (OSError, OutputError):
         return None

@@ -68,7 +68,7 @@ def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
     rough = tmp_path / "rough.toml"
     rough.write_text(to_toml(spherical_four_bar()), "utf-8")
     begun = load(str(rough)).mechanism
-    told = toml_model(read_source(str(rough))).form.mechanism.guess["three"].rotation
+    told = toml_model(read_source(str(rough))).solver.mechanism.guess["three"].rotation
     assert np.abs(begun.guess["three"].rotation - told).max() > 0.1
     again = tmp_path / "again.toml"
     again.write_text(to_toml(begun), "utf-8")

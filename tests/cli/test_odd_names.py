@@ -94,7 +94,7 @@ def test_tables_and_toml_read_back_with_their_names(tmp_path, name):
         files.write(tmp_path / f"motion{ending}", motion)
         assert list(files.read(tmp_path / f"motion{ending}")) == list(dict(motion.columns()))
     (tmp_path / "odd.toml").write_text(to_toml(mechanism), encoding="utf-8")
-    read = toml_model(read_source(str(tmp_path / "odd.toml"))).form.mechanism
+    read = toml_model(read_source(str(tmp_path / "odd.toml"))).solver.mechanism
     assert (read.name, read.points, read.drivers) == (mechanism.name, mechanism.points, mechanism.drivers)
     assert [joint.name for joint in read.joints] == [joint.name for joint in mechanism.joints]
 

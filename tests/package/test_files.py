@@ -71,7 +71,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
     path.write_text("old")
 
     def half_way():
-        with files.written_beside(path) as beside:
+        with files.atomic_path(path) as beside:
             beside.write_text("half")
             raise RuntimeError("the writer broke")
 
@@ -84,7 +84,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
 def test_a_write_that_ends_well_replaces_the_old_file_and_can_be_read_by_others(tmp_path):
     path = tmp_path / "page.html"
     path.write_text("old")
-    with files.written_beside(path) as beside:
+    with files.atomic_path(path) as beside:
         assert beside.suffix == ".html"
         beside.write_text("new")
         assert path.read_text() == "old"
@@ -147,8 +147,8 @@ def test_a_named_pipe_takes_the_file_and_stays_one(motion, tmp_path):
     with pytest.raises(OutputError, match="No space left"):
         files.write(tmp_path / "full.csv", motion)
     with pytest.raises(OutputError, match="No space left"):
-        files.require_place(tmp_path / "full.csv")
-    files.require_place("/dev/null")
+        files.require_writable(tmp_path / "full.csv")
+    files.require_writable("/dev/null")
     assert Path("/dev/full").is_char_device()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["full.csv", "pipe.csv", "plain.csv"]
 

@@ -23,7 +23,7 @@ def test_all_roads_agree_with_the_data(name):
     assert {check.method for check in case.checks} >= {"loop equations", "pose"}
     assert {check.kind for check in case.checks} >= {"position", "velocity", "acceleration"}
     assert sum("effort" in check.kind or "torque" in check.kind for check in case.checks) == 2 * len(
-        table.efforts
+        table.drive_forces
     )
 
 
@@ -40,7 +40,7 @@ def test_a_wrong_digit_far_behind_is_missed_on_every_road():
 
 def test_a_mechanism_whose_mass_or_length_is_off_is_missed():
     table = table_of("slider_crank")
-    heavy = replace(table, efforts={"crank": table.efforts["crank"] * (1.0 + 1e-9)})
+    heavy = replace(table, efforts={"crank": table.drive_forces["crank"] * (1.0 + 1e-9)})
     case = by_reference(ms.load(str(table.mechanism)), heavy)
     assert {check.kind for check in case.checks if not check.passed} == {"drive torque"}
     long = ms.load(str(table.mechanism), set={"rod": "200.0001mm"})

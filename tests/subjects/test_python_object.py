@@ -37,7 +37,7 @@ def test_a_mechanism_a_catalogue_object_and_a_function_that_makes_one_are_taken(
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("broken", "ends in ZeroDivisionError: no wonder; mend the file"),
+        ("broken", "ends in ZeroDivisionError: no wonder; repair the file"),
         ("number", "is of type int"),
         ("plane", "did you mean 'plain'"),
         ("", "names no object"),

@@ -22,7 +22,7 @@ from problem import NAMES, Errors, Problem, judge, judge_torque, problem
 from protocol import PEERS, Setting, Solver, load
 
 from mechsim.errors import InputError
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 
 ROUNDS = 9
 # steps or poses that the table on the page shows; 0 are the solver's own
@@ -106,7 +106,7 @@ def measured(peers: Iterable[str], names: Sequence[str] = NAMES, rounds: int = R
 
 def write_table(rows: Sequence[Row], path: Path) -> None:
     """Write rows as CSV."""
-    with written_beside(path) as beside, beside.open("w", newline="") as file:
+    with atomic_path(path) as beside, beside.open("w", newline="") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(Row)])
         writer.writeheader()
         writer.writerows(asdict(row) for row in rows)
@@ -158,9 +158,9 @@ def main() -> None:
         from picture import work_precision
 
         write_table(rows, given.out / "peers.csv")
-        with written_beside(given.out / "peers.md") as beside:
+        with atomic_path(given.out / "peers.md") as beside:
             beside.write_text(markdown(rows) + "\n")
-        with written_beside(given.out / "peers.png") as beside:
+        with atomic_path(given.out / "peers.png") as beside:
             beside.write_bytes(work_precision(rows))
 
 

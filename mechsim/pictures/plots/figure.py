@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError, needs
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
@@ -132,7 +132,7 @@ def write(path: str | Path, figure: "Figure") -> None:
         OutputError: where the file cannot be written.
     """
     drawing = drawn(figure, format_of(path))
-    with written_beside(path) as temporary:
+    with atomic_path(path) as temporary:
         temporary.write_bytes(drawing)
 
 

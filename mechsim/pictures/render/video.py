@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError, MissingToolError, OutputError, needs
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.pictures.render.drawing import frames, still
@@ -51,7 +51,7 @@ def write_picture(
     """
     path = Path(path)
     _require_extension(path, PICTURES)
-    with written_beside(path) as temporary:
+    with atomic_path(path) as temporary:
         _write_png(temporary, still(mechanism, motion, look, **options))
 
 
@@ -93,7 +93,7 @@ def write_video(
         return _write_sequence(path, frames(mechanism, motion, look, angles=angles, **options), progress)
     _require_extension(path, VIDEOS)
     ffmpeg = find_ffmpeg()
-    with written_beside(path) as temporary:
+    with atomic_path(path) as temporary:
         return _encode(
             temporary, frames(mechanism, motion, look, angles=angles, **options), fps, ffmpeg, progress
         )

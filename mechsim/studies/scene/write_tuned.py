@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, MechsimError
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
@@ -226,7 +226,7 @@ def written(
         InputError: if MuJoCo rejects the file, or reads other values than were written.
         OutputError: if it cannot be written.
     """
-    with written_beside(path) as temporary:
+    with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
         try:
             model = plain_model(str(temporary))

@@ -16,7 +16,7 @@ import numpy as np
 from mechsim._version import __version__
 from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.errors import InputError, OutputError
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.numerics.resources import size_text
 from mechsim.simulation.mjcf import quiet
 from mechsim.studies.sweep.methods import by_one_formula, measured
@@ -97,7 +97,7 @@ class ChunkFolder:
         if not self.folder.exists():
             try:
                 self.folder.mkdir()
-                with written_beside(self.folder / NOTE) as note:
+                with atomic_path(self.folder / NOTE) as note:
                     note.write_text(
                         json.dumps({"sweep": self.sweep_hash, "parts": self.count}), encoding="ascii"
                     )
@@ -135,7 +135,7 @@ class ChunkFolder:
     def write(self, number: int, chunk: Measured) -> None:
         """Write a chunk."""
         texts, which = np.unique(chunk.reason.astype(str), return_inverse=True)
-        with written_beside(self._path(number)) as temporary:
+        with atomic_path(self._path(number)) as temporary:
             np.savez(
                 temporary,
                 allow_pickle=False,

@@ -62,7 +62,7 @@ class OfToml:
     def __call__(self, values: Mapping[str, float]) -> Form:
         """Return a design."""
         changed = {name: as_text(value, self.units.get(name, "1")) for name, value in values.items()}
-        solver = toml_model(self.source, {**self.fixed, **changed}).form
+        solver = toml_model(self.source, {**self.fixed, **changed}).solver
         mechanism = solver.mechanism
         if len(mechanism.guess) == len(mechanism.links):
             return solver

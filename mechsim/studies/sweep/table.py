@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mechsim._version import __version__
 from mechsim.errors import InputError, cut, needs
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.plots.sweep import SweepTable, sweep_plot
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
@@ -125,7 +125,7 @@ def write_sweep(path: str | Path, result: "Dataset") -> None:
     if kind == ".zarr":
         _write_zarr(Path(path), result)
         return
-    with written_beside(path) as temporary:
+    with atomic_path(path) as temporary:
         if kind == ".nc":
             result.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
         elif kind == ".parquet":

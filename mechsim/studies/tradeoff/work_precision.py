@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.files import written_beside
+from mechsim.files import atomic_path
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
@@ -164,7 +164,7 @@ def write_csv(path: str | Path, result: Tradeoff, quantity: str = "position") ->
     """
     front = {id(point) for point in result.front(quantity)}
     rows = [point.as_dict() | {"pareto": id(point) in front} for point in result.points]
-    with written_beside(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
