@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.state import rotation_matrix
 
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 # 4 cos²(angle/2) below which two frames count as rotated by half a revolution
@@ -185,8 +186,10 @@ def _point_pair(model: mujoco.MjModel, i: int, first: int, second: int, *, welde
 def _frame_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> FramePair:
     bodies = _bodies(model, i, first, second)
     if model.eq_objtype[i] == SITE:
-        return FramePair(bodies, (_matrix(model.site_quat[first]), _matrix(model.site_quat[second])))
-    return FramePair(bodies, (_matrix(model.eq_data[i, 6:10]), np.eye(3)))
+        return FramePair(
+            bodies, (rotation_matrix(model.site_quat[first]), rotation_matrix(model.site_quat[second]))
+        )
+    return FramePair(bodies, (rotation_matrix(model.eq_data[i, 6:10]), np.eye(3)))
 
 
 def _joint(model: mujoco.MjModel, joint: int) -> Sum:
@@ -206,12 +209,6 @@ def _tendon(model: mujoco.MjModel, tendon: int) -> Sum:
     return Sum(
         address.astype(np.intp), dof.astype(np.intp), model.qpos0[address], model.wrap_prm[rows].astype(float)
     )
-
-
-def _matrix(quaternion: Array) -> Array:
-    out = np.empty(9)
-    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
-    return out.reshape(3, 3)
 
 
 def _cross_matrix(vector: Array) -> Array:

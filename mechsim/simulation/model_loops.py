@@ -11,7 +11,6 @@ from functools import cached_property
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import ChangePointPolicy
@@ -21,7 +20,7 @@ from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, significan
 from mechsim.simulation import equality_rows
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
 from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, constraints
-from mechsim.simulation.state import PosedBodies, rotated
+from mechsim.simulation.state import PosedBodies, rotated, rotated_quaternions
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)
@@ -471,9 +470,8 @@ class ModelLoops:
             if kind == FREE:
                 out[:, address : address + 3] += step[:, dof : dof + 3]
                 address, dof = address + 3, dof + 3
-            rotation = Rotation.from_quat(out[:, address : address + 4], scalar_first=True)
-            rotation *= Rotation.from_rotvec(step[:, dof : dof + 3])
-            out[:, address : address + 4] = rotation.as_quat(scalar_first=True)
+            quaternion = out[:, address : address + 4]
+            out[:, address : address + 4] = rotated_quaternions(quaternion, step[:, dof : dof + 3])
         return out
 
 

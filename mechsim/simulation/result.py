@@ -16,38 +16,47 @@ Method = Literal["step", "pose"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
-    """A run in MuJoCo and its outcome.
+class RunRecord:
+    """What is recorded of every run in MuJoCo.
 
     Attributes:
         motion: at the recorded instants; its rates and accelerations belong to the same instants.
-        outcome: "passed", "failed", "diverged" or "changed assembly".
-        tolerance: bound on the place of any tracked point, in [m]: what was asked for, or a
-            ten-thousandth of the stroke.
-        estimate: the worst place error by the simulator's own account: distance from the pose solved
-            at the same crank angle, in [m].
         steps: time steps taken, trials not counted; poses solved for method "pose".
-        seconds: time spent stepping or solving, trials not counted.
+        seconds: time spent stepping or solving, trials and the evaluation of records not counted.
         settings: of the stepping; None for method "pose".
         timestep: in [s]; None for method "pose".
-        method: "step" or "pose".
         tolerance_report: whether a requested tolerance is satisfied; None for method "pose" and without one.
         note: changes of a custom model, and what dynamics do not determine; may be empty.
     """
 
     motion: Motion
-    outcome: Outcome
-    tolerance: float
-    estimate: float
     steps: int
     seconds: float
-    settings: Settings | None
+    settings: Settings | None = None
     timestep: float | None = None
-    method: Method
     tolerance_report: ToleranceReport | None = None
     note: str = ""
 
     __repr__ = short_repr
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Run(RunRecord):
+    """A run in MuJoCo and its outcome.
+
+    Attributes:
+        outcome: "passed", "failed", "diverged" or "changed assembly".
+        tolerance: of the positions of tracked points, in [m]: as requested, or a ten-thousandth of the
+            stroke.
+        estimate: largest position error by the simulator's own account: distance from the pose solved at
+            the same crank angle, in [m].
+        method: "step" or "pose".
+    """
+
+    outcome: Outcome
+    tolerance: float
+    estimate: float
+    method: Method
 
     def summary(self) -> dict[str, Any]:
         """Return what `mechsim simulate --json` prints."""
@@ -63,64 +72,36 @@ class Run:
         }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Driven:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Driven(RunRecord):
     """A dynamic model under a prescribed crank, by MuJoCo.
 
     Attributes:
-        motion: at the recorded instants.
-        efforts: at the same instants.
+        efforts: at the recorded instants.
         outcome: "done" or "diverged"; where a tolerance was asked for, "passed" or "failed".
         method: "pose" or "step".
-        steps: time steps taken, or poses solved.
-        seconds: time spent stepping or solving, the evaluation of the records not counted.
-        settings: how it was stepped; None for method "pose".
-        timestep: in [s]; None for method "pose".
-        tolerance_report: whether a requested tolerance is satisfied; None without one.
-        note: remark on the run as a sentence; may be empty.
         masses: of the links, with their sources.
     """
 
-    motion: Motion
     efforts: ForceRecord
     outcome: Outcome
     method: Method
-    steps: int
-    seconds: float
-    settings: Settings | None = None
-    timestep: float | None = None
-    tolerance_report: ToleranceReport | None = None
-    note: str = ""
     masses: tuple[LinkMass, ...] = ()
 
-    __repr__ = short_repr
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SteppedFreeRun:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SteppedFreeRun(RunRecord):
     """A free run by MuJoCo.
 
     Attributes:
-        motion: at the recorded instants.
-        efforts: at the same instants; no drive acts, so its torque is the residual of MuJoCo's equation of
-            motion.
+        efforts: at the recorded instants; no drive acts, so its torque is the residual of MuJoCo's equation
+            of motion.
         free: crank motion, energies and outcome, at the same instants.
-        steps: time steps taken.
-        seconds: time spent stepping.
-        timestep: in [s].
-        settings: of the stepping.
-        tolerance_report: whether a requested tolerance is satisfied; None without one.
         masses: of the links, with their sources.
     """
 
-    motion: Motion
     efforts: ForceRecord
     free: FreeRun
-    steps: int
-    seconds: float
     timestep: float
     settings: Settings
-    tolerance_report: ToleranceReport | None = None
     masses: tuple[LinkMass, ...] = ()
-
-    __repr__ = short_repr

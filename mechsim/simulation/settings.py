@@ -17,16 +17,6 @@ from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 
 
-def choice(default: str | None, options: tuple[str, ...], about: str, **declared: Any) -> Any:
-    """Declare a setting that takes one of a few words."""
-    return setting(default, about, options=options, **declared)
-
-
-def switch(default: bool, about: str, **options: Any) -> Any:
-    """Declare a setting that is on or off."""
-    return setting(default, about, **options)
-
-
 def number(
     default: float | None,
     about: str,
@@ -39,24 +29,19 @@ def number(
     return setting(default, about, least=least, remedy=remedy, **options)
 
 
-def numbers(
-    default: tuple[float, ...] | None, count: int, about: str, *, fewest: int | None = None, **options: Any
-) -> Any:
-    """Declare a setting that is a fixed count of finite numbers; those after the fewest are optional."""
-    return setting(default, about, count=count, fewest=fewest or count, **options)
-
-
-def setting(default: Any, about: str, **options: Any) -> Any:
+def setting(default: Any, about: str, **declared: Any) -> Any:
     """Declare a setting.
 
     Args:
         default: value if none is set.
         about: meaning of the setting.
-        metadata: `doc`, its help if it is a command-line option, with the keys of `units.option`; `row`, its
-            name in a report and the function of its text; its valid values.
+        declared: `options`, the words that it takes; or `least`, with the message `remedy` for smaller
+            numbers; or `count` of its numbers and the `fewest` that must be given; `doc`, its help on the
+            command line, `about` by default, with the keys of `units.option`; `row`, its name in a report
+            and the function of its text.
     """
     shown = {"unit": None, "read": None, "text": None, "name": None, "metavar": None, "many": False}
-    return field(default=default, metadata={"about": about, **shown, **options})
+    return field(default=default, metadata={"about": about, "doc": about, **shown, **declared})
 
 
 def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
@@ -105,10 +90,10 @@ class Settings:
     command line, `row` its name and text in a report.
     """
 
-    integrator: str = choice(
+    integrator: str = setting(
         "RK4",
-        INTEGRATORS,
         "How MuJoCo steps.",
+        options=INTEGRATORS,
         doc=f"{', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}.",
         row=("integrator", str),
     )
@@ -117,7 +102,6 @@ class Settings:
         "Steps in a turn of the crank.",
         least=4,
         remedy="{value} steps a turn is a step of a quarter turn or more; take at least 4",
-        doc="Steps in a turn of the crank.",
         row=("steps per turn", str),
     )
     constant_steps: float | None = number(
@@ -127,16 +111,17 @@ class Settings:
         doc="Time constant of the constraints, in steps; a tenth of a turn if left out, in a file 20.",
         row=("constraint time constant", _steps),
     )
-    solref: tuple[float, float] | None = numbers(
+    solref: tuple[float, float] | None = setting(
         None,
-        2,
         "MuJoCo's two numbers, as they are; None for (time constant, 1).",
+        count=2,
+        fewest=2,
         doc="Two numbers with a comma, as MuJoCo takes them.",
     )
-    solimp: tuple[float, float, float, float, float] = numbers(
+    solimp: tuple[float, float, float, float, float] = setting(
         (0.9999, 0.9999, 0.001, 0.5, 2.0),
-        5,
         "MuJoCo's five numbers (dmin, dmax, width, midpoint, power).",
+        count=5,
         doc="Two to five numbers with commas, as MuJoCo takes them.",
         fewest=2,
     )
@@ -147,26 +132,18 @@ class Settings:
         doc="Factor on constraint compliance; 1 is MuJoCo's own. Default 1e-8, or what a tolerance needs.",
         row=("constraint compliance", _compliance),
     )
-    refsafe: bool = switch(
-        False,
-        "Whether MuJoCo keeps the time constant at two steps or more.",
-        doc="Whether MuJoCo keeps the time constant at two steps or more.",
-    )
-    diagexact: bool = switch(
-        False,
-        "Whether MuJoCo computes the diagonal of the constraint inertia exactly.",
-        doc="Whether the diagonal of the constraint inertia is exact.",
-    )
-    jacobian: str = choice(
+    refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant at two steps or more.")
+    diagexact: bool = setting(False, "Whether the diagonal of the constraint inertia is exact.")
+    jacobian: str = setting(
         "auto",
-        JACOBIANS,
         "Matrices in the constraint solver; auto takes the quicker, and dense wherever the two do not agree.",
+        options=JACOBIANS,
         doc=f"Matrices in the constraint solver: {', '.join(JACOBIANS[:-1])} or {JACOBIANS[-1]}.",
     )
-    solver: str | None = choice(
+    solver: str | None = setting(
         None,
-        SOLVERS,
         "MuJoCo's constraint solver; None takes Newton's method.",
+        options=SOLVERS,
         doc=f"{', '.join(SOLVERS[:-1])} or {SOLVERS[-1]}; {SOLVERS[-1]} if left out.",
     )
     iterations: int | None = number(
@@ -190,16 +167,8 @@ class Settings:
         remedy="{name} is {value}; give a finite number, 0 or above",
         doc="At which the solver stops.",
     )
-    eulerdamp: bool = switch(
-        True,
-        "Whether Euler takes joint damping implicitly.",
-        doc="Whether Euler takes joint damping implicitly.",
-    )
-    island: bool = switch(
-        False,
-        "Whether constraints are solved island by island.",
-        doc="Whether constraints are solved island by island.",
-    )
+    eulerdamp: bool = setting(True, "Whether Euler takes joint damping implicitly.")
+    island: bool = setting(False, "Whether constraints are solved island by island.")
     drive_inertia: float | None = number(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Protocol, TypeVar
 
 import mujoco
 import numpy as np
@@ -21,6 +21,7 @@ from mechsim.simulation.drivers import find_drivers, with_parameter_joint
 from mechsim.simulation.mjcf import compiled, generate, quiet
 from mechsim.simulation.mjcf.generator import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
+from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
 from mechsim.simulation.model_loops import ModelLoops, read_loops
@@ -55,24 +56,10 @@ class HasMechanism(Protocol):
         ...
 
 
-class ReadModel(Protocol):
-    """An MJCF file after reading: its specification and the mechanism that it describes.
-
-    Attributes:
-        spec: of the file, with a site at every tracked point.
-        mechanism: description, with its drivers and locked joints.
-        qpos: initial state, (nq,).
-    """
-
-    spec: mujoco.MjSpec
-    mechanism: Mechanism
-    qpos: Array
-
-
 Model = Mechanism | mujoco.MjSpec | str | os.PathLike[str]
 
 
-Source = Model | HasMechanism | ReadModel
+Source = Model | HasMechanism | MjcfModel
 
 
 def from_source(
@@ -125,15 +112,13 @@ def _from_source(
     )
 
 
-def read_model(source: Source) -> ReadModel | None:
+def read_model(source: Source) -> MjcfModel | None:
     """Return the MJCF file of a source that is one or has one; else None."""
-    for candidate in (source, getattr(source, "source", None)):
-        if isinstance(getattr(candidate, "spec", None), mujoco.MjSpec):
-            return cast(ReadModel, candidate)
-    return None
+    candidates = (source, getattr(source, "source", None))
+    return next((candidate for candidate in candidates if isinstance(candidate, MjcfModel)), None)
 
 
-def _from_read_model(source: Source, read: ReadModel, drivers: Sequence[str] | str | None) -> ClosedModel:
+def _from_read_model(source: Source, read: MjcfModel, drivers: Sequence[str] | str | None) -> ClosedModel:
     """Return the model of an MJCF file; where its digits let no loop close, of the corrected mechanism.
 
     The joints of the corrected mechanism were moved until the loops close.

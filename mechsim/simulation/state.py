@@ -85,6 +85,23 @@ def rotated(rotation: Array, local: Array) -> Array:
     return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
 
 
+def rotated_quaternions(quaternion: Array, vector: Array) -> Array:
+    """Return unit quaternions (w, x, y, z) rotated by rotation vectors in their own frames, (n, 4)."""
+    angle = np.sqrt((vector * vector).sum(1))
+    # sin(angle / 2) / angle
+    v = 0.5 * np.sinc(angle / (2.0 * np.pi))[:, None] * vector
+    scalar, w, u = np.cos(0.5 * angle)[:, None], quaternion[:, :1], quaternion[:, 1:]
+    product = np.hstack([w * scalar - (u * v).sum(1, keepdims=True), w * v + scalar * u + np.cross(u, v)])
+    return product / np.sqrt((product * product).sum(1, keepdims=True))
+
+
+def rotation_matrix(quaternion: Array) -> Array:
+    """Return the rotation matrix of a quaternion (w, x, y, z) of any length, (3, 3)."""
+    out = np.empty(9)
+    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
+    return out.reshape(3, 3)
+
+
 def _kinematic_model(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a copy of a model that computes kinematics only, as far as MuJoCo allows."""
     looking = copy.copy(model)

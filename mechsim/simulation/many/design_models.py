@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.forces import Forces
@@ -162,6 +161,8 @@ def clear_same_frame(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None
 
 def quaternions(rotation: Array) -> Array:
     """Return the unit quaternions (w, x, y, z) of rotation matrices, (d, 3, 3) -> (d, 4)."""
+    from scipy.spatial.transform import Rotation
+
     return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True), dtype=np.float64)
 
 

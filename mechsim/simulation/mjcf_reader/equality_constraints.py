@@ -10,7 +10,8 @@ from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import End, Joint
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier, rotation
+from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier
+from mechsim.simulation.state import rotation_matrix
 
 CONNECT, WELD, JOINT, TENDON = (
     int(kind)
@@ -75,12 +76,12 @@ def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], na
     if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
         bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
         points = model.site_pos[first], model.site_pos[second]
-        rotations = rotation(model.site_quat[first]), rotation(model.site_quat[second])
+        rotations = rotation_matrix(model.site_quat[first]), rotation_matrix(model.site_quat[second])
     else:
         bodies = first, max(second, 0)
         # of a weld the anchor comes first, in body 2; then where body 2 is in body 1
         points = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
-        rotations = rotation(data[6:10]) if weld else np.eye(3), np.eye(3)
+        rotations = rotation_matrix(data[6:10]) if weld else np.eye(3), np.eye(3)
     carriers = [carried[body] for body in bodies]
     if carriers[0].link == carriers[1].link:
         return None

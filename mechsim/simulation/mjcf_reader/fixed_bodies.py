@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf_reader.kinematic_tree import BALL, FREE, rotation
+from mechsim.simulation.mjcf_reader.kinematic_tree import BALL, FREE
+from mechsim.simulation.state import rotation_matrix
 
 # kind of joint -> its coordinates and freedoms
 ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}
@@ -122,7 +123,7 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
             del poses[body]
         else:
             for inner in in_order[int(model.body_jntadr[body]) : j]:
-                _undo_rotation(inner, in_order[j], rotation(quaternion))
+                _undo_rotation(inner, in_order[j], rotation_matrix(quaternion))
             _set_pose(bodies[body], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         spec.delete(in_order[j])
     # a frame round a body moves it: where it is put says by how much
@@ -131,7 +132,9 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
         frame = base_model.body(body)
         inverse = np.empty(4)
         mujoco.mju_negQuat(inverse, frame.quat)
-        _set_pose(bodies[body], rotation(frame.quat).T @ (pose[:3] - frame.pos), _product(inverse, pose[3:]))
+        _set_pose(
+            bodies[body], rotation_matrix(frame.quat).T @ (pose[:3] - frame.pos), _product(inverse, pose[3:])
+        )
     return qpos[_remaining(model, joints)[0]]
 
 
@@ -179,7 +182,7 @@ def _body_poses(model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> di
             poses[body] = np.concatenate([qpos[address : address + 3], quaternion])
         else:
             pivot, quat = model.jnt_pos[j], model.body_quat[body]
-            shift = rotation(quat) @ (pivot - rotation(quaternion) @ pivot)
+            shift = rotation_matrix(quat) @ (pivot - rotation_matrix(quaternion) @ pivot)
             poses[body] = np.concatenate([model.body_pos[body] + shift, _product(quat, quaternion)])
     return poses
 

@@ -9,7 +9,8 @@ import numpy as np
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia, Link
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, Carrier, rotation, vector
+from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, Carrier, vector
+from mechsim.simulation.state import rotation_matrix
 
 # fraction of the heaviest link's mass that a massless link gets: negligible, but not zero
 MASSLESS = 1e-12
@@ -70,7 +71,7 @@ def _combined(
         return 0.0, np.zeros(3), np.zeros((3, 3))
     centre, moments = masses @ centres / total, np.zeros((3, 3))
     for i, mass, body_centre in zip(bodies, masses, centres, strict=True):
-        axes = carriers[i].at.rotation @ rotation(model.body_iquat[i])
+        axes = carriers[i].at.rotation @ rotation_matrix(model.body_iquat[i])
         arm = body_centre - centre
         moments += axes @ np.diag(model.body_inertia[i]) @ axes.T
         moments += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))

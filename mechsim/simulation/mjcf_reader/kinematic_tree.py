@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mechsim.model.joint_kinds import KINDS, KindName, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.state import rotation_matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +53,7 @@ def link_name(model: mujoco.MjModel, body: int) -> str:
 
 def shifted(pose: Pose, position: Array, quaternion: Array) -> Pose:
     """Return the pose of a frame given in another frame's, that one being at `pose`."""
-    return Pose(pose.position + pose.rotation @ position, pose.rotation @ rotation(quaternion))
-
-
-def rotation(quaternion: Array) -> Array:
-    """Return the rotation matrix of a quaternion (w, x, y, z), (3, 3)."""
-    return np.asarray(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), dtype=np.float64)
+    return Pose(pose.position + pose.rotation @ position, pose.rotation @ rotation_matrix(quaternion))
 
 
 def vector(values: Array) -> Vector:
@@ -162,8 +157,8 @@ def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
     """Return where side b of a joint stands in side a's frame at its own part of qpos."""
     kind = KINDS[joint.kind]
     if kind.floating:
-        return vector(qpos[:3]), rotation(qpos[3:7])
+        return vector(qpos[:3]), rotation_matrix(qpos[3:7])
     if kind.ball:
-        return ORIGIN, rotation(qpos[:4])
+        return ORIGIN, rotation_matrix(qpos[:4])
     shift, rotation_ = displaced(kind, (float(qpos[0]),), joint.cross_angle)
     return vector(shift), rotation_

@@ -64,6 +64,8 @@ def minimum_mass(remarks: Iterable[str]) -> float:
 _FILE = re.compile(r"(?:opening|open|find|load|read)\w* (?:file |resource )?'([^']+)'", re.IGNORECASE)
 # inertia of a body whose meshes are missing, in [kg] and [kg m2]
 PLACEHOLDER_MASS, PLACEHOLDER_INERTIA = 1.0, 1e-3
+# kinds of assets: name in messages -> list of the specification
+ASSETS = {"meshes": "meshes", "textures": "textures", "height fields": "hfields", "skins": "skins"}
 
 
 def without_missing(spec: mujoco.MjSpec, message: str) -> str:
@@ -80,15 +82,12 @@ def without_missing(spec: mujoco.MjSpec, message: str) -> str:
     if not match:
         return ""
     missing = match[1]
-    kinds: dict[str, Sequence[Any]] = {
-        "meshes": spec.meshes,
-        "textures": spec.textures,
-        "height fields": spec.hfields,
-        "skins": spec.skins,
-    }
-    for kind, assets in kinds.items():
+    for kind, attribute in ASSETS.items():
+        assets = list(getattr(spec, attribute))
         if any(_same_file(missing, name) for asset in assets for name in _files(asset)):
-            _LEAVE_OUT[kind](spec)
+            _detach(spec, kind)
+            for asset in assets:
+                spec.delete(asset)
             return f"file {missing} is missing: read without its {kind}"
     return ""
 
@@ -101,16 +100,15 @@ def _same_file(missing: str, name: str) -> bool:
     return missing == name or missing.replace("\\", "/").endswith(name.replace("\\", "/").lstrip("./"))
 
 
-def _no_meshes(spec: mujoco.MjSpec) -> None:
-    _no_shapes(spec, [geom for geom in spec.geoms if geom.meshname])
-    for mesh in list(spec.meshes):
-        spec.delete(mesh)
-
-
-def _no_height_fields(spec: mujoco.MjSpec) -> None:
-    _no_shapes(spec, [geom for geom in spec.geoms if geom.hfieldname])
-    for field in list(spec.hfields):
-        spec.delete(field)
+def _detach(spec: mujoco.MjSpec, kind: str) -> None:
+    """Remove the references to a kind of assets."""
+    if kind == "meshes":
+        _no_shapes(spec, [geom for geom in spec.geoms if geom.meshname])
+    elif kind == "height fields":
+        _no_shapes(spec, [geom for geom in spec.geoms if geom.hfieldname])
+    elif kind == "textures":
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
 
 
 def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
@@ -127,26 +125,6 @@ def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
             body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     if spec.compiler.inertiafromgeom == int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE):
         spec.compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
-
-
-def _no_textures(spec: mujoco.MjSpec) -> None:
-    for material in spec.materials:
-        material.textures = [""] * len(material.textures)
-    for texture in list(spec.textures):
-        spec.delete(texture)
-
-
-def _no_skins(spec: mujoco.MjSpec) -> None:
-    for skin in list(spec.skins):
-        spec.delete(skin)
-
-
-_LEAVE_OUT = {
-    "meshes": _no_meshes,
-    "textures": _no_textures,
-    "height fields": _no_height_fields,
-    "skins": _no_skins,
-}
 
 
 # path of a file in MJCF or URDF, or an object
