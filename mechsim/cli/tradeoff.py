@@ -203,7 +203,7 @@ def print_costs(model: str, asked: SceneOptions, *, as_json: bool) -> None:
     """Measure and print what each thing in a scene costs."""
     scene = user_scene(model, asked)
     with progress("costs", None) as tick:
-        found = scene_costs(scene, spec_of(scene), progress=lambda part: tick("timing", part))
+        found = scene_costs(scene, spec_of(scene), progress=tick)
     if as_json:
         print_json({"scene": model, "timestep": float(scene.model.opt.timestep), "costs": _rows(found)})
         return
