@@ -1,10 +1,140 @@
-"""What moves: a closed form of the catalogue, or a mechanism of one's own by its loop equations."""
+"""Solvers of mechanisms: closed forms of the catalogue, and loop equations of any mechanism."""
+
+from collections.abc import Mapping
+from typing import Protocol, Self
+
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import InputError
+from mechsim.model.forces import Forces
+from mechsim.model.limits import Ranges
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import ChangePointPolicy, Motion
+from mechsim.model.motion_laws import MotionLaws
+from mechsim.numerics.arrays import Array
+from mechsim.units import WrittenUnits
 
-Form = ClosedForm | LoopForm
+
+class KinematicSolver(Protocol):
+    """What solves the motion of one assembly of a mechanism: `ClosedForm` or `LoopForm`.
+
+    The path parameter is the crank angle in [rad], or under motion laws the time multiplied by their rate.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism."""
+        ...
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism, with a guess that selects the assembly."""
+        ...
+
+    @property
+    def motion_laws(self) -> MotionLaws | None:
+        """Motion laws of the drivers; None for a crank."""
+        ...
+
+    @property
+    def forces(self) -> Forces | None:
+        """Forces of the description; None if it has none."""
+        ...
+
+    @property
+    def formula(self) -> str:
+        """FILE.py:FUNCTION of the user's own model; empty if there is none."""
+        ...
+
+    @property
+    def ranges(self) -> Ranges:
+        """Joint -> limits of its coordinate, in [m] or [rad]."""
+        ...
+
+    @property
+    def written(self) -> WrittenUnits:
+        """Units that its file declares."""
+        ...
+
+    @property
+    def change_point(self) -> ChangePointPolicy:
+        """How the motion continues at change points."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Path parameter after which the configuration repeats."""
+        ...
+
+    def solve(
+        self,
+        angles: ArrayLike | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike = 0.0,
+        *,
+        t: ArrayLike | None = None,
+    ) -> Motion:
+        """Return the motion at crank angles, or at times."""
+        ...
+
+    def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
+        """Return the motion at values of the path parameter, (n,), and its rates."""
+        ...
+
+    def solve_as(self, driven: Motion) -> Motion:
+        """Return the motion where the drivers of another motion were."""
+        ...
+
+    def within_ranges(self, motion: Motion) -> Motion:
+        """Return a motion in which every joint stays in its range; raise AssemblyError for any other."""
+        ...
+
+    def positions(
+        self, angles: ArrayLike | None = None, *, t: ArrayLike | None = None, speed: float | None = None
+    ) -> dict[str, Array]:
+        """Return the tracked points at crank angles, or at times: name -> (n, 3) in [m]."""
+        ...
+
+    def crank_range(self) -> Arcs:
+        """Return the intervals of crank angle over which the loops close in this assembly."""
+        ...
+
+    def dead_centres(self) -> tuple[float, ...]:
+        """Return the crank angles at which the motion must reverse, in [rad]."""
+        ...
+
+    def change_points(self) -> tuple[float, ...]:
+        """Return the crank angles at which two assemblies meet, in [-pi, pi) rad."""
+        ...
+
+    def conditioning(self, motion: Motion) -> Array:
+        """Return the distance of each configuration of a motion from a singular one, (n,)."""
+        ...
+
+    def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
+        """Return the selectors and tracked points of each assembly at a crank angle."""
+        ...
+
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        """Return the signed geometry that is positive in this assembly, (n,)."""
+        ...
+
+    def variants(self) -> "Mapping[str, KinematicSolver]":
+        """Return the variants that are validated too, by name."""
+        ...
+
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0, /) -> Self:
+        """Return the solver of the assembly selected at the first crank angle."""
+        ...
+
+    def with_change_point(self, policy: ChangePointPolicy, /) -> Self:
+        """Return the solver that continues so at change points."""
+        ...
+
+
+Form = KinematicSolver
 
 
 def closed_form(form: Form, what: str) -> ClosedForm:

@@ -8,7 +8,6 @@ import typer
 
 from mechsim import units
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.files import Tabled
 from mechsim.numerics.arrays import Array
@@ -84,7 +83,7 @@ def output_units(text: str | None, form: Form) -> OutputUnits | None:
     """
     if text is None:
         return None
-    declared = form.written if isinstance(form, LoopForm) else SI
+    declared = form.written
     if text == "file":
         return OutputUnits(declared.length, declared.angle)
     found = {"m": "m", "rad": "rad"}

@@ -6,7 +6,6 @@ from math import pi
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.exit_codes import questions
 from mechsim.units import require_written
 
@@ -20,7 +19,7 @@ def asked_angle(what: str, text: str, form: Form | None = None) -> None:
     Raises:
         InputError: for one without a unit where the mechanism's file declares another than rad.
     """
-    if isinstance(form, LoopForm):
+    if form is not None:
         require_written(text, "rad", form.written.angle, what)
     value = _bare(text)
     if value is not None and abs(value) > TURN:
@@ -29,7 +28,7 @@ def asked_angle(what: str, text: str, form: Form | None = None) -> None:
 
 def asked_angles(what: str, text: str, form: Form | None = None) -> None:
     """Ask back, or raise InputError, likewise for start:stop:step, of which none has a unit."""
-    if isinstance(form, LoopForm):
+    if form is not None:
         require_written(text, "rad", form.written.angle, what)
     parts = text.split(":")
     values = [value for part in parts if (value := _bare(part)) is not None]

@@ -149,7 +149,7 @@ def _several(count: int, what: str) -> str:
 
 
 def _parameters(solver: Form) -> dict[str, dict[str, Any]]:
-    if not isinstance(solver, ClosedForm):
+    if isinstance(solver, LoopForm):
         return {
             name: {"value": value, "unit": "as written", "doc": ""}
             for name, value in solver.parameters.items()

@@ -64,8 +64,7 @@ def poses_of_table(solver: Form, table: Mapping[str, Array], source: str) -> Pos
     """
     path = driver_path(solver, table, source)
     zero = np.zeros_like(path.times)
-    ranges = solver.ranges if isinstance(solver, LoopForm) else {}
-    loops = LoopForm(solver.mechanism, motion_laws=path.motion_laws, ranges=ranges)
+    loops = LoopForm(solver.mechanism, motion_laws=path.motion_laws, ranges=solver.ranges)
     motion = loops.within_ranges(loops.solve_along(path.times, zero, zero))
     return Poses(replace(motion, time=path.times))
 

@@ -27,12 +27,14 @@ from mechsim.analytic.vector_method.trig_polynomial import (
 from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import Joint
+from mechsim.model.limits import Ranges
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.units import WrittenUnits
 
 # crank angles within this of a change point, in [rad], are that change point
 AT_POINT = 1e-9
@@ -104,6 +106,8 @@ class ClosedForm(ABC):
     motion_laws: ClassVar[None] = None
     forces: ClassVar[None] = None
     formula: ClassVar[str] = ""
+    ranges: ClassVar[Ranges] = {}
+    written: ClassVar[WrittenUnits] = WrittenUnits()
 
     def __post_init__(self) -> None:
         for parameter in fields(self):
@@ -282,6 +286,14 @@ class ClosedForm(ABC):
         """Return the motion at values of the path parameter, which is the crank angle; as `solve`."""
         return self.solve(parameter, rate, second)
 
+    def solve_as(self, driven: Motion) -> Motion:
+        """Return the motion where the crank of another motion was."""
+        return self.solve(driven.angle, driven.speed, driven.acceleration)
+
+    def within_ranges(self, motion: Motion) -> Motion:
+        """Return a motion; no joint of the catalogue has a range."""
+        return motion
+
     def conditioning(self, motion: Motion) -> Array:
         """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
         poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
@@ -307,6 +319,11 @@ class ClosedForm(ABC):
         It is two turns where the linkage passes one change point a turn, or any other odd number.
         """
         return REVOLUTION
+
+    @property
+    def change_point(self) -> ChangePointPolicy:
+        """How the motion continues at change points."""
+        return "smooth"
 
     def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
         """Return the mechanism that goes on so where assemblies meet; None, or none meet: as it is."""

@@ -113,7 +113,7 @@ def moved_efforts(
 
 def _times(machine: Machine, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
     """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
-    motion_laws = getattr(machine.drive, "motion_laws", None)
+    motion_laws = machine.drive.motion_laws
     if motion_laws is not None:
         return motion.angle / motion_laws.rate
     steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()

@@ -181,7 +181,7 @@ def followed_form(
 ) -> tuple[ContinuationPath, Instants]:
     """Return the path of what moves, and instants along it."""
     motion_laws = form.motion_laws
-    through: ChangePointPolicy = getattr(form, "change_point", "smooth")
+    through: ChangePointPolicy = form.change_point
     if motion_laws is not None:
         path = path_under_laws(form.mechanism, motion_laws, through)
         return path, with_locked_values(path, instants_of_laws(motion_laws, angle, speed, acceleration))

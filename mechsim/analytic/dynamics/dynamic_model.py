@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -63,7 +64,7 @@ class Machine:
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "Machine":
         """Return the machine with the assembly that is selected at the first crank angle."""
         form = self.drive
-        if isinstance(form, LoopForm):
+        if not isinstance(form, ClosedForm):
             return self
         found = form.starting_at(angles, direction)
         return replace(self, mechanism=self.mechanism.with_guess(*found.guess()), drive=found)
@@ -71,7 +72,7 @@ class Machine:
     def with_forces(self, forces: Forces) -> "Machine":
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)
-        _check_crank(self.mechanism, forces, getattr(self.drive, "motion_laws", None))
+        _check_crank(self.mechanism, forces, self.drive.motion_laws)
         return replace(self, forces=forces)
 
 
@@ -99,12 +100,12 @@ def machine(
             assemblies meet: its links would jump in speed.
     """
     drive = LoopForm(source) if isinstance(source, Mechanism) else source
-    if not isinstance(drive, Form):  # pyright: ignore[reportUnnecessaryIsInstance]
+    if not isinstance(drive, ClosedForm | LoopForm):
         raise InputError(
             f"forces act on a mechanism, and this is of type {type(source).__name__}; give what mechsim.load "
             "or catalog.make returns"
         )
-    if getattr(drive, "change_point", "smooth") == "branch" and drive.change_points():
+    if drive.change_point == "branch" and drive.change_points():
         raise InputError(
             f"{drive.name} is to fold at change points, where its links would jump in speed and no force is "
             "large enough; leave out change_point=branch"
@@ -113,7 +114,7 @@ def machine(
     described = with_inertia(bare, density, units.si(diameter, "m", "diameter of the rods"))
     acting = acting_on(source, forces)
     acting.check(described)
-    _check_crank(described, acting, getattr(drive, "motion_laws", None))
+    _check_crank(described, acting, drive.motion_laws)
     return Machine(described, acting, drive)
 
 

@@ -128,7 +128,7 @@ def prescribed(
         AssemblyError: where the loops do not close.
     """
     require("what is to be solved", machine, Machine)
-    motion_laws = getattr(machine.drive, "motion_laws", None)
+    motion_laws = machine.drive.motion_laws
     if as_run is not None:
         at = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)
     else:
@@ -157,7 +157,7 @@ def prescribed_along(
     angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
         machine = machine.starting_at(angle, float(np.ravel(rate)[0]))
-    motion_laws = getattr(machine.drive, "motion_laws", None)
+    motion_laws = machine.drive.motion_laws
     if motion_laws is not None and time is None:
         time = angle / motion_laws.rate
     n, joints = len(angle), len(machine.mechanism.joints)

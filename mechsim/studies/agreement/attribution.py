@@ -8,7 +8,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
@@ -85,7 +84,7 @@ def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns
         exact = replace(
             evaluation, angle=motion.angle, speed=motion.speed, acceleration=motion.acceleration, solved=None
         )
-        if isinstance(solver, LoopForm) and motion.drivers:
+        if motion.drivers:
             exact = replace(exact, solved=solver.solve_as(motion))
         values = replace(exact, solved=motion)
         runs.append(RunAtInstants(exact, tuple(values.exact(compared) for compared in quantity)))

@@ -51,7 +51,7 @@ def gear_slips(misfit: Misfit) -> Iterator[Hypothesis]:
         for k, gear in enumerate(solver.mechanism.gears):
             changed = _gear_changed(solver, k, "ratio")
             geared.append((gear.name, f"the ratio of {gear.name}", gear.ratio, changed))
-    elif own := solver.gear:
+    elif isinstance(solver, ClosedForm) and (own := solver.gear):
         ratio = misfit.family.dimensions[own].value
         geared.append((own, own, ratio, lambda by: misfit.family.make({own: ratio + by})))
     for name, said, ratio, changed in geared:

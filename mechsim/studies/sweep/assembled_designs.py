@@ -83,6 +83,6 @@ def _made(task: SweepTask, rows: Mapping[str, Array]) -> Iterator[Mechanism | No
         mechanism = None
         with suppress(MechsimError, ArithmeticError, ValueError):
             solver = task.subject.make(_row(rows, i))
-            same_forces = (getattr(solver, "forces", None) or Forces()) == task.forces
+            same_forces = (solver.forces or Forces()) == task.forces
             mechanism = solver.mechanism if same_forces or not task.loaded else None
         yield mechanism

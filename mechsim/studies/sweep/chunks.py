@@ -50,7 +50,7 @@ def _subject(task: SweepTask) -> str:
         return repr((make.source.document, sorted(make.fixed.items())))
     if isinstance(make, OfPython):
         return repr((sorted(make.fixed.items()), make.model.rpartition(":")[2], _file(make.model)))
-    motion_laws = getattr(task.subject.solver, "motion_laws", None)
+    motion_laws = task.subject.solver.motion_laws
     drivers = mechanism.drivers if motion_laws is None else (*motion_laws.drivers, repr(motion_laws.duration))
     return repr((task.subject.name, drivers, _hash(numbers_of(mechanism).tobytes())))
 

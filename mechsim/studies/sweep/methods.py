@@ -352,7 +352,7 @@ def _solved_alone(
     shape = (1, len(angles))
     more: dict[str, Array] = {}
     if task.loaded:
-        acting = getattr(solver, "forces", None) or Forces()
+        acting = solver.forces or Forces()
         study = prescribed_along(machine(solver, acting), angles, path_speed, crank.acceleration)
         more = {name: column.reshape(shape) for name, column in study.columns()}
     if task.wants(TRANSMISSION):

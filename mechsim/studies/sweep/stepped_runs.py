@@ -118,7 +118,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
         return {}, run.outcome, run.motion.broken or "it went on in another assembly"
     motion, forces = run.motion, {}
     if task.loaded:
-        acting = getattr(solver, "forces", None)
+        acting = solver.forces
         study = driven(solver.mechanism, acting, **options)
         motion = study.motion
         forces = {name: column[task.records][None] for name, column in study.efforts.columns()}

@@ -11,7 +11,6 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.resources import require_memory
@@ -353,10 +352,7 @@ def _compared(task: SweepTask, solver: Form) -> tuple[float, str]:
     else:
         run = simulate(solver, samples=task.intervals, method="step", settings=task.settings, **prescribed)
     motion = run.motion
-    if isinstance(solver, LoopForm):
-        exact = solver.solve_as(motion)
-    else:
-        exact = solver.solve_along(motion.angle, motion.speed, motion.acceleration)
+    exact = solver.solve_as(motion)
     verdict = crosscheck(run, exact)
     distance = max(float(errors.max()) for errors in motion.position_errors(exact).values())
     return distance, "" if verdict.passed else verdict.outcome

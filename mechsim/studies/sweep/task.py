@@ -173,7 +173,7 @@ class SweepTask:
         """The common loops of designs traced together; None if each must be solved alone."""
         solver = self.subject.solver
         alone = self.single_only or any(measure.kind in FACTS for measure in self.measures)
-        if alone or getattr(solver, "change_point", "smooth") != "smooth":
+        if alone or solver.change_point != "smooth":
             return None
         with suppress(MechsimError):
             return shared_loops(solver.mechanism, self.joints, solver.motion_laws)
