@@ -43,6 +43,13 @@ def test_a_missing_public_name_is_noticed():
     assert undocumented(PYTHON.replace(":: mechsim.sweep", ":: mechsim.swept")) == {"sweep"}
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_a_page_starts_with_its_title(page):
+    text = re.sub(r"\A---\nfile_format: mystnb\n.*?\n---\n", "", page.read_text(), flags=re.DOTALL)
+    assert text.startswith(("# ", "```{include}"))
+    assert len(re.findall(r"^# ", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)) <= 1
+
+
 def test_every_page_is_in_the_contents():
     trees = re.findall(r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(), re.DOTALL)
     listed = {line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")}
