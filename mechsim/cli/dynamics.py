@@ -227,7 +227,7 @@ def _simulated(
         samples=asked.instants if asked.tolerance is None else None,
         watch=simulation,
     )
-    return found, crosscheck_driven(found, machine, watch=check)
+    return found, crosscheck_driven(found, machine, progress=check)
 
 
 def _free(

@@ -23,7 +23,7 @@ from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
 from mechsim.studies.extremes.plot import extremes_map
-from mechsim.studies.motion_source import motion_of, profile_of, simulated_efforts, weighing
+from mechsim.studies.motion_source import motion_of, profile_of, simulated_forces, weighing
 from mechsim.studies.tradeoff import measure, subject_of
 from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.theory.continuation import trace
@@ -195,7 +195,7 @@ def _torque(source: PlotSource) -> "Figure":
     if source.options.method not in ("closed", "simulated"):
         raise InputError(f"a torque plot is --from closed or simulated, not from {source.options.method}")
     if source.options.method == "simulated":
-        rings = simulated_efforts(source.solver, profile_of(source.solver, source.speed, 1.0), SAMPLES)
+        rings = simulated_forces(source.solver, profile_of(source.solver, source.speed, 1.0), SAMPLES)
     return plots.torque_plot(source.study(), rings)
 
 

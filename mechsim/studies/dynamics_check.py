@@ -27,24 +27,24 @@ FLOOR, FRICTION_FLOOR = 1e-9, 1e-4
 
 def crosscheck_driven(
     run: Driven,
-    machine: Machine,
+    model: Machine,
     *,
     bounds: Mapping[str, Tolerance] | None = None,
-    watch: Callable[[str, float], None] = lambda _, __: None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> Verdict:
     """Compare a prescribed run with inverse dynamics at the angles, speeds and accelerations it really had.
 
     Args:
         run: from `simulation.dynamics.prescribed_motion.driven`.
-        machine: the analytic side.
+        model: the analytic side.
         bounds: as in `judge_efforts`.
-        watch: told now and then how far it has come, in words and as a part of the whole.
+        progress: told now and then how far it has come, in words and as a part of the whole.
     """
     motion = run.motion
     if run.outcome == "diverged" or motion.broken:
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
-    at = (motion.angle, motion.speed, motion.acceleration)
-    study = prescribed(machine, *at, time=motion.time, as_run=motion, watch=watch)
+    instants = (motion.angle, motion.speed, motion.acceleration)
+    study = prescribed(model, *instants, time=motion.time, as_run=motion, watch=progress)
     tolerance = (
         None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
     )
@@ -54,26 +54,26 @@ def crosscheck_driven(
         method=run.method,
         tolerance=tolerance,
         bounds=bounds,
-        conditioning=machine.drive.conditioning(motion),
+        conditioning=model.drive.conditioning(motion),
     )
 
 
 def crosscheck_free(
-    run: SteppedFreeRun, machine: Machine, *, bounds: Mapping[str, Tolerance] | None = None
+    run: SteppedFreeRun, model: Machine, *, bounds: Mapping[str, Tolerance] | None = None
 ) -> Verdict:
     """Compare a free run with the reduced equation from the same start, at the same instants.
 
     Args:
         run: from `simulation.dynamics.free_running.free_run`.
-        machine: the analytic side.
+        model: the analytic side.
         bounds: as in `judge_free_run`.
     """
-    found = run.free
-    if found.outcome == "diverged" or len(found) < 2:
-        return judge_free_run(found, found)
-    exact = free_run(machine, angle=float(found.angle[0]), speed=float(found.speed[0]), times=found.time)
+    record = run.free
+    if record.outcome == "diverged" or len(record) < 2:
+        return judge_free_run(record, record)
+    exact = free_run(model, angle=float(record.angle[0]), speed=float(record.speed[0]), times=record.time)
     tolerance = None if run.tolerance_report is None else run.tolerance_report.tolerance
-    return judge_free_run(found, exact, tolerance=tolerance, bounds=bounds)
+    return judge_free_run(record, exact, tolerance=tolerance, bounds=bounds)
 
 
 def crosscheck_forward(run: DynamicRun, machine: Machine, initial: InitialValues) -> Verdict:

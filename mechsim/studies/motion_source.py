@@ -19,73 +19,77 @@ MOST_SAMPLES = 100_000
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 
 
-def profile_of(drive: Form, speed: float, turns: float, through: float | None = None) -> CrankProfile:
+def profile_of(solver: Form, speed: float, turns: float, through: float | None = None) -> CrankProfile:
     """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
 
     The swing passes a crank angle, or where assembly begins. Drivers under programs go by their clock.
     """
-    motion_laws = drive.motion_laws
+    motion_laws = solver.motion_laws
     if motion_laws is not None:
         return motion_laws.path_profile
     if not (turns != 0.0 and abs(turns) < 1e4):
         raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
     return within_range(
-        drive.mechanism, drive.crank_range(), speed if turns > 0 else -speed, abs(turns), through
+        solver.mechanism, solver.crank_range(), speed if turns > 0 else -speed, abs(turns), through
     )
 
 
-def simulated(drive: Form, profile: CrankProfile, **asked: Any) -> Run:
+def simulated(solver: Form, profile: CrankProfile, **options: Any) -> Run:
     """Return a run in MuJoCo under the programs of the drivers, or else under the motion of the crank."""
-    motion_laws = drive.motion_laws
+    motion_laws = solver.motion_laws
     if motion_laws is not None:
-        return simulate(drive, motion_laws=motion_laws, **asked)
-    return simulate(drive, profile=profile, **asked)
+        return simulate(solver, motion_laws=motion_laws, **options)
+    return simulate(solver, profile=profile, **options)
 
 
-def motion_of(drive: Form, road: str, profile: CrankProfile, samples: float) -> Motion:
+def motion_of(solver: Form, method: str, profile: CrankProfile, samples: float) -> Motion:
     """Return a motion to be drawn, with so many evenly spread samples after the first.
 
     Args:
-        drive: what moves.
-        road: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose).
+        solver: what moves.
+        method: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose).
         profile: of the crank.
         samples: how many; rounded.
     """
-    if road not in ("closed", "simulated", "posed"):
-        raise InputError(f"there is no road {road!r} here; known are closed, simulated and, to draw, both")
+    if method not in ("closed", "simulated", "posed"):
+        raise InputError(f"there is no method {method!r}; known are closed, simulated and, to draw, both")
     count = round(samples)
     if not 1 <= count <= MOST_SAMPLES:
         raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")
-    if road == "closed":
-        return drive.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
-    method = "step" if road == "simulated" else "pose"
-    return simulated(drive, profile, samples=count, method=method).motion
+    if method == "closed":
+        return solver.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
+    method = "step" if method == "simulated" else "pose"
+    return simulated(solver, profile, samples=count, method=method).motion
 
 
-def weighing(drive: Form) -> dynamics.Machine:
+def weighing(solver: Form) -> dynamics.Machine:
     """Return a mechanism under what its file says acts on it; else links of steel that weigh."""
-    return dynamics.machine(drive, drive.forces or WEIGHT)
+    return dynamics.machine(solver, solver.forces or WEIGHT)
 
 
-def joint_loads(drive: Form, road: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:
-    """Return forces and moments in the joints at the samples of a motion, from the same road as the motion.
+def joint_loads(solver: Form, method: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:
+    """Return forces and moments in the joints at the samples of a motion, by the same method as the motion.
 
     They act on the link b of each joint, under what acts as `weighing` has it.
     """
-    if road == "simulated":
-        found = simulated_efforts(drive, profile, len(motion) - 1).reactions
+    if method == "simulated":
+        reactions = simulated_forces(solver, profile, len(motion) - 1).reactions
     else:
-        at = (motion.angle, motion.speed, motion.acceleration)
-        found = dynamics.prescribed(weighing(drive), *at, time=motion.time, as_run=motion).efforts.reactions
-    forces = {name: one.force for name, one in found.items()}
+        instants = (motion.angle, motion.speed, motion.acceleration)
+        study = dynamics.prescribed(weighing(solver), *instants, time=motion.time, as_run=motion)
+        reactions = study.efforts.reactions
+    forces = {name: reaction.force for name, reaction in reactions.items()}
     # a moment that the largest force makes on a billionth of the size is rounding, and no arrow
-    least = 1e-9 * drive.mechanism.size * max(float(np.abs(force).max()) for force in forces.values())
-    moments = {name: np.where(np.abs(one.moment) > least, one.moment, 0.0) for name, one in found.items()}
+    least = 1e-9 * solver.mechanism.size * max(float(np.abs(force).max()) for force in forces.values())
+    moments = {
+        name: np.where(np.abs(reaction.moment) > least, reaction.moment, 0.0)
+        for name, reaction in reactions.items()
+    }
     return {"forces": forces, "moments": moments}
 
 
-def simulated_efforts(drive: Form, profile: CrankProfile, samples: int) -> ForceRecord:
+def simulated_forces(solver: Form, profile: CrankProfile, samples: int) -> ForceRecord:
     """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
-    machine, motion_laws = weighing(drive.starting_at(profile.angles)), drive.motion_laws
+    model, motion_laws = weighing(solver.starting_at(profile.angles)), solver.motion_laws
     moved: dict[str, Any] = {"profile": profile} if motion_laws is None else {"motion_laws": motion_laws}
-    return driven(machine.mechanism, machine.forces, samples=samples, **moved).efforts
+    return driven(model.mechanism, model.forces, samples=samples, **moved).efforts

@@ -48,32 +48,32 @@ def assert_agrees(
         InputError: for a model or a formula that cannot be used; one sentence.
     """
     __tracebackhide__ = True
-    given = str(model) if isinstance(model, Path) else model
-    found = validate(
-        given, formula, set=set, drive=drive, duration=duration, speed=speed, tolerance=tolerance
+    source = str(model) if isinstance(model, Path) else model
+    agreement = validate(
+        source, formula, set=set, drive=drive, duration=duration, speed=speed, tolerance=tolerance
     )
     running = RUNNING.get()
     if running is not None:
-        _tell(running, found)
-    if not found.passed:
-        command = _command(given, formula, set or {}, drive or {}, duration, running)
-        page = None if running is None else write_page(found, command, running)
-        raise AssertionError(failure(found, command, page))
-    return found
+        _record(running, agreement)
+    if not agreement.passed:
+        command = _command(source, formula, set or {}, drive or {}, duration, running)
+        page = None if running is None else write_page(agreement, command, running)
+        raise AssertionError(failure(agreement, command, page))
+    return agreement
 
 
-def _tell(running: RunningTest, found: Agreement) -> None:
+def _record(running: RunningTest, agreement: Agreement) -> None:
     """Leave in the JUnit file what came out."""
-    running.tell("mechsim.model", found.solver.name)
-    running.tell("mechsim.against", found.source)
-    running.tell("mechsim.outcome", found.outcome)
-    if found.checks:
-        worst = max(found.checks, key=lambda check: check.fraction_of_tolerance or 0.0)
-        running.tell("mechsim.worst", worst.title)
-        running.tell("mechsim.worst.value", f"{worst.worst:.6g} {worst.unit}")
-        running.tell("mechsim.worst.tolerance", f"{worst.tolerance:.6g} {worst.unit}")
-    if found.findings:
-        running.tell("mechsim.cause", found.findings[0].message)
+    running.record("mechsim.model", agreement.solver.name)
+    running.record("mechsim.against", agreement.source)
+    running.record("mechsim.outcome", agreement.outcome)
+    if agreement.checks:
+        worst = max(agreement.checks, key=lambda check: check.fraction_of_tolerance or 0.0)
+        running.record("mechsim.worst", worst.title)
+        running.record("mechsim.worst.value", f"{worst.worst:.6g} {worst.unit}")
+        running.record("mechsim.worst.tolerance", f"{worst.tolerance:.6g} {worst.unit}")
+    if agreement.findings:
+        running.record("mechsim.cause", agreement.findings[0].message)
 
 
 def _command(
@@ -110,7 +110,7 @@ def _named(formula: Formula | None) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class ModelFolder:
     """Models and formulas in a folder.
 
     Attributes:
@@ -119,24 +119,28 @@ class Beside:
 
     folder: Path
 
-    def load(self, model: str | Path, **asked: Any) -> Form:
+    def load(self, model: str | Path, **options: Any) -> Form:
         """Return a model of the folder, or a known one, as `ms.load` does."""
-        return load(str(self._found(model)), **asked)
+        return load(str(self._path_of(model)), **options)
 
     def assert_agrees(
-        self, model: Model, formula: Formula | None = None, tolerance: float | str | None = None, **asked: Any
+        self,
+        model: Model,
+        formula: Formula | None = None,
+        tolerance: float | str | None = None,
+        **options: Any,
     ) -> Agreement:
         """Return how a model of the folder and a formula agree, as `ms.testing.assert_agrees` does."""
         __tracebackhide__ = True
-        return assert_agrees(self._found(model), self._found(formula), tolerance, **asked)
+        return assert_agrees(self._path_of(model), self._path_of(formula), tolerance, **options)
 
-    def _found(self, given: Any) -> Any:
+    def _path_of(self, source: Any) -> Any:
         """Return the path of a file of the folder; anything else as it is."""
-        if not isinstance(given, str | Path):
-            return given
-        file, python, _ = str(given).rpartition(".py:")
+        if not isinstance(source, str | Path):
+            return source
+        file, python, _ = str(source).rpartition(".py:")
         return (
-            str(self.folder / given)
-            if (self.folder / (f"{file}.py" if python else given)).is_file()
-            else given
+            str(self.folder / source)
+            if (self.folder / (f"{file}.py" if python else source)).is_file()
+            else source
         )

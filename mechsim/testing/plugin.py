@@ -16,10 +16,10 @@ import pytest
 from mechsim.testing.running import RUNNING, RunningTest
 
 if TYPE_CHECKING:
-    from mechsim.testing.assertion import Beside
+    from mechsim.testing.assertion import ModelFolder
 
 # a description is no longer than this, and says so; pyproject.toml and its like are never looked into
-LONGEST = 1_000_000
+MAX_LENGTH = 1_000_000
 FORMULA = re.compile(r"^\s*\[\s*formula\s*\]", re.MULTILINE)
 JOINTS = re.compile(r"^\s*(\[\s*joints\b|joints\s*[.=])", re.MULTILINE)
 FOREIGN = ("pyproject.toml", "pytest.toml", "ruff.toml", "uv.toml", "pixi.toml")
@@ -53,25 +53,25 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     """Return a TOML file with a formula as a test file, where it was named or the project asks for it."""
     if file_path.suffix != ".toml" or file_path.name in FOREIGN:
         return None
-    if not (parent.session.isinitpath(file_path) or _asked_for(file_path, parent.config)):
+    if not (parent.session.isinitpath(file_path) or _is_requested(file_path, parent.config)):
         return None
     if not _has_formula(file_path):
         return None
     return TomlFile.from_parent(parent, path=file_path)
 
 
-def _asked_for(path: Path, config: pytest.Config) -> bool:
+def _is_requested(path: Path, config: pytest.Config) -> bool:
     """Whether a pattern of the project's names a file, by its name or its path from the root."""
     root = config.rootpath
     called = path.relative_to(root).as_posix() if path.is_relative_to(root) else path.name
     patterns: list[str] = config.getini("mechsim_collect")
-    return any(fnmatch(called, one) or fnmatch(path.name, one) for one in patterns)
+    return any(fnmatch(called, pattern) or fnmatch(path.name, pattern) for pattern in patterns)
 
 
 def _has_formula(path: Path) -> bool:
     """Whether a file describes joints and names a formula; whether it is sound is for its test to say."""
     try:
-        if path.stat().st_size > LONGEST:
+        if path.stat().st_size > MAX_LENGTH:
             return False
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
@@ -83,10 +83,10 @@ def _has_formula(path: Path) -> bool:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """Say which test runs, so that an assertion knows where to report."""
 
-    def tell(name: str, value: object) -> None:
+    def record(name: str, value: object) -> None:
         item.user_properties.append((name, str(value)))
 
-    token = RUNNING.set(RunningTest(item.nodeid, _reports(item.config), tell))
+    token = RUNNING.set(RunningTest(item.nodeid, _reports(item.config), record))
     try:
         return (yield)
     finally:
@@ -95,9 +95,9 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
 
 def _reports(config: pytest.Config) -> Path:
     """Return where reports go: where was asked, else into pytest's cache, else among temporary files."""
-    asked: str = config.getoption("--mechsim-reports") or config.getini("mechsim_reports")
-    if asked:
-        return config.rootpath / asked
+    requested: str = config.getoption("--mechsim-reports") or config.getini("mechsim_reports")
+    if requested:
+        return config.rootpath / requested
     cache: Any = getattr(config, "cache", None)
     if cache is not None:
         return Path(config.rootpath, config.getini("cache_dir"), "d", CACHE)
@@ -105,10 +105,10 @@ def _reports(config: pytest.Config) -> Path:
 
 
 @pytest.fixture
-def mechsim(request: pytest.FixtureRequest) -> "Beside":
+def mechsim(request: pytest.FixtureRequest) -> "ModelFolder":
     """Models beside the test's own file: `mechsim.load(FILE)`, `mechsim.assert_agrees(FILE, formula)`."""
-    beside: Any = import_module("mechsim.testing.assertion")
-    return beside.Beside(request.path.parent)
+    module: Any = import_module("mechsim.testing.assertion")
+    return module.ModelFolder(request.path.parent)
 
 
 class FormulaItem(pytest.Item):

@@ -13,12 +13,12 @@ class RunningTest:
     Attributes:
         name: by which pytest selects it.
         folder: where a report may be written; made when it is.
-        tell: takes a name and a value, for JUnit files.
+        record: takes a name and a value, for JUnit files.
     """
 
     name: str
     folder: Path
-    tell: Callable[[str, object], None]
+    record: Callable[[str, object], None]
 
 
 RUNNING: ContextVar[RunningTest | None] = ContextVar("RUNNING", default=None)

@@ -56,7 +56,7 @@ def test_slow_motion_has_as_many_frames_as_it_takes(mechsim):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--from", "nowhere"), "there is no road 'nowhere'"),
+        (("--from", "nowhere"), "there is no method 'nowhere'"),
         (("--slow", "10", "--frames-per-turn", "12"), "leave out --frames-per-turn"),
         (("--slow", "-1"), "give numbers above 0"),
         (("--frames-per-turn", "0"), "0 frames or samples"),

@@ -217,7 +217,7 @@ class Attribution:
         return {**self.parts, **attribution_data, "largest": self.largest, "run": self.how}
 
     @property
-    def says(self) -> str:
+    def text(self) -> str:
         """The parts in one line."""
         components = ", ".join(f"{name} {self.parts[name]:.2g}" for name in COMPONENTS)
         return f"run against {self.name}: {self.whole:.2g} {self.unit} = {components}"
@@ -307,6 +307,6 @@ def attribution_data(
         return {}
     return {
         **results[0].as_dict(),
-        "says": results[0].says,
+        "says": results[0].text,
         "quantities": {result.name: result.as_dict() for result in results},
     }

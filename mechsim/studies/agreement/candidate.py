@@ -292,12 +292,12 @@ def _rows(path: str) -> tuple[list[str], list[list[float]]]:
         )
     heads = [text.strip() for text in lines[0]]
     rows: list[list[float]] = []
-    for number, cells in enumerate(lines[1:], 2):
-        if len(cells) != len(heads):
+    for number, texts in enumerate(lines[1:], 2):
+        if len(texts) != len(heads):
             raise InputError(
-                f"row {number} of {path} has {len(cells)} values under {len(heads)} names; mend it"
+                f"row {number} of {path} has {len(texts)} values under {len(heads)} names; mend it"
             )
-        rows.append([_number(path, number, head, text) for head, text in zip(heads, cells, strict=True)])
+        rows.append([_number(path, number, head, text) for head, text in zip(heads, texts, strict=True)])
     return heads, rows
 
 

@@ -133,11 +133,11 @@ def _moves(cause: Fitted) -> float:
     return float(np.abs(cause.sizes).max(initial=0.0))
 
 
-def _finding(cause: Fitted, alike: int, sure: bool, noisy: bool) -> Finding:
+def _finding(cause: Fitted, alike: int, confirmed: bool, noisy: bool) -> Finding:
     hypothesis = cause.hypothesis
     also = f", as {'does another' if alike == 2 else f'do {alike - 1} others'}" if alike > 1 else ""
     beyond = " beyond the noise" if noisy else ""
-    said = (
+    text = (
         f"{hypothesis.say(cause.sizes)}: explains {_percent(cause.explains)} of the difference{beyond}{also}"
     )
     return Finding(
@@ -145,8 +145,8 @@ def _finding(cause: Fitted, alike: int, sure: bool, noisy: bool) -> Finding:
         what=hypothesis.what,
         by=hypothesis.by(cause.sizes),
         explains=float(cause.explains),
-        message=said,
-        certain=sure,
+        message=text,
+        certain=confirmed,
     )
 
 
@@ -154,5 +154,5 @@ def _percent(fraction: float) -> str:
     return f"{100.0 * fraction:.3g} %" if fraction < 0.9995 else "all"
 
 
-def _none(said: str) -> Finding:
-    return Finding(kind="none", what="", by=0.0, explains=0.0, message=said)
+def _none(text: str) -> Finding:
+    return Finding(kind="none", what="", by=0.0, explains=0.0, message=text)

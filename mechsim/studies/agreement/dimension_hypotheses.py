@@ -29,18 +29,21 @@ TRIED = 6
 # a dimension that explains less in the first order explains nothing when solved again
 LEAST = 0.25
 # most by which a dimension is taken to be off, in parts of itself or of the size
-MOST = 3.0
+MAX_CHANGE = 3.0
 # step of differences, in parts of the size
 STEP = 1e-5
 
 
 def parameters(misfit: Misfit) -> Iterator[Hypothesis]:
     """One parameter, or the ratio or the phase of a coupling, different: the likeliest of them."""
-    quantity = [_hypothesis(misfit, misfit.family, one, NAMED) for one in misfit.family.dimensions.values()]
+    quantity = [
+        _hypothesis(misfit, misfit.family, dimension, NAMED)
+        for dimension in misfit.family.dimensions.values()
+    ]
     among = [*quantity, *_of_couplings(misfit)]
     # of efforts no exact derivatives are at hand
-    efforts = any(candidate.quantity.loaded for candidate in misfit.candidates)
-    yield from among if efforts else _likely(misfit, among, TRIED + 2)
+    needs_forces = any(candidate.quantity.loaded for candidate in misfit.candidates)
+    yield from among if needs_forces else _likely(misfit, among, TRIED + 2)
 
 
 def gear_slips(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -54,17 +57,17 @@ def gear_slips(misfit: Misfit) -> Iterator[Hypothesis]:
     elif isinstance(solver, ClosedForm) and (own := solver.gear):
         ratio = misfit.family.dimensions[own].value
         geared.append((own, own, ratio, lambda by: misfit.family.make({own: ratio + by})))
-    for name, said, ratio, changed in geared:
+    for name, label, ratio, changed in geared:
         for slip in {-ratio, 1.0 / ratio} - {ratio}:
-            by, part = slip - ratio, (slip - ratio) / abs(ratio)
-            words = f"{said} is {slip:.6g} instead of {ratio:.6g}"
+            by, fraction = slip - ratio, (slip - ratio) / abs(ratio)
+            words = f"{label} is {slip:.6g} instead of {ratio:.6g}"
             yield Hypothesis(
                 "gear",
                 name,
                 DISCRETE,
                 lambda _, by=by, changed=changed: misfit.predicted(_anew(misfit.evaluation, changed(by))),
                 lambda _, words=words: words,
-                by=lambda _, part=part: part,
+                by=lambda _, fraction=fraction: fraction,
             )
 
 
@@ -72,9 +75,9 @@ def places(misfit: Misfit) -> Iterator[Hypothesis]:
     """One joint or one point in another place: the likeliest of them."""
     designs = placed_of(misfit)
     placed = [
-        _hypothesis(misfit, designs, one, PLACED)
-        for one in designs.dimensions.values()
-        if one.name not in misfit.family.dimensions
+        _hypothesis(misfit, designs, dimension, PLACED)
+        for dimension in designs.dimensions.values()
+        if dimension.name not in misfit.family.dimensions
     ]
     points = [
         _of_point(misfit, point, i) for point in misfit.evaluation.solver.mechanism.points for i in range(3)
@@ -89,17 +92,17 @@ def placed_of(misfit: Misfit) -> DesignFamily:
 
 def _likely(misfit: Misfit, among: list[Hypothesis], most: int) -> list[Hypothesis]:
     """Return the hypotheses that explain most in the first order."""
-    found: list[tuple[float, Hypothesis]] = []
-    for one in among:
-        values = _first_order(one)
+    ranked: list[tuple[float, Hypothesis]] = []
+    for hypothesis in among:
+        values = _first_order(hypothesis)
         if values is None:
             continue
-        parts = [(value / bound).ravel() for value, bound in zip(values, misfit.bounds, strict=True)]
-        derivative = np.concatenate(parts)
+        scaled = [(value / weight).ravel() for value, weight in zip(values, misfit.bounds, strict=True)]
+        derivative = np.concatenate(scaled)
         if derivative.any() and np.isfinite(derivative).all():
-            found.append((linearly_explains(misfit, derivative[:, None]), one))
-    found.sort(key=lambda pair: -pair[0])
-    return [one for explains, one in found[:most] if explains > LEAST]
+            ranked.append((linearly_explains(misfit, derivative[:, None]), hypothesis))
+    ranked.sort(key=lambda pair: -pair[0])
+    return [hypothesis for explains, hypothesis in ranked[:most] if explains > LEAST]
 
 
 def _first_order(hypothesis: Hypothesis) -> Values | None:
@@ -109,14 +112,14 @@ def _first_order(hypothesis: Hypothesis) -> Values | None:
             return hypothesis.slope()
     if hypothesis.tier == NAMED:
         with suppress(MechsimError, ValueError):
-            ahead, behind = (hypothesis.predict(np.array([sense * STEP])) for sense in (1.0, -1.0))
+            ahead, behind = (hypothesis.predict(np.array([direction * STEP])) for direction in (1.0, -1.0))
             return [(a - b) / (2.0 * STEP) for a, b in zip(ahead, behind, strict=True)]
     return None
 
 
 def _hypothesis(misfit: Misfit, designs: DesignFamily, dimension: Dimension, tier: float) -> Hypothesis:
-    evaluation, size = misfit.evaluation, misfit.evaluation.solver.mechanism.size
-    scale = _scale(dimension, size)
+    evaluation, extent = misfit.evaluation, misfit.evaluation.solver.mechanism.size
+    scale = _scale(dimension, extent)
 
     def predict(p: Array) -> Values:
         within(p)
@@ -129,16 +132,18 @@ def _hypothesis(misfit: Misfit, designs: DesignFamily, dimension: Dimension, tie
 
     kind = _kind(designs, dimension, misfit.evaluation.solver)
 
-    def say(p: Array) -> str:
+    def text(p: Array) -> str:
         change = scale * float(p[0])
         unit = "" if dimension.unit == "1" else f" {dimension.unit}"
-        part = f" ({100 * change / dimension.value:+.3g} %)" if abs(dimension.value) > 1e-3 * scale else ""
+        fraction = (
+            f" ({100 * change / dimension.value:+.3g} %)" if abs(dimension.value) > 1e-3 * scale else ""
+        )
         now = dimension.value + change
         was, now = f"{dimension.value:.6g}", f"{now if abs(now) > 1e-12 * scale else 0.0:.6g}"
-        return f"{dimension.name} is {now}{unit} instead of {was}{unit}{part}"
+        return f"{dimension.name} is {now}{unit} instead of {was}{unit}{fraction}"
 
     return Hypothesis(
-        kind, dimension.name, tier, predict, say, starts=((0.0,),), steps=(STEP,), slope=derivative
+        kind, dimension.name, tier, predict, text, starts=((0.0,),), steps=(STEP,), slope=derivative
     )
 
 
@@ -146,10 +151,10 @@ def within(p: Array) -> None:
     """Refuse a change that no slip of a dimension makes.
 
     Raises:
-        AssemblyError: where it is more than `MOST` times what it changes.
+        AssemblyError: where it is more than `MAX_CHANGE` times what it changes.
     """
-    if not abs(float(p[0])) <= MOST:
-        raise AssemblyError(f"no dimension is taken to be off by more than {MOST:g} times itself")
+    if not abs(float(p[0])) <= MAX_CHANGE:
+        raise AssemblyError(f"no dimension is taken to be off by more than {MAX_CHANGE:g} times itself")
 
 
 def remade(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
@@ -159,7 +164,7 @@ def remade(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
 
 def _anew(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
     """Return a comparand with what stands so far from it that nothing is solved from its motion."""
-    return replace(evaluation, solver=solver, machine=evaluation.machine_of(solver), solved=None)
+    return replace(evaluation, solver=solver, machine=evaluation.dynamic_model_of(solver), solved=None)
 
 
 def as_before(made: Form, before: Form) -> Form:
@@ -169,8 +174,8 @@ def as_before(made: Form, before: Form) -> Form:
     return made
 
 
-def _scale(dimension: Dimension, size: float) -> float:
-    whole = size if dimension.unit == "m" else 1.0
+def _scale(dimension: Dimension, extent: float) -> float:
+    whole = extent if dimension.unit == "m" else 1.0
     return abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
 
 
@@ -191,19 +196,21 @@ def _kind(designs: DesignFamily, dimension: Dimension, solver: Form) -> str:
     if before.joints != after.joints or before.points != after.points:
         return "dimension"
     derivatives = [(law.ratio, other.ratio) for law, other in zip(before.laws, after.laws, strict=True)]
-    return "gear" if any(one != other for one, other in derivatives) else "phase"
+    return "gear" if any(ratio_before != other for ratio_before, other in derivatives) else "phase"
 
 
 def _of_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
     """Return that a tracked point lies elsewhere on its link."""
     solver = misfit.evaluation.solver
-    link, place = solver.mechanism.points[point]
-    size = solver.mechanism.size
+    link, position = solver.mechanism.points[point]
+    extent = solver.mechanism.size
 
     def moved(p: Array) -> Mechanism:
-        there = list(place)
-        there[i] += size * float(p[0])
-        return replace(solver.mechanism, points={**solver.mechanism.points, point: (link, tuple(there))})
+        other_position = list(position)
+        other_position[i] += extent * float(p[0])
+        return replace(
+            solver.mechanism, points={**solver.mechanism.points, point: (link, tuple(other_position))}
+        )
 
     def predict(p: Array) -> Values:
         within(p)
@@ -218,12 +225,16 @@ def _of_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
             or any(candidate.quantity.function for candidate in misfit.candidates)
         ):
             raise KeyError(link)
-        turn = links[link].rotation[:, :, i]
-        spin, bend = links[link].angular_velocity, links[link].angular_acceleration
-        rate = np.cross(spin, turn)
-        by = {"position": turn, "velocity": rate, "acceleration": np.cross(bend, turn) + np.cross(spin, rate)}
+        axis = links[link].rotation[:, :, i]
+        spin, angular_acceleration = links[link].angular_velocity, links[link].angular_acceleration
+        rate = np.cross(spin, axis)
+        by = {
+            "position": axis,
+            "velocity": rate,
+            "acceleration": np.cross(angular_acceleration, axis) + np.cross(spin, rate),
+        }
         return [
-            size * candidate.quantity.select(by[candidate.quantity.kind])
+            extent * candidate.quantity.select(by[candidate.quantity.kind])
             if candidate.quantity.subject == point and candidate.quantity.kind in by
             else np.zeros_like(values)
             for candidate, values in zip(misfit.candidates, misfit.exact, strict=True)
@@ -231,11 +242,11 @@ def _of_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
 
     name = f"{point}.at.{AXES[i]}"
 
-    def say(p: Array) -> str:
-        return f"point {point} lies {size * p[0]:.6g} m farther along {AXES[i]} on link {link}"
+    def text(p: Array) -> str:
+        return f"point {point} lies {extent * p[0]:.6g} m farther along {AXES[i]} on link {link}"
 
     return Hypothesis(
-        "dimension", name, PLACED, predict, say, starts=((0.0,),), steps=(STEP,), slope=derivative
+        "dimension", name, PLACED, predict, text, starts=((0.0,),), steps=(STEP,), slope=derivative
     )
 
 
@@ -244,16 +255,16 @@ def _of_couplings(misfit: Misfit) -> list[Hypothesis]:
     solver = misfit.evaluation.solver
     if not isinstance(solver, LoopForm):
         return []
-    found: list[Hypothesis] = []
+    hypotheses: list[Hypothesis] = []
     for k, gear in enumerate(solver.mechanism.gears):
         for field, kind in (("ratio", "gear"), ("phase", "phase")):
-            found.append(_coupled(misfit, gear.name, kind, _gear_changed(solver, k, field), gear.ratio))
+            hypotheses.append(_coupled(misfit, gear.name, kind, _gear_changed(solver, k, field), gear.ratio))
     for k, law in enumerate(solver.mechanism.couplings):
         for i, kind in ((1, "gear"), (0, "phase")):
             if i < len(law.coefficients):
                 change = _coupling_changed(solver, k, i)
-                found.append(_coupled(misfit, law.name, kind, change, law.ratio))
-    return found
+                hypotheses.append(_coupled(misfit, law.name, kind, change, law.ratio))
+    return hypotheses
 
 
 def _gear_changed(solver: LoopForm, k: int, field: str) -> Callable[[float], LoopForm]:
@@ -288,16 +299,16 @@ def _coupled(
         ahead, behind = predict(np.array([1e-5])), predict(np.array([-1e-5]))
         return [(a - b) / 2e-5 for a, b in zip(ahead, behind, strict=True)]
 
-    def say(p: Array) -> str:
+    def text(p: Array) -> str:
         if kind == "gear":
             return f"the ratio of {name} is {ratio + scale * p[0]:.6g} instead of {ratio:.6g}"
         return f"the phase of {name} is {p[0]:.6g} farther on"
 
-    return Hypothesis(kind, name, NAMED, predict, say, starts=((0.0,),), steps=(STEP,), slope=derivative)
+    return Hypothesis(kind, name, NAMED, predict, text, starts=((0.0,),), steps=(STEP,), slope=derivative)
 
 
 # random starts from which loops are closed, and how far apart two assemblies are, in parts of the size
-STARTS, APART, SEED = 16, 1e-4, 20
+STARTS, ASSEMBLY_DISTANCE, SEED = 16, 1e-4, 20
 
 
 def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
@@ -306,7 +317,10 @@ def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
 
         def predict(_: Array, solver: Form = solver) -> Values:
             other = replace(
-                misfit.evaluation, solver=solver, machine=misfit.evaluation.machine_of(solver), solved=None
+                misfit.evaluation,
+                solver=solver,
+                machine=misfit.evaluation.dynamic_model_of(solver),
+                solved=None,
             )
             return misfit.predicted(other)
 
@@ -325,57 +339,62 @@ def others(misfit: Misfit) -> list[tuple[str, Form]]:
 
 def _of_catalogue(solver: ClosedForm, angle: float) -> Iterator[tuple[str, Form]]:
     own = {name: getattr(solver, name) for name in SELECTORS if hasattr(solver, name)}
-    for one in solver.assemblies(angle):
-        chosen = {name: getattr(one, name) for name in own}
+    for assembly in solver.assemblies(angle):
+        chosen = {name: getattr(assembly, name) for name in own}
         if chosen != own:
-            yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != own[k]), one
+            yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != own[k]), assembly
 
 
 def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Form]]:
     """Return assemblies of a mechanism found from random starts."""
     mechanism = solver.mechanism
     try:
-        loops, rough = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
-        own = closed(loops, rough)
+        loops, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+        own = closed(loops, guess)
     except MechsimError:
         return []
     tree, random = loops.tree, np.random.default_rng(SEED)
-    known, found = [_places(mechanism, tree, own)], list[tuple[str, Form]]()
+    positions_known, assemblies_found = [_positions(mechanism, tree, own)], list[tuple[str, Form]]()
     slides = np.asarray(tree.slides)
     for _ in range(STARTS):
         values = own.values.copy()
         change = random.uniform(-np.pi, np.pi, tree.count) * np.where(slides, 0.3 * mechanism.size, 1.0)
         values[loops.unknown, 0] += change[loops.unknown]
         try:
-            at = closed(loops, Coordinates(values, own.turns.copy()))
+            q = closed(loops, Coordinates(values, own.turns.copy()))
         except (MechsimError, np.linalg.LinAlgError):
             continue
-        places = _places(mechanism, tree, at)
-        if min(float(np.abs(places - one).max()) for one in known) < APART * mechanism.size:
+        positions = _positions(mechanism, tree, q)
+        if (
+            min(float(np.abs(positions - other_positions).max()) for other_positions in positions_known)
+            < ASSEMBLY_DISTANCE * mechanism.size
+        ):
             continue
-        known.append(places)
-        other = _with_guess(solver, tree, at)
+        positions_known.append(positions)
+        other = _with_guess(solver, tree, q)
         if other is not None:
-            found.append((_told(mechanism, tree, own, at), other))
-    return found
+            assemblies_found.append((_description(mechanism, tree, own, q), other))
+    return assemblies_found
 
 
-def _places(mechanism: Mechanism, tree: SpanningTree, at: Coordinates) -> Array:
+def _positions(mechanism: Mechanism, tree: SpanningTree, q: Coordinates) -> Array:
     """Return where all joints are, (joints, 3)."""
-    here = link_poses(tree, at)
+    own_position = link_poses(tree, q)
     found: list[Array] = []
     for joint in mechanism.joints:
         for end in (joint.a, joint.b):
             if end.link != GROUND:
                 i = tree.links[end.link]
-                found.append(here.position[i, :, 0] + here.rotation[i, :, :, 0] @ np.asarray(end.point))
+                found.append(
+                    own_position.position[i, :, 0] + own_position.rotation[i, :, :, 0] @ np.asarray(end.point)
+                )
     return np.array(found)
 
 
-def _with_guess(solver: LoopForm, tree: SpanningTree, at: Coordinates) -> LoopForm | None:
-    here = link_poses(tree, at)
+def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopForm | None:
+    own_position = link_poses(tree, q)
     poses = {
-        name: Pose(here.position[i, :, 0].copy(), here.rotation[i, :, :, 0].copy())
+        name: Pose(own_position.position[i, :, 0].copy(), own_position.rotation[i, :, :, 0].copy())
         for name, i in tree.links.items()
     }
     mechanism = solver.mechanism
@@ -386,9 +405,9 @@ def _with_guess(solver: LoopForm, tree: SpanningTree, at: Coordinates) -> LoopFo
         return None
 
 
-def _told(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, at: Coordinates) -> str:
+def _description(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, q: Coordinates) -> str:
     """Return in words what tells two assemblies apart: the joint that differs most."""
-    gap = at.values[:, 0] - own.values[:, 0]
+    gap = q.values[:, 0] - own.values[:, 0]
     names = {place: name for name, place in tree.index_of.items()}
     turned = {
         name: float((gap[i] + np.pi) % (2 * np.pi) - np.pi) / np.pi
@@ -401,4 +420,4 @@ def _told(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, at: Coordi
     name = max(turned, key=lambda one: abs(turned[one]))
     i = tree.index_of[name]
     unit = "m" if tree.slides[i] else "rad"
-    return f"{name} = {at.values[i, 0]:.4g} {unit} instead of {own.values[i, 0]:.4g}"
+    return f"{name} = {q.values[i, 0]:.4g} {unit} instead of {own.values[i, 0]:.4g}"

@@ -20,7 +20,7 @@ DEG = 180.0 / np.pi
 # most samples of a delay
 LATE = 12
 # farthest that a driver under a program is taken off it, in [rad] or sizes
-FAR = 2.5
+MAX_DISPLACEMENT = 2.5
 
 
 def _driven(
@@ -34,14 +34,18 @@ def _driven(
         if crank in changes:
             steady = changes[crank](lambda _, own=steady: own)(evaluation.angle)
         angle, speed, acceleration = steady
-        return replace(evaluation, angle=_near(evaluation, angle), speed=speed, acceleration=acceleration)
+        return replace(
+            evaluation, angle=_within_a_period(evaluation, angle), speed=speed, acceleration=acceleration
+        )
     joints = dict(evaluation.motion.joints)
     time = evaluation.angle / motion_laws.rate
     for name, state in motion_laws.by_name.items():
         if name in changes:
-            value, rate, second = (np.broadcast_to(part, time.shape) for part in changes[name](state)(time))
+            value, rate, second = (
+                np.broadcast_to(values, time.shape) for values in changes[name](state)(time)
+            )
             unit = solver.mechanism.size if solver.mechanism.unit(name) == "m" else 1.0
-            if not np.abs(value - joints[name].value).max() < FAR * unit:
+            if not np.abs(value - joints[name].value).max() < MAX_DISPLACEMENT * unit:
                 raise AssemblyError(f"{name} would go farther than a mechanism under programs is followed")
             joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
     assert isinstance(solver, LoopForm)
@@ -49,14 +53,16 @@ def _driven(
     return replace(evaluation, solved=motion)
 
 
-def _near(evaluation: EvaluationPoints, angle: Array) -> Array:
+def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
     """Return crank angles brought near the start by whole periods, where that changes nothing."""
     solver = evaluation.solver
     if not solver.crank_range().full:
         return angle
-    gone = angle - solver.mechanism.start
+    displacement = angle - solver.mechanism.start
     return (
-        angle if np.abs(gone).max() < 2.5 * solver.period else solver.mechanism.start + gone % solver.period
+        angle
+        if np.abs(displacement).max() < 2.5 * solver.period
+        else solver.mechanism.start + displacement % solver.period
     )
 
 
@@ -78,12 +84,12 @@ def _once(misfit: Misfit, driver: str, scale: float, offset: float) -> Evaluatio
         AssemblyError: where it cannot go so.
     """
     key = f"{driver} {scale} {offset}"
-    found = misfit.evaluation.variant(
+    solved = misfit.evaluation.variant(
         key, lambda: _driven(misfit.evaluation, {driver: _linear(scale, offset)})
     )
-    if found is None:
+    if solved is None:
         raise AssemblyError(f"{driver} cannot go so")
-    return found
+    return solved
 
 
 def _late(lag: float) -> Callable[[State], State]:
@@ -99,17 +105,17 @@ def driver_senses(misfit: Misfit) -> Iterator[Hypothesis]:
     for driver, state in misfit.evaluation.drivers().items():
         first = float(state[0][0])
         for about in dict.fromkeys((0.0, 2.0 * first)):
-            of = "" if about == 0.0 else f" about {first:.6g} {_unit(misfit, driver)}, where it starts"
+            suffix = "" if about == 0.0 else f" about {first:.6g} {_unit(misfit, driver)}, where it starts"
 
-            def turned(_: Array, driver: str = driver, about: float = about) -> Values:
+            def reversed_driver(_: Array, driver: str = driver, about: float = about) -> Values:
                 return misfit.predicted(_once(misfit, driver, -1.0, about))
 
             yield Hypothesis(
                 "sense",
                 driver,
                 DISCRETE,
-                turned,
-                lambda _, d=driver, of=of: f"{d} goes in the reversed sense{of}",
+                reversed_driver,
+                lambda _, d=driver, suffix=suffix: f"{d} goes in the reversed sense{suffix}",
                 by=lambda _: -1.0,
             )
 
@@ -123,7 +129,7 @@ def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
         else:
             factors = {1.0 / DEG: "taken for degrees", DEG: "turned into degrees, where radians are meant"}
             kind = "degrees"
-        for factor, said in factors.items():
+        for factor, description in factors.items():
 
             def scaled(_: Array, driver: str = driver, factor: float = factor) -> Values:
                 return misfit.predicted(_once(misfit, driver, factor, 0.0))
@@ -133,7 +139,7 @@ def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
                 driver,
                 DISCRETE,
                 scaled,
-                lambda _, d=driver, s=said: f"the coordinate of {d} is {s}",
+                lambda _, d=driver, s=description: f"the coordinate of {d} is {s}",
                 by=lambda _, f=factor: f,
             )
 
@@ -142,17 +148,17 @@ def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
     """A driver that stands a constant farther on."""
     for driver in misfit.evaluation.drivers():
         unit = _unit(misfit, driver)
-        size = misfit.evaluation.solver.mechanism.size if unit == "m" else 1.0
+        extent = misfit.evaluation.solver.mechanism.size if unit == "m" else 1.0
 
         def moved(p: Array, driver: str = driver) -> Values:
             return misfit.predicted(_driven(misfit.evaluation, {driver: _linear(1.0, p[0])}))
 
-        def say(p: Array, driver: str = driver, unit: str = unit) -> str:
+        def text(p: Array, driver: str = driver, unit: str = unit) -> str:
             also = f" ({np.rad2deg(p[0]):.4g} deg)" if unit == "rad" else ""
             return f"{driver} stands {p[0]:.6g} {unit}{also} farther on throughout"
 
         starts = ((0.0,), *_rolled(misfit)) if unit == "rad" else ((0.0,),)
-        yield Hypothesis("offset", driver, NAMED, moved, say, starts=starts, steps=(1e-5 * size,))
+        yield Hypothesis("offset", driver, NAMED, moved, text, starts=starts, steps=(1e-5 * extent,))
 
 
 def _rolled(misfit: Misfit) -> tuple[tuple[float], ...]:
@@ -188,17 +194,17 @@ def delays(misfit: Misfit) -> Iterator[Hypothesis]:
     step = float(np.median(np.diff(evaluation.time)))
 
     def late(p: Array) -> Values:
-        pace = evaluation.speed if motion_laws is None else motion_laws.rate
+        rate = evaluation.speed if motion_laws is None else motion_laws.rate
         return misfit.predicted(
-            replace(evaluation, angle=evaluation.angle - pace * p[0], time=evaluation.time - p[0])
+            replace(evaluation, angle=evaluation.angle - rate * p[0], time=evaluation.time - p[0])
         )
 
-    def say(p: Array) -> str:
+    def text(p: Array) -> str:
         return f"all is late by {p[0]:.6g} s, {p[0] / step:.4g} samples"
 
     starts = tuple((k * step,) for k in (0.0, 3.0, -3.0))
     if motion_laws is None or _goes_on(motion_laws):
-        yield Hypothesis("delay", "", NAMED, late, say, starts=starts, steps=(1e-3 * step,))
+        yield Hypothesis("delay", "", NAMED, late, text, starts=starts, steps=(1e-3 * step,))
     if motion_laws is not None and len(motion_laws.drivers) > 1:
         for driver in motion_laws.drivers:
             yield _out_of_phase(misfit, driver, motion_laws.duration)
@@ -209,8 +215,8 @@ def _goes_on(motion_laws: MotionLaws) -> bool:
     with np.errstate(all="ignore"):
         try:
             return all(
-                np.isfinite(part).all()
-                for part in motion_laws.state(np.array([-1e-3 * motion_laws.duration]))
+                np.isfinite(values).all()
+                for values in motion_laws.state(np.array([-1e-3 * motion_laws.duration]))
             )
         except Exception:
             return False
@@ -222,9 +228,9 @@ def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
     for k in [*range(-LATE, 0), *range(1, LATE + 1)]:
         if abs(k) > n // 3:
             continue
-        left = float(np.sqrt(np.mean(misfit.errors(_shifted(misfit, k), _known(n, k)) ** 2)))
-        if best is None or left < best[0]:
-            best = left, k
+        remaining = float(np.sqrt(np.mean(misfit.errors(_shifted(misfit, k), _known_rows(n, k)) ** 2)))
+        if best is None or remaining < best[0]:
+            best = remaining, k
     if best is None:
         return
     k = best[1]
@@ -236,7 +242,7 @@ def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
         lambda _: _shifted(misfit, k),
         lambda _: f"all is {abs(k)} samples {late}",
         by=lambda _: float(k),
-        rows=_known(n, k),
+        rows=_known_rows(n, k),
     )
 
 
@@ -244,7 +250,7 @@ def _shifted(misfit: Misfit, k: int) -> Values:
     return [np.roll(values, k, axis=0) for values in misfit.exact]
 
 
-def _known(n: int, k: int) -> Rows:
+def _known_rows(n: int, k: int) -> Rows:
     rows = np.arange(n)
     return (rows >= k) & (rows < n + k)
 
@@ -269,83 +275,89 @@ def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
     motion_laws = misfit.evaluation.solver.motion_laws
     if motion_laws is None:
         return
-    for one, other in combinations(motion_laws.drivers, 2):
-        if _unit(misfit, one) != _unit(misfit, other):
+    for first_driver, other in combinations(motion_laws.drivers, 2):
+        if _unit(misfit, first_driver) != _unit(misfit, other):
             continue
-        first, second = motion_laws.by_name[one], motion_laws.by_name[other]
+        first, second = motion_laws.by_name[first_driver], motion_laws.by_name[other]
 
-        def taken(
-            _: Array, one: str = one, other: str = other, a: State = first, b: State = second
+        def exchanged(
+            _: Array,
+            first_driver: str = first_driver,
+            other: str = other,
+            a: State = first,
+            b: State = second,
         ) -> Values:
             def made() -> EvaluationPoints:
-                return _driven(misfit.evaluation, {one: lambda _: b, other: lambda _: a})
+                return _driven(misfit.evaluation, {first_driver: lambda _: b, other: lambda _: a})
 
-            found = misfit.evaluation.variant(f"{one} {other}", made)
-            if found is None:
-                raise AssemblyError(f"{one} and {other} cannot go so")
-            return misfit.predicted(found)
+            solved = misfit.evaluation.variant(f"{first_driver} {other}", made)
+            if solved is None:
+                raise AssemblyError(f"{first_driver} and {other} cannot go so")
+            return misfit.predicted(solved)
 
-        what = f"{one}, {other}"
-        yield Hypothesis("swapped", what, DISCRETE, taken, lambda _, w=what: f"the drivers {w} are swapped")
+        what = f"{first_driver}, {other}"
+        yield Hypothesis(
+            "swapped", what, DISCRETE, exchanged, lambda _, w=what: f"the drivers {w} are swapped"
+        )
 
 
 EARTH = 9.81
 
 
-def _machine(misfit: Misfit) -> dynamics.Machine:
+def _dynamic_model(misfit: Misfit) -> dynamics.Machine:
     return misfit.evaluation.machine or dynamics.machine(
         misfit.evaluation.solver, misfit.evaluation.solver.forces
     )
 
 
-def _of_efforts(misfit: Misfit) -> bool:
+def _needs_forces(misfit: Misfit) -> bool:
     return any(candidate.quantity.loaded for candidate in misfit.candidates)
 
 
 def _under(misfit: Misfit, vector: Array) -> Values:
-    machine = _machine(misfit)
-    forces = replace(machine.forces, gravity=tuple(vector.tolist()))
-    return misfit.predicted(replace(misfit.evaluation, machine=machine.with_forces(forces)))
+    model = _dynamic_model(misfit)
+    forces = replace(model.forces, gravity=tuple(vector.tolist()))
+    return misfit.predicted(replace(misfit.evaluation, machine=model.with_forces(forces)))
 
 
 def _gravity(misfit: Misfit) -> tuple[Array, float]:
-    own = np.asarray(_machine(misfit).forces.gravity)
+    own = np.asarray(_dynamic_model(misfit).forces.gravity)
     return own, float(np.linalg.norm(own))
 
 
 def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity left out, reversed or along another axis."""
-    if not _of_efforts(misfit):
+    if not _needs_forces(misfit):
         return
-    own, size = _gravity(misfit)
-    others = [sign * (size or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
-    was = ", ".join(f"{one:g}" for one in own)
+    own, extent = _gravity(misfit)
+    others = [sign * (extent or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
+    was = ", ".join(f"{component:g}" for component in own)
     for vector in [np.zeros(3), *others]:
         if np.allclose(vector, own):
             continue
-        said = ", ".join(f"{one:g}" for one in vector)
+        components = ", ".join(f"{component:g}" for component in vector)
         yield Hypothesis(
             "gravity",
-            said,
+            components,
             DISCRETE,
             lambda _, v=vector: _under(misfit, v),
-            lambda _, s=said: f"gravity is ({s}) m/s2 instead of ({was})",
+            lambda _, s=components: f"gravity is ({s}) m/s2 instead of ({was})",
             by=lambda _, v=vector: float(np.linalg.norm(v)),
         )
 
 
 def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity of another size."""
-    if not _of_efforts(misfit):
+    if not _needs_forces(misfit):
         return
-    own, size = _gravity(misfit)
-    if size:
+    own, extent = _gravity(misfit)
+    if extent:
         yield Hypothesis(
             "gravity",
             "",
             NAMED,
             lambda p: _under(misfit, (1.0 + p[0]) * own),
-            lambda p: f"gravity is {(1 + p[0]) * size:.6g} m/s2 instead of {size:.6g}",
+            lambda p: f"gravity is {(1 + p[0]) * extent:.6g} m/s2 instead of {extent:.6g}",
             starts=((0.0,),),
             steps=(1e-3,),
         )
@@ -353,10 +365,10 @@ def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
 
 def masses(misfit: Misfit) -> Iterator[Hypothesis]:
     """One link's mass, with its moments of inertia or without, or all of them."""
-    if not _of_efforts(misfit):
+    if not _needs_forces(misfit):
         return
-    machine = _machine(misfit)
-    links = machine.mechanism.links
+    model = _dynamic_model(misfit)
+    links = model.mechanism.links
 
     def heavier(names: set[str], factor: float, moments: bool) -> Values:
         changed = tuple(
@@ -365,21 +377,23 @@ def masses(misfit: Misfit) -> Iterator[Hypothesis]:
             else link
             for link in links
         )
-        mechanism = replace(machine.mechanism, links=changed)
-        other = replace(machine, mechanism=mechanism)
+        mechanism = replace(model.mechanism, links=changed)
+        other = replace(model, mechanism=mechanism)
         return misfit.predicted(replace(misfit.evaluation, machine=other))
 
     every = {link.name for link in links}
     for what, names in [("", every), *((name, {name}) for name in every)]:
-        of = f"link {what}" if what else "all links"
+        links_text = f"link {what}" if what else "all links"
         for moments in (True, False):
-            also = " and its moments" if moments else ", not its moments,"
+            moments_text = " and its moments" if moments else ", not its moments,"
             yield Hypothesis(
                 "mass",
                 what,
                 NAMED + (0.0 if moments else 0.1),
                 lambda p, n=names, m=moments: heavier(n, 1.0 + float(p[0]), m),
-                lambda p, of=of, also=also: f"the mass of {of}{also} is {100 * p[0]:+.4g} % different",
+                lambda p, links_text=links_text, moments_text=moments_text: (
+                    f"the mass of {links_text}{moments_text} is {100 * p[0]:+.4g} % different"
+                ),
                 starts=((0.0,),),
                 steps=(1e-3,),
             )
@@ -387,6 +401,8 @@ def masses(misfit: Misfit) -> Iterator[Hypothesis]:
 
 def _scaled(inertia: Inertia, factor: float, moments: bool) -> Inertia:
     rows = (
-        tuple(tuple(factor * one for one in row) for row in inertia.moments) if moments else inertia.moments
+        tuple(tuple(factor * value for value in row) for row in inertia.moments)
+        if moments
+        else inertia.moments
     )
     return replace(inertia, mass=factor * inertia.mass, moments=rows)

@@ -72,7 +72,7 @@ class EvaluationPoints:
         return self.solver.solve_along(self.angle, self.speed, self.acceleration)
 
     @cached_property
-    def _beside(self) -> MotionBeside | None:
+    def _perturbed(self) -> MotionBeside | None:
         with suppress(AssemblyError):
             return motion_beside(self.solver, self.angle, self.speed, self.acceleration)
         return None
@@ -93,14 +93,14 @@ class EvaluationPoints:
 
     def with_dimensions(self, solver: Form) -> "EvaluationPoints":
         """Return the same with what has other dimensions, solved from the motion here where that can be."""
-        if self._beside is None:
-            return replace(self, solver=solver, machine=self.machine_of(solver), solved=None)
-        motion = self._beside.of(solver.mechanism)
+        if self._perturbed is None:
+            return replace(self, solver=solver, machine=self.dynamic_model_of(solver), solved=None)
+        motion = self._perturbed.of(solver.mechanism)
         return replace(
-            self, solver=solver, machine=self.machine_of(solver), solved=replace(motion, origin=None)
+            self, solver=solver, machine=self.dynamic_model_of(solver), solved=replace(motion, origin=None)
         )
 
-    def machine_of(self, solver: Form) -> Machine | None:
+    def dynamic_model_of(self, solver: Form) -> Machine | None:
         """Return another form under the forces that act here; None where no others than its own do."""
         return None if self.machine is None else dynamics.machine(solver, self.machine.forces)
 
