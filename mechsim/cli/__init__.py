@@ -1,47 +1,59 @@
-"""Words to calls, results to text: one file a command.
-
-A file is loaded when its command is typed: `mechsim --help` must be quick.
-"""
+"""Command line: one file for each command, loaded when the command is typed."""
 
 import os
 import sys
 from collections.abc import Callable
 from functools import wraps
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 import typer
-from typer.core import TyperGroup
 from typer.main import get_command
 
 from mechsim._version import __version__
-from mechsim.cli.exit_codes import ended, tell
+from mechsim.cli.exit_codes import exit_code, print_stderr
+from mechsim.cli.help import GroupedCommands, PlainCommand
 
-# command -> its file and function, and what it does in a line of a list
-COMMANDS = {
-    "list": ("show.list_mechanisms", "List the mechanisms of catalogue and gallery."),
-    "show": ("show.show", "Show joints, mobility, range, dead centres, assemblies."),
-    "solve": ("solve.solve", "Solve a mechanism: closed form or loop equations."),
-    "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo."),
-    "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo: the main job."),
-    "export": ("export.export", "Write a mechanism as a MuJoCo model or as TOML."),
-    "schema": ("schema.schema", "Print JSON Schemas of TOML files and --json outputs."),
-    "dynamics": ("dynamics.dynamics", "Tell drive torques, joint reactions, energies."),
-    "trace": ("trace.trace", "Trace all assemblies as closed curves."),
-    "synthesize": ("synthesize.synthesize", "Find a looper whose coupler point follows a line."),
-    "sweep": ("sweep.sweep", "Measure many designs of a mechanism."),
-    "sensitivity": ("sensitivity.sensitivity", "Derive quantities by dimensions; spread tolerances."),
-    "fit": ("fit.fit", "Find dimensions from measured motion."),
-    "tradeoff": ("tradeoff.tradeoff", "Measure speed and accuracy of MuJoCo's settings."),
-    "tune": ("tune.tune", "Find the cheapest settings that keep a tolerance."),
-    "reduce": ("reduce.reduce", "Leave out of a scene what is not needed."),
-    "extremes": ("extremes.extremes", "Push a mechanism until something breaks; say where."),
-    "plot": ("plot.plot", "Plot motions, curves, errors, dynamics, studies."),
-    "render": ("render.render", "Draw a mechanism, or film it, without a screen."),
-    "view": ("view.view", "Make a page to turn a mechanism by hand."),
-    "doctor": ("doctor.doctor", "Say what this machine has and lacks."),
+# group -> command -> its file and function, and a line of the list of commands
+GROUPS = {
+    "Models": {
+        "list": ("show.list_mechanisms", "List the mechanisms of catalogue and gallery."),
+        "show": ("show.show", "Show joints, mobility, range, dead centres, assemblies."),
+        "export": ("export.export", "Write a mechanism as a MuJoCo model or as TOML."),
+    },
+    "Motion": {
+        "solve": ("solve.solve", "Solve a mechanism: closed form or loop equations."),
+        "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo."),
+        "trace": ("trace.trace", "Trace all assemblies as closed curves."),
+        "dynamics": ("dynamics.dynamics", "Compute drive torques, joint reactions, energies."),
+    },
+    "Verification": {
+        "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo: the main job."),
+        "tradeoff": ("tradeoff.tradeoff", "Measure speed and accuracy of MuJoCo's settings."),
+        "extremes": ("extremes.extremes", "Find where a mechanism or its simulation breaks."),
+        "doctor": ("doctor.doctor", "Report what is installed and what is missing."),
+    },
+    "MJCF scenes": {
+        "tune": ("tune.tune", "Find the cheapest settings that satisfy a tolerance."),
+        "reduce": ("reduce.reduce", "Find the smallest scene that satisfies a tolerance."),
+    },
+    "Design": {
+        "sweep": ("sweep.sweep", "Measure many designs of a mechanism."),
+        "sensitivity": ("sensitivity.sensitivity", "Differentiate by dimensions; propagate tolerances."),
+        "fit": ("fit.fit", "Identify dimensions from measured motion."),
+        "synthesize": ("synthesize.synthesize", "Find a looper whose coupler point follows a line."),
+    },
+    "Pictures": {
+        "plot": ("plot.plot", "Plot motions, curves, errors, dynamics, studies."),
+        "render": ("render.render", "Draw or animate a mechanism without a screen."),
+        "view": ("view.view", "Write an interactive 3-D page of a mechanism."),
+    },
+    "Other": {
+        "schema": ("schema.schema", "Print JSON Schemas of TOML files and --json outputs."),
+    },
 }
-# those that load MuJoCo as they run, not before: their help is told without it
+COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
+# commands that load MuJoCo only when they run, so that their help is shown without it
 LATE = ("doctor", "extremes", "view")
 PLAIN: dict[str, Any] = {
     "rich_markup_mode": None,
@@ -50,54 +62,66 @@ PLAIN: dict[str, Any] = {
 }
 
 
-class LoadedWhenTyped(TyperGroup):
-    """Commands known by name and by what they do; the one that is typed is loaded."""
+class LazyCommands(GroupedCommands):
+    """Commands whose files are loaded when they are typed."""
+
+    groups: ClassVar = {group: tuple(commands) for group, commands in GROUPS.items()}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the command that the first word names, and the words for it."""
+        """Return the command that the first word names, and its arguments."""
         name, _, rest = super().resolve_command(ctx, args)
-        return name, None if name is None else loaded(name), rest
+        return name, None if name is None else load_command(name), rest
 
 
-def loaded(name: str) -> Any:
-    """Return a command, its file loaded."""
+def command_function(name: str) -> Callable[..., None]:
+    """Return the function of a command from its file."""
     file, _, function = COMMANDS[name][0].partition(".")
-    command = getattr(import_module(f"mechsim.cli.{file}"), function)
-    alone = typer.Typer(add_completion=False, **PLAIN)
+    return getattr(import_module(f"mechsim.cli.{file}"), function)
+
+
+def load_command(name: str) -> Any:
+    """Return a command as typer runs it."""
+    function = command_function(name)
+    app = typer.Typer(add_completion=False, **PLAIN)
     runs_mujoco = name in LATE or "mujoco" in sys.modules
-    alone.command(name)(_without_mujocos_log(command) if runs_mujoco else command)
-    return get_command(alone)
+    app.command(name, cls=PlainCommand)(_without_mujoco_log(function) if runs_mujoco else function)
+    return get_command(app)
 
 
-def _without_mujocos_log(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command that MuJoCo says nothing beside, on stderr or in a file of its own."""
+def _without_mujoco_log(function: Callable[..., None]) -> Callable[..., None]:
+    """Return a function during which MuJoCo prints and logs nothing."""
 
-    @wraps(command)
-    def run(**given: Any) -> None:
+    @wraps(function)
+    def run(**values: Any) -> None:
         from mechsim.simulation.mjcf import quiet
         from mechsim.simulation.mujoco_loading import PROBLEM
 
         if PROBLEM:
-            tell(f"mechsim: {PROBLEM}")
-        quiet()(command)(**given)
+            print_stderr(f"mechsim: {PROBLEM}")
+        quiet()(function)(**values)
 
     return run
 
 
 app = typer.Typer(
-    cls=LoadedWhenTyped,
+    cls=LazyCommands,
     help="Check an analytic model of a linkage against a multibody simulator.",
     **PLAIN,
 )
-for known, (_, about) in COMMANDS.items():
-    app.command(known, help=about)(lambda: None)
+for _name, (_, _help) in COMMANDS.items():
+    app.command(_name, help=_help)(lambda: None)
 
 
 @app.callback(invoke_without_command=True)
 def _top(
     context: typer.Context, version: bool = typer.Option(False, "--version", help="Print the version.")
 ) -> None:
-    """Check an analytic model of a linkage against a multibody simulator."""
+    """Check an analytic model of a linkage against a multibody simulator.
+
+    Examples:
+    mechsim validate four_bar
+    mechsim solve four_bar --angles 0:360:5deg -o motion.csv
+    """
     if version:
         typer.echo(__version__)
         raise typer.Exit
@@ -106,7 +130,7 @@ def _top(
 
 
 def main() -> None:
-    """Run the command line; see `endings.ended` for its exit codes."""
-    # all matrices are small: threads of the linear algebra only stand in the way of mechsim's own
+    """Run the command line; see `exit_codes.exit_code` for its exit codes."""
+    # all matrices are small: threads of the linear algebra would slow mechsim's own down
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    sys.exit(ended(lambda: app(standalone_mode=False)))
+    sys.exit(exit_code(lambda: app(standalone_mode=False)))

@@ -24,8 +24,8 @@ def files(incomplete: str) -> list[str]:
 
 def parameters(ctx: Any, incomplete: str) -> list[str]:
     """Return the parameters of the mechanism that was named, with their equals sign."""
-    given = ctx.params.get("model") or next((one for one in sys.argv[2:] if not one.startswith("-")), "")
-    return [f"{name}=" for name in _parameters(str(given)) if name.startswith(incomplete)]
+    model = ctx.params.get("model") or next((word for word in sys.argv[2:] if not word.startswith("-")), "")
+    return [f"{name}=" for name in _parameters(str(model)) if name.startswith(incomplete)]
 
 
 def _parameters(model: str) -> list[str]:
@@ -41,9 +41,9 @@ def _parameters(model: str) -> list[str]:
     return list(read) if isinstance(read, dict) else []
 
 
-def _paths(incomplete: str, endings: tuple[str, ...]) -> list[str]:
+def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
     folder, _, start = incomplete.rpartition("/")
-    found: list[str] = []
+    paths: list[str] = []
     try:
         entries = sorted(Path(f"{folder}/" if "/" in incomplete else ".").iterdir())
     except OSError:
@@ -54,7 +54,7 @@ def _paths(incomplete: str, endings: tuple[str, ...]) -> list[str]:
             continue
         shown = f"{folder}/{path.name}" if "/" in incomplete else path.name
         if path.is_dir():
-            found.append(f"{shown}/")
-        elif not endings or path.suffix.lower() in endings:
-            found.append(shown)
-    return found
+            paths.append(f"{shown}/")
+        elif not suffixes or path.suffix.lower() in suffixes:
+            paths.append(shown)
+    return paths

@@ -1,52 +1,85 @@
-"""Command about this machine: doctor."""
+"""Command `mechsim doctor`: what is installed on this machine, and what is missing."""
 
 import platform
 from importlib.util import find_spec
-from typing import Any
+from typing import TypedDict
 
 import typer
 
-from mechsim.cli.options import Json
-from mechsim.cli.output import print_json, print_table
+from mechsim.cli.command import Result, command
+from mechsim.cli.output import print_table, print_text
 from mechsim.errors import MissingToolError
 
 
-def doctor(as_json: Json = False) -> None:
-    """Say what this machine has: OpenGL back ends, ffmpeg, versions, and what mends what is missing."""
-    found = examine()
-    if as_json:
-        print_json(found)
-        return
-    print_table("Versions", ("what", "version"), found["versions"].items())
-    rows = [
-        (
-            row["name"],
-            row["driver"] if row["works"] else "does not work",
-            "software" if row["software"] else "",
+class BackendJson(TypedDict):
+    """An OpenGL back end that needs no screen."""
+
+    name: str
+    works: bool
+    software: bool | None
+    driver: str
+    version: str
+    package: str
+
+
+class DoctorJson(TypedDict):
+    """Versions by library, drawing back ends, the path of ffmpeg, and the command that installs the rest."""
+
+    versions: dict[str, str]
+    opengl: list[BackendJson]
+    ffmpeg: str | None
+    remedy: str
+
+
+@command
+def doctor() -> Result[DoctorJson]:
+    """Report versions, OpenGL back ends and ffmpeg, and how to install what is missing.
+
+    Examples:
+    mechsim doctor
+    mechsim doctor --json
+    """
+    data = examine()
+
+    def text() -> None:
+        print_table("Versions", ("library", "version"), data["versions"].items())
+        rows = [
+            (
+                backend["name"],
+                backend["driver"] if backend["works"] else "does not work",
+                "software" if backend["software"] else "",
+            )
+            for backend in data["opengl"]
+        ]
+        print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
+        typer.echo(f"ffmpeg: {data['ffmpeg'] or 'none'}")
+        print_text(
+            f"to install what is missing: {data['remedy']}" if data["remedy"] else "nothing is missing"
         )
-        for row in found["opengl"]
-    ]
-    print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
-    typer.echo(f"ffmpeg: {found['ffmpeg'] or 'none'}")
-    typer.echo(f"to mend what is missing: {found['remedy']}" if found["remedy"] else "nothing is missing")
+
+    return Result(data, text)
 
 
-def examine() -> dict[str, Any]:
+def examine() -> DoctorJson:
     """Return what this machine has, as plain data."""
     from mechsim.pictures.render import describe_backend, find_ffmpeg
     from mechsim.report.page import versions
 
-    found = versions() | {"machine": platform.platform()}
     backends = describe_backend()
     remedies: list[str] = []
     if any(find_spec(library) is None for library in ("matplotlib", "mediapy", "jinja2", "PIL")):
         remedies.append("pip install 'mechsim[pictures]'")
-    if not any(row["works"] for row in backends):
-        packages = " ".join(str(row["package"]) for row in backends if row["package"])
+    if not any(backend["works"] for backend in backends):
+        packages = " ".join(str(backend["package"]) for backend in backends if backend["package"])
         remedies.append(f"apt-get install {packages}")
     try:
         ffmpeg = str(find_ffmpeg())
     except MissingToolError:
         ffmpeg = None
         remedies.append("pip install imageio-ffmpeg")
-    return {"versions": found, "opengl": backends, "ffmpeg": ffmpeg, "remedy": " && ".join(remedies)}
+    return {
+        "versions": versions() | {"machine": platform.platform()},
+        "opengl": backends,  # pyright: ignore[reportReturnType]
+        "ffmpeg": ffmpeg,
+        "remedy": " && ".join(remedies),
+    }

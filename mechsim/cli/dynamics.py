@@ -1,42 +1,31 @@
-"""Command `mechsim dynamics`: drive torque, joint reactions, energy, speed fluctuation, free running."""
+"""Command `mechsim dynamics`: drive torque, joint reactions, energy, speed fluctuation, free motion."""
 
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.dynamics import (
-    InverseDynamics,
-    Machine,
-    fluctuation,
-    flywheel_for,
-    free_run,
-)
+from mechsim.analytic.dynamics import InverseDynamics, Machine, fluctuation, flywheel_for, free_run
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.cli.declared_options import spread
-from mechsim.cli.dynamics_output import (
-    driven_promise,
-    free_promise,
-    print_free,
-    print_judged,
-    print_promise,
-    print_study,
-    verdict_facts,
-)
+from mechsim.cli.command import Result, command
 from mechsim.cli.forward_dynamics import ForwardOptions, forward_dynamics
-from mechsim.cli.load_options import MachineOptions, Verbose, print_masses
-from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of, moving, speed_of, writable
-from mechsim.cli.output import print_json
-from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
-from mechsim.cli.progress import Tick, progress
+from mechsim.cli.load_options import LoadOptions, print_masses
+from mechsim.cli.options import ModelOptions, speed_of, writable
+from mechsim.cli.output import Value, number, print_table, print_text, without_noise
+from mechsim.cli.output_units import SI_UNITS, Labelled, OutputUnits, Units, output_units
+from mechsim.cli.progress import Progress, progress
+from mechsim.cli.schema import CheckJson, Settings
+from mechsim.cli.verdict_text import print_verdict
 from mechsim.errors import InputError
+from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation, FreeRun
+from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import LEAST_TURNS, CrankProfile, MotionLaws
+from mechsim.model.motion_laws import LEAST_TURNS
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
@@ -44,52 +33,172 @@ from mechsim.simulation.dynamics import free_motion
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven
-from mechsim.simulation.stepping import Progress
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import profile_of
 from mechsim.studies.quantities import quantity
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 
-# numbers told of an instant besides those of its joints; bytes of each while parts are put together
-EFFORTS, HELD = 40.0, 16.0
+# numbers of an instant besides those of its joints, and bytes of memory for each
+INSTANT_NUMBERS, NUMBER_BYTES = 40.0, 16.0
+# columns of efforts that state instant and motion of the crank -> unit
+INSTANT_UNITS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"}
+# and of free runs
+INSTANT_UNITS |= {"motor": "N m", "work": "J", "lost": "J"}
 
-# columns of efforts that say when, and how the crank moves
-INSTANTS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"}
-# of free runs
-INSTANTS |= {"motor": "N m", "work": "J", "lost": "J"}
+STIFF_MOTOR = (
+    "only energies differ: the motor brings the crank to its speed within a few records of MuJoCo's run, "
+    "over which its work is summed; give a weaker motor or a flywheel, or --method none"
+)
+
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List the masses of the links, too.")]
+
+
+class Peak(TypedDict):
+    """The largest value of a motion and where it is: a crank angle, or a time under motion laws."""
+
+    largest: float
+    at_angle: NotRequired[float]
+    at_time: NotRequired[float]
+
+
+class Effort(Peak):
+    """The torque or force of a drive over a motion."""
+
+    mean: float
+    rms: float
+    unit: NotRequired[str]
+
+
+class ReactionJson(TypedDict):
+    """Reaction of a joint on a link, and components that rigid links do not determine."""
+
+    on: str
+    by: str
+    force: Peak
+    moment: Peak
+    not_determined: list[str]
+    partly_determined: list[str]
+
+
+class CouplingJson(TypedDict):
+    """Effort of a coupling on its driven coordinate, and what carries it."""
+
+    force: NotRequired[Peak]
+    effort: Peak
+    unit: str
+    determined: bool
+    by: Literal["teeth", "thread", "ideal transmission"]
+    links: list[str]
+
+
+class InertiaJson(TypedDict):
+    """Range of the reduced inertia."""
+
+    least: float
+    largest: float
+
+
+class SteadyTurn(TypedDict):
+    """A turn under a constant torque."""
+
+    mean: float
+    coefficient: float
+    torque: float
+    excess: float
+    flywheel: float
+
+
+class FreeJson(TypedDict):
+    """How a free run ended."""
+
+    outcome: Outcome
+    reason: str
+    seconds: float
+    turns: float
+    speed: float
+    work: float
+    lost: float
+    energy_error: float
+
+
+class ToleranceJson(TypedDict):
+    """Result of a run with a tolerance."""
+
+    of: str
+    by: str
+    reason: str
+    tolerance: float
+    satisfied: bool
+    estimate: float
+    margin: float
+    steps: int
+    order: NotRequired[float]
+    trials: NotRequired[int]
+    settings: NotRequired[Settings | None]
+    torque: NotRequired[float]
+    reactions: NotRequired[float]
+    halving: NotRequired[float]
+    balance: NotRequired[float]
+
+
+class DynamicsJson(TypedDict):
+    """Peaks of a prescribed motion, or the end of a free one, and the comparison with MuJoCo."""
+
+    mechanism: str
+    masses: list[LinkMass]
+    tolerance_report: ToleranceJson | None
+    passed: bool | None
+    outcome: Outcome | None
+    method: str
+    checks: list[CheckJson]
+    torque: NotRequired[Effort]
+    drives: NotRequired[dict[str, Effort]]
+    routes: NotRequired[float]
+    reactions: NotRequired[dict[str, ReactionJson]]
+    couplings: NotRequired[dict[str, CouplingJson]]
+    indeterminacy: NotRequired[int]
+    shaking_force: NotRequired[Peak]
+    shaking_moment: NotRequired[Peak]
+    inertia: NotRequired[InertiaJson]
+    power_balance: NotRequired[float]
+    note: NotRequired[str]
+    fluctuation: NotRequired[SteadyTurn | None]
+    with_flywheel: NotRequired[SteadyTurn | None]
+    free: NotRequired[FreeJson]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DynamicsOptions:
-    """How a machine is run, and what is told of it."""
+    """Motion, method and output."""
 
     speed: float = option(20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=speed_of, text="600rpm")
-    free: bool = option(False, "Let go of the crank at --speed.", name="--free")
-    coefficient: float | None = option(None, "Speed fluctuation wanted; answers with the flywheel.")
+    free: bool = option(False, "Release the crank at --speed.", name="--free")
+    coefficient: float | None = option(
+        None, "Target of the coefficient of speed fluctuation; computes the flywheel that reaches it."
+    )
     turns: float = option(1.0, "Turns of the crank.")
     samples: int = option(360, "Instants in a turn.")
     tolerance: float | None = option(
         None,
-        "Largest error of torque and reactions at any instant, as a part of their root mean square; "
-        "of a free crank in rad. MuJoCo's steps are chosen to keep it.",
+        "Largest error of torque and reactions at any instant, relative to their root mean square; of a free "
+        "crank in rad. MuJoCo's steps are chosen to satisfy it.",
+        metavar="NUMBER",
     )
     method: str | None = option(
         None,
-        "MuJoCo by pose or step; none leaves it out. If not given pose, with --tolerance step. "
-        "A free run is stepped.",
+        "MuJoCo by pose or step; none omits it. Default: pose, with --tolerance step. A free run is stepped.",
+        metavar="pose|step|none",
     )
     csv: str | None = option(None, "Write all columns: .csv or .npz.", metavar="FILE")
     plot: str | None = option(None, "Draw everything on a sheet: .svg, .pdf, .png.", metavar="FILE")
 
     def check(self) -> None:
-        """Refuse what cannot be, before any work is done."""
+        """Raise InputError for invalid options, before any computation."""
         if self.method not in (None, "pose", "step", "none"):
             raise InputError(f"there is no method {self.method!r}; known are pose, step, none")
         if self.tolerance is not None and self.method == "none":
-            raise InputError(
-                "--tolerance is kept by MuJoCo's runs, and --method none leaves them out; drop one"
-            )
+            raise InputError("--tolerance is of MuJoCo's runs, and --method none omits them; drop one")
         if not (LEAST_TURNS <= abs(self.turns) < 1e4 and 1 <= self.samples <= 100_000):
             raise InputError(
                 f"{self.turns:g} turns of {self.samples} instants; "
@@ -101,183 +210,294 @@ class DynamicsOptions:
             writable(self.plot, ".svg", ".pdf", ".png")
 
     @property
-    def road(self) -> str:
-        """How MuJoCo goes: "pose", "step" or "none"."""
+    def mujoco_method(self) -> Any:
+        """MuJoCo's method: "pose", "step" or "none"."""
         return self.method or ("pose" if self.tolerance is None else "step")
 
     @property
     def instants(self) -> int:
-        """How many are recorded after the first."""
+        """Number of recorded instants after the first."""
         return max(1, round(self.samples * abs(self.turns)))
 
 
-@spread
+@command
 def dynamics(
-    model: Model,
-    acting: MachineOptions,
-    asked: DynamicsOptions,
+    source: ModelOptions,
+    loads: LoadOptions,
+    options: DynamicsOptions,
     forward: ForwardOptions,
-    driven: DriveOptions,
-    sets: Sets = None,
     verbose: Verbose = False,
     units: Units = None,
-    as_json: Json = False,
-) -> None:
-    """What drives and joints carry as prescribed, and the energies; free running under a motor."""
-    asked.check()
+) -> Result[DynamicsJson]:
+    """Compute drive torques, joint reactions and energies of a motion, or a free motion under a motor.
+
+    Examples:
+    mechsim dynamics slider_crank --speed 600rpm --load press.csv --plot sheet.svg
+    mechsim dynamics four_bar --motor line:1,600rpm --turns 3
+    """
+    options.check()
     if forward.requested:
-        passed = forward_dynamics(
-            model, acting, forward, driven, sets, asked.samples, asked.method, asked.csv, as_json
-        )
-        raise typer.Exit(0 if passed else 1)
-    machine = acting.machine(moving(form_of(model, sets, driven)))
-    shown = output_units(units, machine.drive)
-    if _programs(machine) is not None and asked.free:
-        raise InputError("--free lets a crank run free, and programs move the drivers; drop one of them")
-    if machine.forces.motor is not None or asked.free:
-        passed = _free(machine, asked.speed if asked.free else 0.0, asked, as_json, shown)
-    else:
-        passed = _driven(machine, asked, as_json, shown)
-    if not as_json:
-        print_masses(machine.masses, verbose)
-    raise typer.Exit(0 if passed else 1)
+        return forward_dynamics(source, loads, forward, options.samples, options.method, options.csv)
+    model = loads.dynamic_model(source.load_moving())
+    shown = output_units(units, model.drive) or SI_UNITS
+    if model.drive.motion_laws is not None and options.free:
+        raise InputError("--free releases a crank, and motion laws drive the joints; drop one of them")
+    free = model.forces.motor is not None or options.free
+    data, text, passed = (_free if free else _prescribed)(model, options, shown, units is not None)
+
+    def whole_text() -> None:
+        text()
+        print_masses(model.masses, verbose)
+
+    masses = [mass.as_dict() for mass in model.masses]
+    return Result({"mechanism": model.mechanism.name, "masses": masses, **data}, whole_text, passed)
 
 
-def _programs(machine: Machine) -> MotionLaws | None:
-    """Return the programs of a machine's drivers; None where a crank turns."""
-    return machine.drive.motion_laws
+def _prescribed(model: Machine, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
+    """Return data, text and success of a prescribed motion."""
+    laws, method = model.drive.motion_laws, options.mujoco_method
+    profile = profile_of(model.drive, options.speed, options.turns)
+    model = model.starting_at(profile.angles)
+    if method != "none":
+        _require_memory(model, options.instants)
+    time = np.linspace(0.0, profile.duration, options.instants + 1)
+    with progress("dynamics", None) as report:
+        names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
+        steps = iter(_sections(report, names))
+        study = prescribed_along(model, *profile.state(time), time=time, watch=next(steps))
+        steady, even = _steady_turns(model, options)
+        run, verdict = None, None
+        if method != "none":
+            run = driven(
+                model.mechanism,
+                model.forces,
+                profile=None if laws is not None else profile,
+                motion_laws=laws,
+                method=method,
+                tolerance=options.tolerance,
+                # with a tolerance the fewest steps that satisfy it determine the instants
+                samples=options.instants if options.tolerance is None else None,
+                watch=next(steps),
+            )
+            verdict = crosscheck_driven(run, model, progress=next(steps))
+    _write(options.csv, study, model.mechanism, shown if labelled else None)
+    if options.plot is not None:
+        plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.efforts))
+    note, tolerance = "" if run is None else run.note, _driven_tolerance(run)
+
+    def text() -> None:
+        _print_peaks(model.mechanism.name, study, shown)
+        for name, cycle in (("speed fluctuation", steady), ("with the flywheel", even)):
+            if cycle is not None:
+                print_text(
+                    f"{name}: {number(cycle.coefficient)} under a constant torque of "
+                    f"{number(_noise_free(cycle.torque, study))} N m, flywheel "
+                    f"{number(cycle.flywheel)} kg m2"
+                )
+        _print_comparison(verdict, tolerance, note)
+
+    data = {**study_facts(study), "fluctuation": turn_facts(steady), "with_flywheel": turn_facts(even)}
+    data |= {"tolerance_report": tolerance, "note": note, **_verdict_data(verdict, method)}
+    return data, text, _passed(verdict, tolerance)
 
 
-def _driven(machine: Machine, asked: DynamicsOptions, as_json: bool, shown: OutputUnits | None) -> bool:
-    profile = profile_of(machine.drive, asked.speed, asked.turns)
-    machine = machine.starting_at(profile.angles)
-    if asked.road != "none":
-        _require_room(machine, asked.instants)
-    time = np.linspace(0.0, profile.duration, asked.instants + 1)
-    roads = ("formulas", "MuJoCo", "check") if asked.road != "none" else ("formulas",)
-    with progress("dynamics", None) as tick:
-        watches = iter(_sections(tick, roads))
-        study = prescribed_along(machine, *profile.state(time), time=time, watch=next(watches))
-        turn, even = _steady(machine, asked)
-        found, verdict = _simulated(machine, profile, asked, *watches)
-    _write(asked.csv, study, machine.mechanism, shown)
-    if asked.plot is not None:
-        plots.write(asked.plot, plots.dynamics_sheet(study, turn, even, found and found.efforts))
-    promise = driven_promise(found)
-    if as_json:
-        told: dict[str, Any] = {"mechanism": machine.mechanism.name, **study_facts(study)}
-        told["masses"] = [one.as_dict() for one in machine.masses]
-        told |= {"fluctuation": turn_facts(turn), "with_flywheel": turn_facts(even), "promise": promise}
-        told["note"] = "" if found is None else found.note
-        print_json(told | verdict_facts(verdict, asked.road))
-    else:
-        print_study(machine.mechanism.name, study, turn, even, shown)
-        print_judged(verdict)
-        if found is not None and found.note:
-            typer.echo(found.note)
-        print_promise(promise)
-    return (verdict is None or verdict.passed) and (promise is None or promise["satisfied"])
+def _noise_free(torque: float, study: InverseDynamics) -> float:
+    """Return a mean torque, 0 where it is rounding noise of the torque."""
+    return without_noise([torque, float(np.abs(study.efforts.torque).max())])[0]
 
 
-def _steady(machine: Machine, asked: DynamicsOptions) -> tuple[Fluctuation | None, Fluctuation | None]:
-    """Return a turn under a constant torque, and one with the flywheel wanted; None where there is none."""
-    if _programs(machine) is not None or not machine.drive.crank_range().full:
+def _passed(verdict: Verdict | None, tolerance: dict[str, Any] | None) -> bool:
+    return (verdict is None or verdict.passed) and (tolerance is None or tolerance["satisfied"])
+
+
+def _steady_turns(model: Machine, options: DynamicsOptions) -> tuple[Fluctuation | None, Fluctuation | None]:
+    """Return a turn under a constant torque, and one with the flywheel; None where there is none."""
+    if model.drive.motion_laws is not None or not model.drive.crank_range().full:
         return None, None
-    turn = None
-    # too slow for its springs or weight, the crank has no steady turn under a constant torque
+    steady = None
+    # a crank that is too slow for its springs or weight has no steady turn under a constant torque
     with suppress(InputError):
-        turn = fluctuation(machine, asked.speed)
-    wanted = asked.coefficient
-    return turn, None if wanted is None else flywheel_for(machine, asked.speed, wanted)
+        steady = fluctuation(model, options.speed)
+    target = options.coefficient
+    return steady, None if target is None else flywheel_for(model, options.speed, target)
 
 
-def _require_room(machine: Machine, instants: int) -> None:
-    """Refuse more instants than memory holds of both roads and of the check, before any work is done."""
-    mechanism = machine.mechanism
+def _require_memory(model: Machine, instants: int) -> None:
+    """Raise InputError for more instants than memory has room for by both methods and the check."""
+    mechanism = model.mechanism
     links, joints, points = len(mechanism.links), len(mechanism.joints), len(mechanism.points)
-    numbers = 2.0 * (EFFORTS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
-    what = f"the dynamics of {instants:,} instants on both roads"
-    require_memory(what, instants, HELD * numbers, "take {most} at the most, or --method none")
+    numbers = 2.0 * (INSTANT_NUMBERS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
+    name = f"the dynamics of {instants:,} instants by both methods"
+    require_memory(name, instants, NUMBER_BYTES * numbers, "take {most} at the most, or --method none")
 
 
-def _sections(tick: Tick, names: Sequence[str]) -> list[Progress]:
-    """Return what is told how far each of so many pieces of work has come, all of about one length."""
+def _sections(report: Progress, names: Sequence[str]) -> list[Any]:
+    """Return a progress callback for each of several tasks of about the same length."""
 
-    def watch(i: int, name: str) -> Progress:
-        return lambda done, part: tick(f"{name}, {done}", (i + part) / len(names))
+    def section(i: int, name: str) -> Any:
+        return lambda message, fraction: report(f"{name}, {message}", (i + fraction) / len(names))
 
-    return [watch(i, name) for i, name in enumerate(names)]
-
-
-def _simulated(
-    machine: Machine, profile: CrankProfile, asked: DynamicsOptions, *watches: Progress
-) -> tuple[Driven | None, Verdict | None]:
-    if asked.road == "none":
-        return None, None
-    simulation, check = watches
-    motion_laws = _programs(machine)
-    found = driven(
-        machine.mechanism,
-        machine.forces,
-        profile=None if motion_laws is not None else profile,
-        motion_laws=motion_laws,
-        method=asked.road,  # pyright: ignore[reportArgumentType]
-        tolerance=asked.tolerance,
-        # with a tolerance as many instants as go with the fewest steps that keep it
-        samples=asked.instants if asked.tolerance is None else None,
-        watch=simulation,
-    )
-    return found, crosscheck_driven(found, machine, progress=check)
+    return [section(i, name) for i, name in enumerate(names)]
 
 
-def _free(
-    machine: Machine, speed: float, asked: DynamicsOptions, as_json: bool, shown: OutputUnits | None
-) -> bool:
-    run = free_run(machine, speed=speed, turns=asked.turns, samples=asked.instants + 1)
-    found, verdict = None, None
-    if asked.road != "none" and run.outcome == "done":
-        found, verdict = _stepped(machine, speed, asked)
-    _write(asked.csv, run, machine.mechanism, shown)
-    if asked.plot is not None:
-        plots.write(asked.plot, plots.free_plot(run))
-    promise = free_promise(found)
-    if as_json:
-        told: dict[str, Any] = {
-            "mechanism": machine.mechanism.name,
-            "free": run_facts(run),
-            "promise": promise,
-        }
-        told["masses"] = [one.as_dict() for one in machine.masses]
-        print_json(told | verdict_facts(verdict, "step"))
-    else:
-        print_free(machine.mechanism.name, run)
-        print_judged(verdict)
-        print_promise(promise)
-    kept = promise is None or promise["satisfied"]
-    return run.outcome == "done" and (verdict is None or verdict.passed) and kept
+def _free(model: Machine, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
+    """Return data, text and success of a free motion."""
+    speed = options.speed if options.free else 0.0
+    run = free_run(model, speed=speed, turns=options.turns, samples=options.instants + 1)
+    stepped, verdict = None, None
+    if options.mujoco_method != "none" and run.outcome == "done":
+        with progress("dynamics", None) as report:
+            stepped = free_motion.free_run(
+                model.mechanism,
+                model.forces,
+                speed=speed,
+                turns=options.turns,
+                tolerance=options.tolerance,
+                samples=options.instants,
+                watch=report,
+            )
+        verdict = crosscheck_free(stepped, model)
+    _write(options.csv, run, model.mechanism, shown if labelled else None)
+    if options.plot is not None:
+        plots.write(options.plot, plots.free_plot(run))
+    facts, tolerance = run_facts(run), _free_tolerance(stepped)
 
-
-def _stepped(machine: Machine, speed: float, asked: DynamicsOptions) -> tuple[SteppedFreeRun, Verdict]:
-    with progress("dynamics", None) as tick:
-        found = free_motion.free_run(
-            machine.mechanism,
-            machine.forces,
-            speed=speed,
-            turns=asked.turns,
-            tolerance=asked.tolerance,
-            samples=asked.instants,
-            watch=tick,
+    def text() -> None:
+        print_text(f"{model.mechanism.name}: {run.outcome}" + (f": {run.reason}" if run.reason else ""))
+        start = number(run.speed[0]) if run.speed[0] else "rest"
+        print_text(
+            f"{number(facts['turns'])} turns in {number(facts['seconds'])} s, from {start} to "
+            f"{number(facts['speed'])} rad/s; work {number(facts['work'])} J, lost {number(facts['lost'])} "
+            f"J, energy balance to {facts['energy_error']:.1e}"
         )
-    return found, crosscheck_free(found, machine)
+        _print_comparison(verdict, tolerance, STIFF_MOTOR if _only_energy_failed(verdict) else "")
+
+    data = {"free": facts, "tolerance_report": tolerance, **_verdict_data(verdict, "step")}
+    return data, text, run.outcome == "done" and _passed(verdict, tolerance)
+
+
+def _only_energy_failed(verdict: Verdict | None) -> bool:
+    failed = () if verdict is None else [check for check in verdict.checks if not check.passed]
+    return bool(failed) and all(check.unit == "J" for check in failed)
 
 
 def _write(
-    csv: str | None, columns: InverseDynamics | FreeRun, mechanism: Mechanism, shown: OutputUnits | None
+    path: str | None, columns: InverseDynamics | FreeRun, mechanism: Mechanism, shown: OutputUnits | None
 ) -> None:
-    if csv is None:
+    if path is not None and shown is not None:
+        units = {
+            name: INSTANT_UNITS.get(name) or quantity(name, mechanism).unit for name, _ in columns.columns()
+        }
+        files.write(path, Labelled(columns, units, shown))
+    elif path is not None:
+        files.write(path, columns)
+
+
+def _driven_tolerance(run: Driven | None) -> dict[str, Any] | None:
+    """Return the result of a prescribed run with a tolerance as plain data; None without a tolerance."""
+    if run is None or run.tolerance_report is None:
+        return None
+    report = run.tolerance_report
+    errors = {name: report.estimates.get(name, 0.0) for name in ("torque", "reactions", "halving", "balance")}
+    names = {"torque": "torque", "reactions": "reactions", "halving": "halved steps"}
+    by_name = ", ".join(f"{words} {errors[name]:.1e}" for name, words in names.items())
+    return _tolerance_data(run, report) | {
+        "of": "of torque and reactions",
+        "by": f"by solved poses {by_name}" if run.method == "step" else f"balance {errors['balance']:.1e}",
+        **errors,
+    }
+
+
+def _free_tolerance(run: SteppedFreeRun | None) -> dict[str, Any] | None:
+    """Return the result of a free run with a tolerance as plain data; None without a tolerance."""
+    if run is None or run.tolerance_report is None:
+        return None
+    return _tolerance_data(run, run.tolerance_report) | {"of": "rad of the crank", "by": "by halved steps"}
+
+
+def _tolerance_data(run: Any, report: Any) -> dict[str, Any]:
+    names = ("tolerance", "satisfied", "estimate", "margin", "order", "trials", "reason")
+    settings = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
+    return {name: getattr(report, name) for name in names} | {"steps": run.steps, "settings": settings}
+
+
+def _verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
+    if verdict is None:
+        return {"passed": None, "outcome": None, "method": "none", "checks": []}
+    checks = [check.as_dict() for check in verdict.checks]
+    return {"passed": verdict.passed, "outcome": verdict.outcome, "method": method, "checks": checks}
+
+
+def _print_comparison(verdict: Verdict | None, tolerance: dict[str, Any] | None, note: str) -> None:
+    """Print the comparison with MuJoCo, and the result with a tolerance."""
+    if verdict is None:
+        typer.echo("not compared with MuJoCo")
+    else:
+        print_verdict("against MuJoCo", verdict, reasons=False)
+    print_text(note)
+    if tolerance is None:
         return
-    if shown is None:
-        files.write(csv, columns)
-        return
-    units = {name: INSTANTS.get(name) or quantity(name, mechanism).unit for name, _ in columns.columns()}
-    files.write(csv, Labelled(columns, units, shown))
+    reason = f": {tolerance['reason']}" if tolerance["reason"] else ""
+    print_text(
+        f"tolerance {number(tolerance['tolerance'], 3)} {tolerance['of']} "
+        f"{'satisfied' if tolerance['satisfied'] else 'FAILED'}: error {number(tolerance['estimate'], 2)}, "
+        f"a margin of {number(tolerance['margin'], 3)}{reason}"
+    )
+    settings = tolerance["settings"]
+    if settings:
+        print_text(
+            f"{settings['integrator']}, {settings['steps_per_turn']} steps a turn of "
+            f"{number(settings['timestep'])} s, compliance {settings['compliance']:.0e}: "
+            f"{tolerance['steps']} steps, {tolerance['trials']} more on trials; {tolerance['by']}"
+        )
+
+
+def _print_peaks(name: str, study: InverseDynamics, shown: OutputUnits) -> None:
+    """Print peaks of torques, reactions, coupling efforts and shaking forces."""
+    facts = study_facts(study)
+    drives = {f"drive of {joint}": effort for joint, effort in facts["drives"].items()}
+    drives = drives or {"drive torque": facts["torque"] | {"unit": "N m"}}
+    peaks: list[tuple[str, dict[str, Any], str]] = [
+        (what, peak, peak["unit"]) for what, peak in drives.items()
+    ]
+    notes: list[str] = []
+    for joint, reaction in facts["reactions"].items():
+        peaks.append((f"force in {joint} on {reaction['on']}", reaction["force"], "N"))
+        peaks.append((f"moment in {joint} on {reaction['on']}", reaction["moment"], "N m"))
+    for coupling, effort in facts["couplings"].items():
+        kind = "torque" if effort["unit"] == "N m" else "force"
+        if effort["by"] == "teeth":
+            peaks.append((f"teeth of {coupling} on {effort['links'][0]}", effort["force"], "N"))
+        if effort["by"] != "thread":
+            peaks.append((f"{kind} of coupling {coupling}", effort["effort"], effort["unit"]))
+        if effort["by"] == "ideal transmission":
+            notes.append(f"{coupling}: ideal transmission: acts in reverse on {', '.join(effort['links'])}")
+        if not effort["determined"]:
+            notes.append(f"not determined by rigid links: coupling {coupling}")
+    peaks.append(("shaking force on the frame", facts["shaking_force"], "N"))
+    peaks.append(("shaking moment about the origin", facts["shaking_moment"], "N m"))
+    largest = without_noise([peak["largest"] for _, peak, _ in peaks])
+    angle_unit = shown.converted("rad")[0]
+    rows: list[list[Value]] = []
+    for (what, peak, unit), value in zip(peaks, largest, strict=True):
+        instant = peak["at_time"] if "at_time" in peak else peak["at_angle"] / angle_unit
+        mean, rms = without_noise([peak.get("mean", 0.0), peak.get("rms", 0.0)])
+        statistics: list[Value] = [mean, rms] if "rms" in peak else [None, None]
+        rows.append([what, value, unit, instant if value else None, *statistics])
+    kind, at_unit = ("drivers", "s") if facts["drives"] else ("crank", "rad")
+    head = ("quantity", "largest", "unit", shown.label("at", at_unit), "mean", "rms")
+    print_table(f"{name}: prescribed {kind}", head, rows)
+    for note in [*_undetermined(facts["reactions"]), *notes]:
+        print_text(note)
+
+
+def _undetermined(reactions: dict[str, Any]) -> list[str]:
+    """Return which components of reactions rigid links do not determine, and of which joints."""
+    joints: dict[str, list[str]] = {}
+    for joint, reaction in reactions.items():
+        partly = reaction["partly_determined"]
+        wholly = [name for name in reaction["not_determined"] if name not in partly]
+        for words, names in (("not determined", wholly), ("partly determined", partly)):
+            if names:
+                joints.setdefault(f"{words} by rigid links: {', '.join(names)}", []).append(joint)
+    return [f"{text} of {', '.join(names)}" for text, names in joints.items()]

@@ -1,4 +1,4 @@
-"""How a command ends: exit codes, signals, and streams that nobody reads or that take nothing."""
+"""How a command ends: exit codes, signals, closed and full output streams."""
 
 import errno
 import os
@@ -16,53 +16,54 @@ from typer.exceptions import TyperException
 
 from mechsim.errors import MechsimError, cut
 
-REFUSED = 2
-# what the command-line library returns for Ctrl-C, without a word
+# invalid input, or interrupted
+INVALID = 2
+# what the command-line library returns for Ctrl-C
 INTERRUPTED = 130
-# as a program that the system ends for that: 128 + SIGPIPE
+# 128 + SIGPIPE, as if the system had ended the program
 CLOSED_PIPE = 141
-# a fault of the program, as sysexits.h numbers it: never taken for 1, *missed*
+# an internal error, by sysexits.h; distinct from 1, *failed*
 INTERNAL = 70
-# set to anything, it shows where an internal error came from
+# environment variable that shows the traceback of an internal error
 DEBUG = "MECHSIM_DEBUG"
-# what a stream says that cannot take what is printed
+# errors of a stream that cannot be written
 UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
-# after so many seconds a signal comes again that was swallowed where no exception can leave
-AGAIN = 0.05
-# when the command was typed, by `time.perf_counter`, as far as a program can know
+# [s] after which a signal is sent again that a destructor swallowed
+RESEND_AFTER = 0.05
+# start of the command by `time.perf_counter`
 typed_at = time.perf_counter()
-# what there is to say beside a result; a refusal says all by itself
+# lines on stderr after a result; an error omits them
 notes: list[str] = []
-# what is asked back of what was typed: beside a result in lines of their own, in a refusal's line otherwise
+# questions about the input: lines on stderr after a result, part of the line of an error
 questions: list[str] = []
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 class EndedError(BaseException):
-    """The system asked the program to end; whatever is half made is taken away on the way out."""
+    """The system asked the program to end; unfinished files are removed on the way out."""
 
 
-def ended(command: Callable[[], Any]) -> int:
-    """Run a command to its exit code; what went wrong is said in one line on stderr.
+def exit_code(command: Callable[[], Any]) -> int:
+    """Run a command and return its exit code; an error is one line on stderr.
 
-    0 and 1 are the command's own, 2 is refused or interrupted, 70 a fault of the program, and 128 and
-    the number of the signal where one ended it.
+    0 and 1 are the command's own, 2 is invalid input or an interrupt, 70 an internal error, and 128 plus the
+    number of a signal that ended it.
     """
     global typed_at
     typed_at = time.perf_counter()
     notes.clear()
     questions.clear()
-    opened_streams()
-    with _listening() as came:
-        code = _outcome(command, came)
+    open_streams()
+    with _listening() as signals:
+        code = _outcome(command, signals)
     if code in (0, 1):
         for line in (*(f"mechsim: {question}" for question in questions), *notes):
-            tell(line)
+            print_stderr(line)
     return _flushed(code)
 
 
-def opened_streams() -> None:
-    """Let a closed stdin, stdout or stderr take everything, lest a file that is written get its number."""
+def open_streams() -> None:
+    """Open closed standard streams to the null device, so that no written file gets their number."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
     os.close(number)
@@ -71,19 +72,18 @@ def opened_streams() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
 
 
-def tell(line: str) -> None:
+def print_stderr(line: str) -> None:
     """Print a line on stderr, if that takes it."""
     with suppress(OSError, ValueError):
         print(" ".join(line.split()), file=sys.stderr, flush=True)
 
 
-def _outcome(command: Callable[[], Any], came: list[int]) -> int:
+def _outcome(command: Callable[[], Any], signals: list[int]) -> int:
     try:
         code = command()
     except BaseException as error:
-        # after a signal whatever else goes wrong comes of it: an encoder that was interrupted too, an
-        # import of compiled code that says anything but that
-        return _ended_by(came[0]) if came else _failed(error)
+        # after a signal any other error is its consequence: an interrupted encoder, a broken import
+        return _ended_by(signals[0]) if signals else _failed(error)
     if code == INTERRUPTED:
         return _ended_by(signal.SIGINT)
     return code if isinstance(code, int) else 0
@@ -91,48 +91,50 @@ def _outcome(command: Callable[[], Any], came: list[int]) -> int:
 
 def _failed(error: BaseException) -> int:
     if isinstance(error, MechsimError):
-        return _refused(str(error))
+        return _invalid(str(error))
     if isinstance(error, TyperException):
-        return _refused(error.format_message() if hasattr(error, "format_message") else str(error))
+        return _invalid(error.format_message() if hasattr(error, "format_message") else str(error))
     if isinstance(error, KeyboardInterrupt | Abort):
         return _ended_by(signal.SIGINT)
     if isinstance(error, SystemExit) and error.code in (0, None):
-        # what a shell asks for at the Tab key was answered
+        # the shell's completion was answered
         return 0
     if isinstance(error, BrokenPipeError | SystemExit):
-        # the command-line library, too, ends so when nobody reads on
+        # nobody reads on; the command-line library ends in the same way
         return CLOSED_PIPE
     if isinstance(error, OSError) and error.errno in UNWRITABLE:
-        return _refused(f"cannot write: {error.strerror}; make room, or write elsewhere")
-    # MuJoCo has an error of its own for it
+        return _invalid(f"cannot write: {error.strerror}; make room, or write elsewhere")
+    # MuJoCo has its own error for it
     if isinstance(error, MemoryError) or "could not allocate memory" in str(error).lower():
-        return _refused(f"not enough memory ({error or 'no figure known'}); ask for less")
+        return _invalid(f"not enough memory ({error or 'no figure known'}); reduce the task")
     if os.environ.get(DEBUG):
         traceback.print_exception(error)
-    said = f"{type(error).__name__}: {error}"
-    tell(f"mechsim: internal error: {cut(said, 300)}: please report it; {DEBUG}=1 shows where it came from")
+    text = f"{type(error).__name__}: {error}"
+    print_stderr(
+        f"mechsim: internal error: {cut(text, 300)}: please report it; {DEBUG}=1 shows where it came from"
+    )
     return INTERNAL
 
 
-def _refused(message: str) -> int:
-    tell(f"mechsim: {'; '.join([message, *questions])}")
-    return REFUSED
+def _invalid(message: str) -> int:
+    print_stderr(f"mechsim: {'; '.join([message, *questions])}")
+    return INVALID
 
 
 def _ended_by(number: int) -> int:
-    tell("mechsim: stopped")
-    return REFUSED if number == signal.SIGINT else 128 + number
+    print_stderr("mechsim: stopped")
+    return INVALID if number == signal.SIGINT else 128 + number
 
 
 def _flushed(code: int) -> int:
-    """Return the exit code once all that was printed has left; what cannot leave is dropped."""
+    """Return the exit code after flushing stdout and stderr; what cannot be written is dropped."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError as error:
-            # what is left in its buffer would be tried again, and be a second error, at the very end
-            with suppress(OSError, ValueError), open(os.devnull, "w") as nowhere:
-                os.dup2(nowhere.fileno(), stream.fileno())
+            # the rest of its buffer would fail again at exit
+            with suppress(OSError, ValueError), open(os.devnull, "w") as null:
+                os.dup2(null.fileno(), stream.fileno())
             if stream is sys.stdout and code in (0, 1):
                 code = _failed(error)
     return code
@@ -140,39 +142,39 @@ def _flushed(code: int) -> int:
 
 @contextmanager
 def _listening() -> Generator[list[int]]:
-    """Give a list of the signals that came; one that a destructor swallowed comes again."""
-    came: list[int] = []
-    # a signal that is to come again; none does once another came, or once nobody listens
-    later: list[threading.Timer] = []
+    """Yield a list of received signals; one that a destructor swallowed is sent again."""
+    received: list[int] = []
+    # of signals to be sent again
+    timers: list[threading.Timer] = []
 
     def interrupt(number: int, _: object) -> None:
-        came.append(number)
-        for one in later:
-            one.cancel()
+        received.append(number)
+        for timer in timers:
+            timer.cancel()
         if number == signal.SIGINT:
             raise KeyboardInterrupt
         raise EndedError
 
-    def lost(what: "sys.UnraisableHookArgs") -> None:
+    def resend(what: "sys.UnraisableHookArgs") -> None:
         if not isinstance(what.exc_value, KeyboardInterrupt | EndedError):
             sys.__unraisablehook__(what)
-        elif came:
-            again = threading.Timer(AGAIN, os.kill, (os.getpid(), came[-1]))
-            again.daemon = True
-            later[:] = [again]
-            again.start()
+        elif received:
+            timer = threading.Timer(RESEND_AFTER, os.kill, (os.getpid(), received[-1]))
+            timer.daemon = True
+            timers[:] = [timer]
+            timer.start()
 
     # a signal that is ignored, as under nohup, stays so
-    heard = [one for one in SIGNALS if signal.getsignal(one) not in (signal.SIG_IGN, None)]
+    handled = [number for number in SIGNALS if signal.getsignal(number) not in (signal.SIG_IGN, None)]
     if threading.current_thread() is not threading.main_thread():
-        heard = []
-    before, hook = {one: signal.signal(one, interrupt) for one in heard}, sys.unraisablehook
-    sys.unraisablehook = lost
+        handled = []
+    previous = {number: signal.signal(number, interrupt) for number in handled}
+    hook, sys.unraisablehook = sys.unraisablehook, resend
     try:
-        yield came
+        yield received
     finally:
-        for one in later:
-            one.cancel()
+        for timer in timers:
+            timer.cancel()
         sys.unraisablehook = hook
-        for one, old in before.items():
-            signal.signal(one, old)
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -1,13 +1,13 @@
-"""Command that pushes every axis until something breaks: extremes."""
+"""Command `mechsim extremes`: every axis pushed until a run fails."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
 from mechsim.analytic.forms import closed_form
-from mechsim.cli.options import Json, folder_for, form_of
-from mechsim.cli.output import print_json, print_table
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import folder_for, load_model
+from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
 
@@ -15,67 +15,96 @@ if TYPE_CHECKING:
     from mechsim.studies.extremes import StabilityMap
 
 
+class BorderJson(TypedDict):
+    """Neighbouring values of an axis between which the outcome changes."""
+
+    axis: str
+    mechanism: str
+    inside: float
+    outside: float
+    before: str
+    after: str
+
+
+class DriftJson(TypedDict):
+    """Errors in the first and the last hundredth of a long run."""
+
+    mechanism: str
+    turns: float
+    first: float
+    last: float
+    passed: bool
+
+
+class TrialJson(TypedDict):
+    """One run."""
+
+    axis: str
+    mechanism: str
+    value: float
+    outcome: str
+    passed: bool
+
+
+class ExtremesJson(TypedDict):
+    """All runs, and where outcomes change."""
+
+    passed: bool
+    borders: list[BorderJson]
+    drifts: list[DriftJson]
+    trials: list[TrialJson]
+
+
+@command
 def extremes(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Mechanisms of the catalogue; none means all."),
+        typer.Argument(metavar="[NAME]...", help="Mechanisms of the catalogue. Default: all."),
     ] = None,
     report: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Write the map and all numbers here.")
+        str | None, typer.Option(metavar="DIR", help="Write the map and all numbers to a folder.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer values, shorter runs.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Push steps, speed, size, masses, poses, turns and gears until something breaks; say where it does."""
+) -> Result[ExtremesJson]:
+    """Vary steps, speed, size, masses, poses, turns and gears until a run fails, and report where.
+
+    Examples:
+    mechsim extremes four_bar --quick
+    mechsim extremes --report extremes
+    """
+    from mechsim.pictures import plots
+    from mechsim.studies.extremes.plot import extremes_map
     from mechsim.studies.extremes.stability_map import study
 
     for name in names or ():
-        closed_form(form_of(name, None), "how far it can be pushed")
+        closed_form(load_model(name), "a stress test")
     folder = None if report is None else folder_for(report)
-
-    with progress("extremes", None) as tick:
-        found = study(names, quick=quick, progress=tick)
+    with progress("extremes", None) as report_progress:
+        result = study(names, quick=quick, progress=report_progress)
+    files: list[str] = []
     if folder is not None:
-        _write(folder, found)
-    if as_json:
-        print_json(found.as_dict())
-    else:
-        _print(found)
-        if folder is not None:
-            typer.echo(f"map: {folder / 'extremes.svg'}")
-    raise typer.Exit(0 if found.passed else 1)
+        folder.mkdir(exist_ok=True)
+        plots.write(folder / "extremes.svg", extremes_map(result))
+        write_json(folder / "extremes.json", result.as_dict())
+        files = [str(folder / "extremes.svg"), str(folder / "extremes.json")]
+    data = result.as_dict()
+    return Result(data, lambda: _print(result), result.passed, files)  # pyright: ignore[reportArgumentType]
 
 
-def _write(folder: Path, found: "StabilityMap") -> None:
-    from mechsim.pictures import plots
-    from mechsim.studies.extremes.plot import extremes_map
-
-    folder.mkdir(exist_ok=True)
-    plots.write(folder / "extremes.svg", extremes_map(found))
-    write_json(folder / "extremes.json", found.as_dict())
-
-
-def _print(found: "StabilityMap") -> None:
-    rows = [
-        (b.axis, b.mechanism, f"{b.inside:.2g}", b.before, f"{b.outside:.2g}", b.after) for b in found.borders
-    ]
-    print_table("Borders", ("axis", "mechanism", "up to", "", "from", ""), rows)
-    if found.drifts:
-        _print_drifts(found)
-    for trial in found.wrong:
-        foretold = f", foretold {trial.expected}" if trial.expected else ""
-        typer.echo(
-            f"WRONG: {trial.mechanism}, {trial.axis} {trial.value:.3g}: said {trial.outcome}, "
-            f"right {trial.right}{foretold}"
+def _print(result: "StabilityMap") -> None:
+    for trial in result.wrong:
+        predicted = f", predicted {trial.expected}" if trial.expected else ""
+        print_text(
+            f"WRONG: {trial.mechanism}, {trial.axis} {number(trial.value, 3)}: reported {trial.outcome}, "
+            f"correct {trial.right}{predicted}"
         )
-    good = len(found.trials) - len(found.wrong)
-    typer.echo(f"{good} of {len(found.trials)} runs ended as the closed form says, and knew it")
-
-
-def _print_drifts(found: "StabilityMap") -> None:
-    rows = [
-        (d.mechanism, f"{d.turns:g}", f"{d.first:.3e}", f"{d.last:.3e}", "no drift" if d.passed else "DRIFTS")
-        for d in found.drifts
+    borders = [
+        (b.axis, b.mechanism, number(b.inside, 2), b.before, number(b.outside, 2), b.after)
+        for b in result.borders
     ]
-    title = "Many turns: place error / size in the first and last hundredth"
-    print_table(title, ("mechanism", "turns", "first", "last", ""), rows)
+    print_table("Borders", ("axis", "mechanism", "up to", "", "from", ""), borders)
+    drifts = [(d.mechanism, d.turns, d.first, d.last, d.passed) for d in result.drifts]
+    title = "Many turns: position error / size in the first and last hundredth"
+    print_table(title, ("mechanism", "turns", "first", "last", "no drift"), drifts)
+    correct = len(result.trials) - len(result.wrong)
+    typer.echo(f"{correct} of {len(result.trials)} runs ended as the closed form predicts, and reported it")

@@ -2,25 +2,28 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
-import typer
+import numpy as np
 
 from mechsim import files, units
-from mechsim.cli.declared_options import spread
-from mechsim.cli.load_options import MachineOptions
-from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
-from mechsim.cli.output import print_json, print_table
+from mechsim.cli.command import Result, command
+from mechsim.cli.load_options import LoadOptions
+from mechsim.cli.options import SPEED, ModelOptions, Output, speed_of, writable
+from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.studies.fit import Fit, MeasuredMotion, fit_dimensions, measured_of, single
 from mechsim.studies.sensitivity import Loading, MovedFamily
 from mechsim.units import option
 
+# significant digits of an identified dimension
+MOST_DIGITS = 9
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
-    """What was measured, and what is to be found."""
+    """Measured motion, and the dimensions to identify."""
 
     to: str | None = option(
         None,
@@ -28,122 +31,161 @@ class FitOptions:
         "holds standard deviations.",
         metavar="FILE.csv",
     )
-    vary: tuple[str, ...] = option((), "Dimensions to find.", read=units.parse_names, metavar="p,...")
+    vary: tuple[str, ...] = option((), "Dimensions to identify.", read=units.parse_names, metavar="P,...")
     offset: bool = option(
-        False, "The zero of the crank's encoder is unknown, too: find CRANK.offset.", name="--offset"
+        False, "The zero of the crank's encoder is unknown, too: identify CRANK.offset.", name="--offset"
     )
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
 
-    def check(self) -> str:
-        """Return the table; refuse what is not said."""
+    def table_path(self) -> str:
+        """Return the path of the measured table; raise InputError for missing options."""
         if self.to is None:
             raise InputError("no measured motion is given; name a table with --to FILE.csv")
         if not self.vary:
-            raise InputError("no dimension is to be found; name some, as in --vary crank,coupler")
+            raise InputError("no dimension is to be identified; name some, as in --vary crank,coupler")
         return self.to
 
 
-@spread
+class FittedDimension(TypedDict):
+    """A value with its standard deviation and 95 % interval; null where the data do not determine it."""
+
+    value: float
+    deviation: float | None
+    within_95: float | None
+    start: float
+    unit: str
+
+
+class FitJson(TypedDict):
+    """Identified dimensions, and how well the data determine them."""
+
+    mechanism: str
+    outcome: str
+    dimensions: dict[str, FittedDimension]
+    covariance: list[list[float]]
+    correlations: dict[str, float]
+    indistinguishable: list[list[str]]
+    rms: dict[str, float]
+    spread: float
+    weighed: bool
+    condition: float
+    rows: int
+    numbers: int
+    tried: int
+    output: str | None
+
+
+@command
 def fit(
-    model: Model,
-    asked: FitOptions,
-    acting: MachineOptions,
-    driven: DriveOptions,
-    sets: Sets = None,
-    output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Find dimensions from measured motion, with their uncertainty; say which cannot be told apart.
+    source: ModelOptions, options: FitOptions, loads: LoadOptions, output: Output = None
+) -> Result[FitJson]:
+    """Identify dimensions from measured motion, with their uncertainty; report which are indistinguishable.
 
-    It begins from the dimensions as they stand: give others with --set. -o writes what was found as .json, or
+    The search starts from the present dimensions: give others with --set. -o writes the result as .json, or
     measured and fitted quantities row by row as .csv.
+
+    Examples:
+    mechsim fit slider_crank --to measured.csv --vary crank,rod
+    mechsim fit arm.toml --to measured.csv --vary reach --offset -o fit.json
     """
-    table = asked.check()
-    place = None if output is None else writable(output, ".json", ".csv", ".npz")
-    family = family_of(model, sets, driven)
-    form = family.make({})
-    measured = measured_of(files.read(table), form, table)
-    loading = Loading(acting.forces, acting.density, acting.diameter)
-    moved = MovedFamily(family, measured.angles, speed_of(asked.speed or SPEED), loading)
-    with progress("fit", None, quiet=as_json) as tick:
-        found = fit_dimensions(moved, measured, asked.vary, offset=asked.offset, progress=tick)
-    told = _told(found, measured) | {"output": output}
-    if place is not None:
-        _write(place, found, measured, told)
-    if as_json:
-        print_json(told)
-    else:
-        _print(found, measured)
-        if output is not None:
-            typer.echo(f"wrote {output}")
-    raise typer.Exit(0 if found.outcome == "fitted" else 1)
+    table = options.table_path()
+    path = None if output is None else writable(output, ".json", ".csv", ".npz")
+    parametric = source.load_parametric()
+    measured = measured_of(files.read(table), parametric.make({}), table)
+    loading = Loading(loads.forces, loads.density, loads.diameter)
+    moved = MovedFamily(parametric, measured.angles, speed_of(options.speed or SPEED), loading)
+    with progress("fit", None) as report:
+        result = fit_dimensions(moved, measured, options.vary, offset=options.offset, progress=report)
+    data = _as_dict(result, measured, output)
+    if path is not None:
+        _write(path, result, measured, data)
+    return Result(data, lambda: _print(result, measured), result.outcome == "fitted", [output])
 
 
-def _write(place: Path, found: Fit, measured: MeasuredMotion, told: dict[str, Any]) -> None:
-    if place.suffix.lower() == ".json":
-        files.write_json(place, told)
+def _write(path: Path, result: Fit, measured: MeasuredMotion, data: FitJson) -> None:
+    if path.suffix.lower() == ".json":
+        files.write_json(path, data)
         return
-    table = {found.moved.over[0]: measured.over}
-    named = single(measured.values, found.moved)
-    fitted = found.moved.values([*named.values()], {})
+    table = {result.moved.over[0]: measured.over}
+    names = single(measured.values, result.moved)
+    fitted = result.moved.values([*names.values()], {})
     for name, values in measured.values.items():
-        own = fitted[named[name]]
+        own = fitted[names[name]]
         table |= {name: values, f"{name}.fit": own, f"{name}.left": own - values}
-    files.write_table(place, table)
+    files.write_table(path, table)
 
 
-def _told(found: Fit, measured: MeasuredMotion) -> dict[str, Any]:
-    """Return a fit as plain data."""
-    within = found.within()
+def _as_dict(result: Fit, measured: MeasuredMotion, output: str | None) -> FitJson:
+    within = result.within()
     return {
-        "mechanism": found.moved.family.name,
-        "outcome": found.outcome,
+        "mechanism": result.moved.family.name,
+        "outcome": result.outcome,
         "dimensions": {
             name: {
                 "value": value,
-                "deviation": found.deviations.get(name),
+                "deviation": result.deviations.get(name),
                 "within_95": within.get(name),
-                "start": found.start[name],
-                "unit": found.units[name],
+                "start": result.start[name],
+                "unit": result.units[name],
             }
-            for name, value in found.values.items()
+            for name, value in result.values.items()
         },
-        "covariance": found.covariance.tolist(),
-        "correlations": {f"{a}, {b}": one for (a, b), one in found.correlations.items()},
-        "not_told_apart": [list(group) for group in found.together],
-        "rms": dict(found.rms),
-        "spread": found.spread,
-        "weighed": found.weighed,
-        "condition": found.condition,
+        "covariance": result.covariance.tolist(),
+        "correlations": {f"{a}, {b}": value for (a, b), value in result.correlations.items()},
+        "indistinguishable": [list(group) for group in result.together],
+        "rms": dict(result.rms),
+        "spread": result.spread,
+        "weighed": result.weighed,
+        "condition": result.condition,
         "rows": len(measured.angles),
         "numbers": measured.count,
-        "tried": found.tried,
+        "tried": result.tried,
+        "output": output,
     }
 
 
-def _print(found: Fit, measured: MeasuredMotion) -> None:
-    within = found.within()
+def _print(result: Fit, measured: MeasuredMotion) -> None:
+    for group in result.together:
+        print_text(
+            f"indistinguishable by these measurements: {', '.join(group)}; fix one, or measure more"
+            if len(group) > 1
+            else f"no measured quantity depends on {', '.join(group)}"
+        )
+    within = result.within()
     rows = [
         (
             name,
-            f"{value:.9g}",
-            f"{found.deviations[name]:.2g}" if name in found.deviations else "not told",
-            f"{within[name]:.2g}" if name in within else "not told",
-            f"{found.start[name]:.9g}",
-            found.units[name],
+            _to_digit_of(value, result.deviations.get(name)),
+            _deviation(result.deviations.get(name)),
+            _deviation(within.get(name)),
+            result.start[name],
+            result.units[name],
         )
-        for name, value in found.values.items()
+        for name, value in result.values.items()
     ]
-    head = ("dimension", "found", "± (1 sigma)", "± (95 %)", "begun from", "unit")
-    print_table(f"{found.moved.family.name}: {found.outcome}", head, rows)
-    for group in found.together:
-        told = f"cannot be told apart by what was measured: {', '.join(group)}; hold one, or measure more"
-        typer.echo(told if len(group) > 1 else f"nothing that was measured depends on {', '.join(group)}")
-    strongest = max(found.correlations.items(), key=lambda pair: abs(pair[1]), default=None)
+    head = ("dimension", "value", "± (1 sigma)", "± (95 %)", "start", "unit")
+    print_table(f"{result.moved.family.name}: {result.outcome}", head, rows)
+    strongest = max(result.correlations.items(), key=lambda pair: abs(pair[1]), default=None)
     if strongest is not None:
         (a, b), value = strongest
-        typer.echo(f"strongest correlation {value:.3f}, of {a} and {b}; condition {found.condition:.3g}")
-    rms = ", ".join(f"{name} {value:.3g}" for name, value in found.rms.items())
-    typer.echo(f"left of {measured.count} numbers, root mean square: {rms}")
-    if found.weighed:
-        typer.echo(f"that is {found.spread:.3g} of the deviations given; about 1 where these are true")
+        print_text(
+            f"strongest correlation {value:.3f}, of {a} and {b}; condition {number(result.condition, 3)}"
+        )
+    rms = ", ".join(f"{name} {number(value, 3)}" for name, value in result.rms.items())
+    print_text(f"root mean square residual of {measured.count} numbers: {rms}")
+    if result.weighed:
+        print_text(
+            f"that is {number(result.spread, 3)} of the given deviations; about 1 if these are correct"
+        )
+
+
+def _deviation(value: float | None) -> str:
+    return "unknown" if value is None else number(value, 2)
+
+
+def _to_digit_of(value: float, deviation: float | None) -> str:
+    """Return a value to the second significant digit of its deviation."""
+    if not deviation or not value or not np.isfinite(deviation):
+        return number(value)
+    digits = 2 + int(np.floor(np.log10(abs(value / deviation))))
+    return number(value, min(max(digits, 2), MOST_DIGITS))

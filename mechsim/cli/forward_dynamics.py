@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import typer
 
 from mechsim import files
 from mechsim.analytic.dynamics import (
@@ -21,10 +20,11 @@ from mechsim.analytic.dynamics import (
 )
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.statics import STARTS
-from mechsim.cli.dynamics_output import print_judged
-from mechsim.cli.load_options import MachineOptions
-from mechsim.cli.options import DriveOptions, form_of, pair_of, writable
-from mechsim.cli.output import print_json, print_table
+from mechsim.cli.command import Result
+from mechsim.cli.load_options import LoadOptions
+from mechsim.cli.options import ModelOptions, pair_of, writable
+from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.verdict_text import print_verdict
 from mechsim.errors import InputError
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.units import option
@@ -34,6 +34,8 @@ from mechsim.verdict.checks import Verdict
 FREQUENCIES = 200
 # an imaginary part of a mode shape below this fraction of its largest amplitude is rounding
 REAL = 1e-6
+# printed amplitudes of a mode shape, the largest first
+MOST_AMPLITUDES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,89 +68,85 @@ class ForwardOptions:
 
 
 def forward_dynamics(
-    model: str,
-    loads: MachineOptions,
+    source: ModelOptions,
+    loads: LoadOptions,
     forward: ForwardOptions,
-    driven: DriveOptions,
-    sets: list[str] | None,
     samples: int,
     method: str | None,
     csv: str | None,
-    as_json: bool,
-) -> bool:
-    """Run, print and return whether all went well."""
+) -> Result[Any]:
+    """Return a run from an initial state, equilibria, modes or a frequency response."""
     if csv is not None:
         writable(csv, ".csv", ".npz")
-    form = form_of(model, sets, replace(driven, duration=None), still=True)
-    machine = loads.machine(form)
+    # --duration is that of the run, not of motion laws
+    model = loads.dynamic_model(replace(source, duration=None).load(still=True))
     initial = dict(forward.initial)
     if forward.statics:
-        return _statics(machine, initial, as_json)
+        return _statics(model, initial)
     if forward.modes:
-        return _modes(machine, initial, as_json)
+        return _modes(model, initial)
     if forward.response is not None:
-        return _response(machine, forward.response, initial, csv, as_json)
-    duration = 1.0 if driven.duration is None else driven.duration
+        return _response(model, forward.response, initial, csv)
     result = run(
-        machine,
+        model,
         initial=initial,
-        duration=duration,
+        duration=1.0 if source.duration is None else source.duration,
         until=forward.until,
         samples=samples,
         restitution=forward.restitution,
     )
-    verdict = _verdict(machine, result, initial, method)
     if csv is not None:
         files.write(csv, result.motion)
-    _print_run(machine, result, verdict, as_json)
-    return result.outcome in ("done", "stopped") and (verdict is None or verdict.passed)
+    return _run(model, result, _verdict(model, result, initial, method))
 
 
 def _verdict(
-    machine: Machine, result: DynamicRun, initial: Mapping[str, str], method: str | None
+    model: Machine, result: DynamicRun, initial: Mapping[str, str], method: str | None
 ) -> Verdict | None:
     """Return the comparison with MuJoCo; None where it is left out."""
     if method == "none" or result.events or result.outcome not in ("done", "stopped"):
         return None
-    return crosscheck_forward(result, machine, initial_values(machine.mechanism, initial))
+    return crosscheck_forward(result, model, initial_values(model.mechanism, initial))
 
 
-def _print_run(machine: Machine, result: DynamicRun, verdict: Verdict | None, as_json: bool) -> None:
-    name = machine.mechanism.name
-    if as_json:
-        facts: dict[str, Any] = {
-            "mechanism": name,
-            "outcome": result.outcome,
-            "reason": result.reason,
-            "duration": float(result.time[-1]),
-            "energy_error": result.energy_error,
-            "work": float(result.work[-1]),
-            "lost": float(result.lost[-1]),
-            "events": list(result.events),
-            "steps": result.steps,
-            "final": _final(result),
-        }
-        if verdict is not None:
-            facts |= {"passed": verdict.passed, "checks": [check.as_dict() for check in verdict.checks]}
-        print_json(facts)
-        return
-    end = f": {result.reason}" if result.reason else ""
-    typer.echo(f"{name}: {result.outcome} at {result.time[-1]:.6g} s{end}")
-    typer.echo(
-        f"energy balance to {result.energy_error:.1e}, work {result.work[-1]:.4g} J, "
-        f"lost {result.lost[-1]:.4g} J, {result.steps} steps"
-    )
-    rows = []
-    for joint, motion in result.motion.joints.items():
-        unit = motion.unit
-        rows.append(
-            (joint, *(f"{value:.6g}" for value in _extent(motion.value)), unit, f"{motion.rate[-1]:.6g}")
-        )
-    print_table("coordinates", ("joint", "least", "largest", "at the end", "unit", "rate at the end"), rows)
+def _run(model: Machine, result: DynamicRun, verdict: Verdict | None) -> Result[Any]:
+    """Return a run from an initial state."""
+    name = model.mechanism.name
+    data: dict[str, Any] = {
+        "mechanism": name,
+        "outcome": result.outcome,
+        "reason": result.reason,
+        "duration": float(result.time[-1]),
+        "energy_error": result.energy_error,
+        "work": float(result.work[-1]),
+        "lost": float(result.lost[-1]),
+        "events": list(result.events),
+        "steps": result.steps,
+        "final": _final(result),
+    }
     if verdict is not None:
-        print_judged(verdict)
-    elif result.events:
-        typer.echo("not compared with MuJoCo: its contacts and dry friction are soft at impacts and sticking")
+        data |= {"passed": verdict.passed, "checks": [check.as_dict() for check in verdict.checks]}
+
+    def text() -> None:
+        end = f": {result.reason}" if result.reason else ""
+        print_text(f"{name}: {result.outcome} at {number(result.time[-1])} s{end}")
+        print_text(
+            f"energy balance to {result.energy_error:.1e}, work {number(result.work[-1])} J, lost "
+            f"{number(result.lost[-1])} J, {result.steps} steps"
+        )
+        rows = [
+            (joint, *_extent(motion.value), motion.unit, float(motion.rate[-1]))
+            for joint, motion in result.motion.joints.items()
+        ]
+        head = ("joint", "least", "largest", "at the end", "unit", "rate at the end")
+        print_table("coordinates", head, rows)
+        if verdict is not None:
+            print_verdict("against MuJoCo", verdict, reasons=False)
+        elif result.events:
+            print_text("not compared with MuJoCo, whose impacts and dry friction are soft")
+
+    passed = result.outcome in ("done", "stopped") and (verdict is None or verdict.passed)
+    return Result(data, text, passed)
 
 
 def _extent(values: Any) -> tuple[float, float, float]:
@@ -163,35 +161,31 @@ def _final(result: DynamicRun) -> dict[str, float]:
     return final
 
 
-def _statics(machine: Machine, initial: Mapping[str, str], as_json: bool) -> bool:
-    solutions = equilibria(machine, initial=initial)
-    efforts = holding(machine, initial=initial) if initial else {}
-    if as_json:
-        print_json(
-            {
-                "mechanism": machine.mechanism.name,
-                "equilibria": [_equilibrium_facts(equilibrium) for equilibrium in solutions],
-                "holding": efforts,
-            }
-        )
-        return True
-    name = machine.mechanism.name
-    drivers = machine.mechanism.drivers or tuple(solutions[0].q)[:1] if solutions else ()
-    rows = [
-        (
-            ", ".join(f"{driver} {equilibrium.q[driver]:.6g}" for driver in drivers),
-            "yes" if equilibrium.stable else "no",
-            f"{equilibrium.potential:.4g}",
-            ", ".join(f"{mode.frequency:.4g}" for mode in equilibrium.modes) if equilibrium.stable else "",
-        )
-        for equilibrium in solutions
-    ]
-    title = f"{name}: {len(solutions)} equilibria found from {STARTS + 1} configurations of this assembly"
-    print_table(title, ("at [rad, m]", "stable", "potential [J]", "frequencies [Hz]"), rows)
-    for driver, effort in efforts.items():
-        unit = "N" if machine.mechanism.unit(driver) == "m" else "N m"
-        typer.echo(f"{effort:.6g} {unit} in {driver} hold the initial configuration")
-    return True
+def _statics(model: Machine, initial: Mapping[str, str]) -> Result[Any]:
+    """Return the equilibria, and what holds the initial configuration."""
+    mechanism, solutions = model.mechanism, equilibria(model, initial=initial)
+    efforts = holding(model, initial=initial) if initial else {}
+    drivers = mechanism.drivers or tuple(solutions[0].q)[:1] if solutions else ()
+
+    def text() -> None:
+        rows = [
+            (
+                ", ".join(f"{driver} {number(equilibrium.q[driver])}" for driver in drivers),
+                "yes" if equilibrium.stable else "no",
+                number(equilibrium.potential),
+                ", ".join(number(mode.frequency) for mode in equilibrium.modes) if equilibrium.stable else "",
+            )
+            for equilibrium in solutions
+        ]
+        searched = f"found from {STARTS + 1} configurations of this assembly"
+        title = f"{mechanism.name}: {len(solutions)} equilibria {searched}"
+        print_table(title, ("at [rad, m]", "stable", "potential [J]", "frequencies [Hz]"), rows)
+        for driver, effort in efforts.items():
+            unit = "N" if mechanism.unit(driver) == "m" else "N m"
+            print_text(f"{number(effort)} {unit} in {driver} hold the initial configuration")
+
+    facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
+    return Result({"mechanism": mechanism.name, "equilibria": facts, "holding": efforts}, text)
 
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
@@ -211,43 +205,40 @@ def _mode_facts(mode: Mode) -> dict[str, Any]:
     return {"frequency": mode.frequency, "damping_ratio": mode.damping_ratio, "shape": shape}
 
 
-def _modes(machine: Machine, initial: Mapping[str, str], as_json: bool) -> bool:
-    equilibrium = nearest_equilibrium(machine, initial=initial)
-    if as_json:
-        print_json({"mechanism": machine.mechanism.name, **_equilibrium_facts(equilibrium)})
-        return equilibrium.stable
-    rows = []
-    for mode in equilibrium.modes:
-        shape = sorted(mode.shape.items(), key=lambda item: -abs(item[1]))[:4]
-        amplitudes = ", ".join(f"{name} {value.real:+.3g}" for name, value in shape)
-        rows.append((f"{mode.frequency:.6g}", f"{mode.damping_ratio + 0.0:.4g}", amplitudes))
-    state = "stable" if equilibrium.stable else "unstable"
-    title = f"{machine.mechanism.name}: modes about a {state} equilibrium"
-    print_table(title, ("frequency [Hz]", "damping ratio", "shape"), rows)
-    return equilibrium.stable
+def _modes(model: Machine, initial: Mapping[str, str]) -> Result[Any]:
+    """Return frequencies, damping ratios and shapes of the modes about the nearest equilibrium."""
+    equilibrium, name = nearest_equilibrium(model, initial=initial), model.mechanism.name
+
+    def text() -> None:
+        rows: list[tuple[str, str, str]] = []
+        for mode in equilibrium.modes:
+            shape = sorted(mode.shape.items(), key=lambda item: -abs(item[1]))[:MOST_AMPLITUDES]
+            amplitudes = ", ".join(f"{joint} {value.real:+.3g}" for joint, value in shape)
+            rows.append((number(mode.frequency), number(mode.damping_ratio), amplitudes))
+        state = "stable" if equilibrium.stable else "unstable"
+        title = f"{name}: modes about a {state} equilibrium"
+        print_table(title, ("frequency [Hz]", "damping ratio", "shape"), rows)
+
+    return Result({"mechanism": name, **_equilibrium_facts(equilibrium)}, text, equilibrium.stable)
 
 
-def _response(
-    machine: Machine, text: str, initial: Mapping[str, str], csv: str | None, as_json: bool
-) -> bool:
-    load, colon, quantity = text.partition(":")
+def _response(model: Machine, requested: str, initial: Mapping[str, str], csv: str | None) -> Result[Any]:
+    """Return the frequency response from a load to a quantity."""
+    load, colon, quantity = requested.partition(":")
     if not colon:
-        raise InputError(f"--response is {text!r}; give LOAD:QUANTITY, as in crank:P.x")
-    modes = nearest_equilibrium(machine, initial=initial).modes
+        raise InputError(f"--response is {requested!r}; give LOAD:QUANTITY, as in crank:P.x")
+    modes = nearest_equilibrium(model, initial=initial).modes
     natural = [mode.frequency for mode in modes if mode.frequency > 0.0] or [1.0]
     frequencies = np.geomspace(0.1 * min(natural), 10.0 * max(natural), FREQUENCIES)
-    values = response(machine, load, quantity, frequencies, initial=initial)
-    table = {"frequency": frequencies, "magnitude": np.abs(values), "phase": np.angle(values)}
+    values = response(model, load, quantity, frequencies, initial=initial)
+    magnitude = np.abs(values)
+    table = {"frequency": frequencies, "magnitude": magnitude, "phase": np.angle(values)}
     if csv is not None:
         files.write_table(csv, table)
-    if as_json:
-        print_json(
-            {"mechanism": machine.mechanism.name, "response": {k: v.tolist() for k, v in table.items()}}
-        )
-        return True
-    peak = int(np.argmax(np.abs(values)))
-    typer.echo(
-        f"{machine.mechanism.name}: from a unit load {load} to {quantity}: {abs(values[0]):.4g} at "
-        f"{frequencies[0]:.4g} Hz, largest {abs(values[peak]):.4g} at {frequencies[peak]:.4g} Hz"
+    peak = int(np.argmax(magnitude))
+    text = (
+        f"{model.mechanism.name}: from a unit load {load} to {quantity}: {number(magnitude[0])} at "
+        f"{number(frequencies[0])} Hz, largest {number(magnitude[peak])} at {number(frequencies[peak])} Hz"
     )
-    return True
+    data = {"mechanism": model.mechanism.name, "response": table}
+    return Result(data, lambda: print_text(text))

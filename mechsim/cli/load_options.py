@@ -1,17 +1,15 @@
-"""What a machine is made of and what acts on it, as the command line says it: text to `Forces`."""
+"""Options for loads, motors, springs, friction and link masses: text to `Forces`."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-import typer
-from numpy.typing import NDArray
 
 from mechsim import files, units
 from mechsim.analytic import dynamics
 from mechsim.analytic.forms import Form
-from mechsim.cli.output import print_table
+from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring
@@ -21,7 +19,7 @@ from mechsim.model.motors import Geared, PlainMotor
 from mechsim.units import option
 
 Element = TypeVar("Element")
-# where nothing is said
+# [m/s2] default gravity
 WEIGHT = (0.0, -9.81, 0.0)
 MOTORS = {
     "constant": "constant:TORQUE in N m",
@@ -32,78 +30,77 @@ MOTORS = {
 
 def gravity_of(text: str) -> tuple[float, float, float]:
     """Return the acceleration of gravity, three numbers in [m/s2]."""
-    given = units.parse_vector(text, "1", "--gravity")
-    if len(given) != 3:
-        raise InputError(f"--gravity is {text!r}, {len(given)} numbers; give three in m/s2, with commas")
-    return given[0], given[1], given[2]
+    values = units.parse_vector(text, "1", "--gravity")
+    if len(values) != 3:
+        raise InputError(f"--gravity is {text!r}, {len(values)} numbers; give three in m/s2, with commas")
+    return values[0], values[1], values[2]
 
 
 def motor_of(text: str) -> PlainMotor:
     """Return a motor written as KIND:NUMBERS."""
     kind, _, rest = text.partition(":")
-    parts = rest.split(",") if rest else []
-    wanted = {"constant": 1, "line": 2, "dc": 3}.get(kind)
-    if wanted != len(parts):
+    numbers = rest.split(",") if rest else []
+    if {"constant": 1, "line": 2, "dc": 3}.get(kind) != len(numbers):
         raise InputError(f"--motor is {text!r}; write {', '.join(MOTORS.values())}")
     if kind == "line":
-        stall = units.parse(parts[0], "1", "stall torque of --motor")
-        return motors.TorqueSpeedLine(stall, units.parse_speed(parts[1], "no-load speed of --motor"))
-    values = [units.parse(part, "1", "--motor") for part in parts]
+        stall = units.parse(numbers[0], "1", "stall torque of --motor")
+        return motors.TorqueSpeedLine(stall, units.parse_speed(numbers[1], "no-load speed of --motor"))
+    values = [units.parse(item, "1", "--motor") for item in numbers]
     return motors.ConstantTorque(values[0]) if kind == "constant" else motors.DCMotor(*values)
 
 
 def friction_of(text: str) -> Friction:
-    """Return friction written as JOINT=VISCOUS or JOINT=VISCOUS,COULOMB, in SI; of a sleeve four numbers."""
+    """Return friction written as JOINT=VISCOUS or JOINT=VISCOUS,COULOMB, in SI; cylindrical joints four."""
     joint, values = _named(text, "--friction", (1, 2, 4), "JOINT=VISCOUS,COULOMB", "crank=1e-4,2e-3")
     return Friction(joint, *values)
 
 
 def spring_of(text: str) -> Spring | JointSpring:
     """Return a spring written as A:B=STIFFNESS,REST between places, or JOINT=STIFFNESS,REST in a joint."""
-    form = "A:B=STIFFNESS,REST or JOINT=STIFFNESS,REST"
-    name, values = _named(text, "--spring", (1, 2), form, "P3:ground@0,0.1,0=500,0.05")
+    syntax = "A:B=STIFFNESS,REST or JOINT=STIFFNESS,REST"
+    name, values = _named(text, "--spring", (1, 2), syntax, "P3:ground@0,0.1,0=500,0.05")
     if ":" in name:
-        return Spring(*_places(name, "--spring"), *values)
+        return Spring(*_positions(name, "--spring"), *values)
     return JointSpring(name, *values)
 
 
 def damper_of(text: str) -> Spring | Friction:
     """Return a damper written as A:B=DAMPING between places, or JOINT=DAMPING in a joint."""
-    form = "A:B=DAMPING or JOINT=DAMPING"
-    name, values = _named(text, "--damper", (1,), form, "P3:ground@0,0.1,0=2")
+    syntax = "A:B=DAMPING or JOINT=DAMPING"
+    name, values = _named(text, "--damper", (1,), syntax, "P3:ground@0,0.1,0=2")
     if ":" in name:
-        return Spring(*_places(name, "--damper"), 0.0, 0.0, values[0])
+        return Spring(*_positions(name, "--damper"), 0.0, 0.0, values[0])
     return Friction(name, values[0])
 
 
 def _named(
-    text: str, option: str, counts: tuple[int, ...], form: str, example: str
+    text: str, option: str, counts: tuple[int, ...], syntax: str, example: str
 ) -> tuple[str, tuple[float, ...]]:
     """Return the name and the numbers of an option written as NAME=NUMBERS."""
     name, equals, rest = text.partition("=")
     values = units.parse_vector(rest, "1", option) if equals else ()
     if len(values) not in counts:
-        raise InputError(f"{option} is {text!r}; write {form} in SI, as in {example}")
+        raise InputError(f"{option} is {text!r}; write {syntax} in SI, as in {example}")
     return name.strip(), tuple(values)
 
 
-def _places(text: str, option: str) -> tuple[Location, Location]:
-    """Return two places written as A:B; each a point, or LINK@X,Y,Z in the link's frame."""
+def _positions(text: str, option: str) -> tuple[Location, Location]:
+    """Return two positions written as A:B; each a point, or LINK@X,Y,Z in the link's frame."""
 
-    def place(part: str) -> Location:
-        link, at, rest = part.strip().partition("@")
-        if not at:
+    def position(item: str) -> Location:
+        link, has_coordinates, rest = item.strip().partition("@")
+        if not has_coordinates:
             return link
         x = units.parse_vector(rest, "m", option)
         if len(x) != 3:
-            raise InputError(f"{option} has a place {part!r}; write LINK@X,Y,Z in m")
+            raise InputError(f"{option} has a position {item!r}; write LINK@X,Y,Z in m")
         return link, (x[0], x[1], x[2])
 
     first, _, second = text.partition(":")
-    return place(first), place(second)
+    return position(first), position(second)
 
 
-def loads_of(drive: Form, path: str) -> dict[str, Any]:
+def loads_of(solver: Form, path: str) -> dict[str, Any]:
     """Return loads from a table: angle [rad] or time [s]; P3.fx .. [N], LINK.mx .. [N m], crank [N m]."""
     columns = files.read(path)
     over = "angle" if "angle" in columns else "time"
@@ -111,49 +108,40 @@ def loads_of(drive: Form, path: str) -> dict[str, Any]:
         raise InputError(
             f"{path!r} has no column angle [rad] or time [s] (it has {', '.join(columns)}); add one"
         )
-    at = columns[over]
     points = dict.fromkeys(name.rsplit(".", 1)[0] for name in columns if ".f" in name)
     links = dict.fromkeys(name.rsplit(".", 1)[0] for name in columns if ".m" in name)
-    known = {over, "crank", *(f"{point}.f{axis}" for point in points for axis in "xyz")}
-    known |= {f"{link}.m{axis}" for link in links for axis in "xyz"}
-    if strange := sorted(set(columns) - known):
+    names = {over, "crank", *(f"{point}.f{axis}" for point in points for axis in "xyz")}
+    names |= {f"{link}.m{axis}" for link in links for axis in "xyz"}
+    if unknown := sorted(set(columns) - names):
         raise InputError(
-            f"{path!r} has columns {', '.join(strange)}; loads are POINT.fx, POINT.fy, POINT.fz in N, "
+            f"{path!r} has columns {', '.join(unknown)}; loads are POINT.fx, POINT.fy, POINT.fz in N, "
             "LINK.mx, LINK.my, LINK.mz and crank in N m"
         )
-    repeats = over == "angle" and drive.crank_range().full
-    made: dict[str, Any] = {
-        "loads": tuple(
-            Load(point, table(at, _vectors(columns, f"{point}.f", len(at)), over=over, periodic=repeats))
-            for point in points
-        ),
-        "couples": tuple(
-            Couple(link, table(at, _vectors(columns, f"{link}.m", len(at)), over=over, periodic=repeats))
-            for link in links
-        ),
-    }
-    if "crank" in columns:
-        made["crank_torque"] = table(at, columns["crank"], over=over, periodic=repeats)
     if not (points or links or "crank" in columns):
         raise InputError(f"{path!r} holds no load; add columns POINT.fx, POINT.fy, POINT.fz or crank")
-    return made
+    periodic = over == "angle" and solver.crank_range().full
 
+    def profile(prefix: str) -> Any:
+        zero = np.zeros(len(columns[over]))
+        vectors = np.column_stack([columns.get(prefix + axis, zero) for axis in "xyz"])
+        return table(columns[over], vectors, over=over, periodic=periodic)
 
-def _vectors(columns: Mapping[str, "NDArray[np.float64]"], what: str, rows: int) -> NDArray[np.float64]:
-    return np.column_stack([columns.get(what + axis, np.zeros(rows)) for axis in "xyz"])
-
-
-def _of(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:
-    return (one for one in elements if isinstance(one, kind))
+    loads: dict[str, Any] = {
+        "loads": tuple(Load(point, profile(f"{point}.f")) for point in points),
+        "couples": tuple(Couple(link, profile(f"{link}.m")) for link in links),
+    }
+    if "crank" in columns:
+        loads["crank_torque"] = table(columns[over], columns["crank"], over=over, periodic=periodic)
+    return loads
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MachineOptions:
-    """What the links are made of, and what acts on them."""
+class LoadOptions:
+    """Masses of the links, and loads."""
 
     gravity: tuple[float, float, float] = option(
         WEIGHT,
-        "Three numbers in m/s2, with commas; a file's own if it says so.",
+        "Three numbers in m/s2, with commas. Default: the file's own, else along -y.",
         read=gravity_of,
         text="0,-9.81,0",
     )
@@ -162,17 +150,18 @@ class MachineOptions:
     )
     motor: PlainMotor | None = option(
         None,
-        "constant:N m, line:N m,no-load speed or dc:V,ohm,N m/A; the machine runs free from rest, "
-        "with --free from --speed.",
+        "constant:N m, line:N m,no-load speed or dc:V,ohm,N m/A; the model runs free from rest, with "
+        "--free from --speed.",
         read=motor_of,
+        metavar="KIND:NUMBERS",
     )
-    gear: float | None = option(None, "Turns of the motor per turn of the crank, by a gear between.")
+    gear: float | None = option(None, "Turns of the motor per turn of the crank, by a gear.")
     friction: tuple[Friction, ...] = option(
         (), "Friction in a joint, SI.", read=friction_of, many=True, metavar="JOINT=VISCOUS,COULOMB"
     )
     spring: tuple[Spring | JointSpring, ...] = option(
         (),
-        "A spring between points, or places LINK@X,Y,Z; JOINT=STIFFNESS,REST in a joint. SI.",
+        "A spring between points or positions LINK@X,Y,Z; JOINT=STIFFNESS,REST in a joint. SI.",
         read=spring_of,
         many=True,
         metavar="A:B=STIFFNESS,REST",
@@ -186,53 +175,57 @@ class MachineOptions:
     )
     flywheel: float = option(0.0, "Moment of inertia on the crank, kg m2.")
     density: float = option(7850.0, "Of links, which are round rods, kg/m3.")
-    diameter: float | None = option(None, "Of those rods; 0.05 of the size if left out.", unit="m")
+    diameter: float | None = option(None, "Of those rods. Default: 0.05 of the size.", unit="m")
 
     def __post_init__(self) -> None:
         if self.gear is not None and self.motor is None:
             raise InputError("--gear is the gear of a motor, and none is given; add --motor")
 
-    def forces(self, drive: Form) -> Forces:
-        """Return all that acts on a mechanism: what its file says, and what is given beside it."""
-        loads: dict[str, Any] = {} if self.load is None else loads_of(drive, self.load)
+    def forces(self, solver: Form) -> Forces:
+        """Return all forces on a mechanism: those of its file and those of the options."""
+        loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
         motor = self.motor
         if motor is not None and self.gear is not None:
             motor = Geared(motor, self.gear)
-        elastic = (*self.spring, *self.damper)
-        told = drive.forces
-        file = told or Forces(gravity=self.gravity)
+        elements = (*self.spring, *self.damper)
+        own = solver.forces or Forces(gravity=self.gravity)
         return replace(
-            file,
-            gravity=file.gravity if self.gravity == WEIGHT else self.gravity,
-            friction=(*file.friction, *self.friction, *_of(Friction, elastic)),
-            springs=(*file.springs, *_of(Spring, elastic)),
-            joint_springs=(*file.joint_springs, *_of(JointSpring, elastic)),
-            flywheel=self.flywheel or file.flywheel,
-            motor=motor or file.motor,
+            own,
+            gravity=own.gravity if self.gravity == WEIGHT else self.gravity,
+            friction=(*own.friction, *self.friction, *_of_type(Friction, elements)),
+            springs=(*own.springs, *_of_type(Spring, elements)),
+            joint_springs=(*own.joint_springs, *_of_type(JointSpring, elements)),
+            flywheel=self.flywheel or own.flywheel,
+            motor=motor or own.motor,
             **loads,
         )
 
-    def machine(self, drive: Form) -> dynamics.Machine:
-        """Return a mechanism with links that weigh and all that acts on it."""
-        return dynamics.machine(drive, self.forces(drive), density=self.density, diameter=self.diameter)
+    def dynamic_model(self, solver: Form) -> dynamics.Machine:
+        """Return the dynamic model of a mechanism."""
+        return dynamics.machine(solver, self.forces(solver), density=self.density, diameter=self.diameter)
 
 
-Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List the masses of the links, too.")]
+def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:
+    return (element for element in elements if isinstance(element, kind))
 
 
-def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, of: str = "") -> None:
-    """Print the masses and where they come from.
+def masses_in_json(masses: Sequence[LinkMass]) -> dict[str, Any]:
+    """Return the entry of a JSON object; none where no masses are used."""
+    return {"masses": [mass.as_dict() for mass in masses]} if masses else {}
+
+
+def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, design: str = "") -> None:
+    """Print the masses and where they come from; nothing where there are none.
 
     Args:
-        masses: of the links; nothing is printed where there are none.
+        masses: of the links.
         verbose: whether they are listed; None where a command has no -v.
-        of: what has these masses, where a command computes with several.
+        design: that has these masses.
     """
-    if not masses:
-        return
-    if not verbose:
-        hint = "; -v lists them" if verbose is not None and any(one.source == "rod" for one in masses) else ""
-        typer.echo(summary(masses).replace("masses", f"masses {of}".rstrip(), 1) + hint)
-        return
-    rows = [(one.link, f"{one.mass:.6g}", "kg", one.text) for one in masses]
-    print_table("masses", ("link", "mass", "unit", "source"), rows)
+    if verbose:
+        rows = [(mass.link, mass.mass, "kg", mass.text) for mass in masses]
+        print_table("masses", ("link", "mass", "unit", "source"), rows)
+    elif masses:
+        computed = verbose is not None and any(mass.source == "rod" for mass in masses)
+        text = summary(masses).replace("masses", f"masses {design}".rstrip(), 1)
+        print_text(text + ("; -v lists them" if computed else ""))

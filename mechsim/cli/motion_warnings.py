@@ -1,4 +1,4 @@
-"""Where loops stand so near to a singular pose that few digits of accelerations are left: said in a line."""
+"""Warnings on a motion: few correct digits near a singular pose, a crank that cannot rotate fully."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -7,17 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.forms import Form
-from mechsim.cli.exit_codes import notes, tell
+from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.errors import MobilityError
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import PART_OF_RANGE, CrankProfile, within_range
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.verdict.tolerances import RATES
 
-# of accelerations, which nothing is said of
-ENOUGH = 6
-# nearer to a change point than this, in [rad] of the crank, rates are limits and not the loops' at all
-LIMIT = 1e-3
+# accelerations with this many correct digits need no warning
+ENOUGH_DIGITS = 6
+# [rad] of the crank; nearer to a change point rates are limits, which conditioning does not describe
+NEAR_CHANGE_POINT = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,10 +25,10 @@ class FewDigits:
     """The instant of a motion whose accelerations have the fewest correct digits.
 
     Attributes:
-        digits: about so many, by rounding alone.
-        at: the crank angle in [rad], or the time in [s] of programs.
+        digits: correct ones, by rounding alone.
+        at: crank angle in [rad], or time in [s] under motion laws.
         over: "angle" or "t".
-        conditioning: of the loops there.
+        conditioning: of the loop equations at that instant; 0 at a singular pose.
     """
 
     digits: int
@@ -36,92 +36,94 @@ class FewDigits:
     over: str
     conditioning: float
 
+    def warn(self) -> None:
+        """Print a line on stderr."""
+        instant = f"{self.at:.10g} rad" if self.over == "angle" else f"t = {self.at:.10g} s"
+        print_stderr(
+            f"mechsim: accelerations at {instant} have about {self.digits} correct digits: the loops' "
+            f"conditioning is {self.conditioning:.2g} there; stay further from the singular pose"
+        )
 
-def few_digits(form: Form, motion: Motion) -> FewDigits | None:
-    """Return where accelerations have the fewest digits; None where they have `ENOUGH`, or none is known.
 
-    None is known where the drivers leave something open, as a body that floats beside the mechanism.
+def few_digits(solver: Form, motion: Motion) -> FewDigits | None:
+    """Return where accelerations have the fewest digits; None for `ENOUGH_DIGITS`, or if undetermined.
+
+    Digits are undetermined where the drivers leave a degree of freedom, as of a floating body.
     """
     try:
-        rows = _told(form, motion)
+        rows = _examined_rows(solver, motion)
     except MobilityError:
         return None
     if not len(rows):
         return None
-    some = select_instants(motion, rows)
-    far = some.conditioning if some.conditioning is not None else form.conditioning(some)
-    at = int(np.argmin(far))
-    digits = int(max(-np.log10(RATES.widened(far[at : at + 1], 1)[0]), 0.0))
-    if digits >= ENOUGH:
+    examined = select_instants(motion, rows)
+    conditioning = examined.conditioning
+    conditioning = solver.conditioning(examined) if conditioning is None else conditioning
+    worst = int(np.argmin(conditioning))
+    digits = int(max(-np.log10(RATES.widened(conditioning[worst : worst + 1], 1)[0]), 0.0))
+    if digits >= ENOUGH_DIGITS:
         return None
-    motion_laws = form.motion_laws
-    place = some.angle[at] if motion_laws is None else some.angle[at] / motion_laws.rate
-    return FewDigits(digits, float(place), "angle" if motion_laws is None else "t", float(far[at]))
+    laws, instant = solver.motion_laws, float(examined.angle[worst])
+    if laws is not None:
+        return FewDigits(digits, instant / laws.rate, "t", float(conditioning[worst]))
+    return FewDigits(digits, instant, "angle", float(conditioning[worst]))
 
 
-def worse(one: FewDigits | None, other: FewDigits | None) -> FewDigits | None:
-    """Return the one with fewer digits."""
-    return min((few for few in (one, other) if few), key=lambda few: few.conditioning, default=None)
-
-
-def tell_digits(few: FewDigits | None) -> None:
-    """Say in a line on stderr where few digits of accelerations are left."""
-    if few is not None:
-        where = f"{few.at:.10g} rad" if few.over == "angle" else f"t = {few.at:.10g} s"
-        tell(
-            f"mechsim: accelerations at {where} have about {few.digits} correct digits: the loops' "
-            f"conditioning is {few.conditioning:.2g} there; stay further from the singular pose"
-        )
+def fewest_digits(*candidates: FewDigits | None) -> FewDigits | None:
+    """Return the candidate with the fewest digits."""
+    return min(filter(None, candidates), key=lambda few: few.conditioning, default=None)
 
 
 def digits_in_json(few: FewDigits | None) -> dict[str, Any]:
-    """Return what --json tells of it."""
+    """Return the entry of a JSON object."""
     return {"few_digits": None if few is None else asdict(few)}
 
 
-def _told(form: Form, motion: Motion) -> NDArray[np.intp]:
-    """Return the rows to look at: those away from change points; of a closed form the fastest of each joint.
+def _examined_rows(solver: Form, motion: Motion) -> NDArray[np.intp]:
+    """Return rows away from change points; of a closed form only the fastest of each joint.
 
-    What loses digits is fast, and a decomposition for every row would cost more than the motion.
+    Digits are lost where accelerations are large, and a decomposition for every row would cost more than the
+    motion.
     """
-    off = np.full(len(motion), np.inf)
-    for meeting in form.change_points():
-        gap = motion.angle - meeting
-        off = np.minimum(off, np.abs(gap if form.motion_laws else (gap + np.pi) % REVOLUTION - np.pi))
-    rows = np.flatnonzero((off > LIMIT) & (motion.speed != 0.0))
+    distance = np.full(len(motion), np.inf)
+    for angle in solver.change_points():
+        gap = motion.angle - angle
+        distance = np.minimum(
+            distance, np.abs(gap if solver.motion_laws else (gap + np.pi) % REVOLUTION - np.pi)
+        )
+    rows = np.flatnonzero((distance > NEAR_CHANGE_POINT) & (motion.speed != 0.0))
     if motion.conditioning is None and len(rows):
         fastest = {int(np.argmax(np.abs(joint.acceleration[rows]))) for joint in motion.joints.values()}
         rows = rows[sorted(fastest)]
     return rows
 
 
-def swing_of(form: Form, speed: float) -> CrankProfile | None:
-    """Return the swing of a crank that does not turn fully, as `validate` has it; None of any other.
+def limited_swing(solver: Form, speed: float) -> CrankProfile | None:
+    """Return the default motion of a crank that cannot rotate fully, and note its range; else None.
 
-    A line on stderr states the reachable range.
+    The motion is one swing within the reachable range, as `validate` uses it.
 
     Args:
-        form: what moves.
+        solver: the mechanism.
         speed: largest crank speed of the swing in [rad/s].
 
     Raises:
         AssemblyError: where the loops close at no crank angle.
     """
-    if form.motion_laws is not None:
+    if solver.motion_laws is not None:
         return None
     try:
-        arcs = form.crank_range()
+        arcs = solver.crank_range()
     except MobilityError as error:
         if error.outcome != "underdetermined":
             raise
-        # how far it can turn no pose says, but a run in time does
+        # a pose does not determine the range, but a run in time does
         return None
     if arcs.full or not arcs.arcs:
         return None
-    swing = within_range(form.mechanism, arcs, speed)
     ends = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in np.rad2deg(arcs.arcs))
     notes.append(
-        f"{form.name}: the crank swings, its reachable range is {ends} deg; the motion is one swing over the "
-        f"middle {PART_OF_RANGE:g} of it"
+        f"{solver.name}: the crank swings, its reachable range is {ends} deg; the motion is one swing over "
+        f"the middle {PART_OF_RANGE:g} of it"
     )
-    return swing
+    return within_range(solver.mechanism, arcs, speed)

@@ -1,4 +1,4 @@
-"""What commands print: one JSON object, or tables for people; progress on stderr."""
+"""What commands print: one JSON object, or text and tables that fit the terminal."""
 
 import json
 import os
@@ -13,10 +13,16 @@ import typer
 
 from mechsim.files import plain
 
-# columns where stdout is no terminal and COLUMNS is not set
-DEFAULT_WIDTH = 80
-# narrower terminals are taken for this many columns
-MINIMUM_WIDTH = 40
+# columns where stdout is no terminal and COLUMNS is not set, and the fewest that are used
+DEFAULT_WIDTH, MINIMUM_WIDTH = 80, 40
+# before each column of a table
+GAP = "  "
+# significant digits of a number in text
+DIGITS = 4
+# a value below this fraction of the largest in its column is rounding noise
+NOISE = 1e-12
+
+Value = str | float | bool | None
 
 
 def width() -> int:
@@ -24,18 +30,10 @@ def width() -> int:
     return max(MINIMUM_WIDTH, shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns)
 
 
-def in_colour(text: str, colour: str) -> str:
-    """Return text in bold colour where stdout is a terminal and NO_COLOR is not set."""
-    return typer.style(text, fg=colour, bold=True) if _has_colour() else text
-
-
-def in_bold(text: str) -> str:
-    """Return text in bold where stdout is a terminal and NO_COLOR is not set."""
-    return typer.style(text, bold=True) if _has_colour() else text
-
-
-def _has_colour() -> bool:
-    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+def in_colour(text: str, colour: str | None = None) -> str:
+    """Return text in bold, and in a colour, where stdout is a terminal and NO_COLOR is not set."""
+    coloured = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    return typer.style(text, fg=colour, bold=True) if coloured else text
 
 
 def pass_or_fail(passed: bool) -> str:
@@ -60,8 +58,10 @@ def labelled(label: str, text: str, label_width: int) -> list[str]:
     return wrapped(text, f"  {label:<{label_width}}  ", " " * (label_width + 4))
 
 
-# before each column of a table
-GAP = "  "
+def print_text(text: str) -> None:
+    """Print a text in lines that fit the terminal."""
+    for line in wrapped(text, "", "  "):
+        typer.echo(line)
 
 
 def print_json(value: Any) -> None:
@@ -69,32 +69,59 @@ def print_json(value: Any) -> None:
     typer.echo(json.dumps(plain(value), indent=2, allow_nan=False))
 
 
-def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a title, and rows in columns that fit the terminal; only the title where there are no rows."""
-    for line in wrapped(title, "", "  "):
-        typer.echo(in_bold(line))
-    cells = [[" ".join(cell.split()) for cell in row] for row in rows]
-    if not cells:
+def number(value: float, digits: int = DIGITS) -> str:
+    """Return a number with so many significant digits."""
+    return f"{value + 0.0:.{digits}g}"
+
+
+def without_noise(values: Sequence[float]) -> list[float]:
+    """Return values of which those below `NOISE` of the largest are 0."""
+    scale = max(map(abs, values), default=0.0)
+    return [0.0 if abs(value) < NOISE * scale else value for value in values]
+
+
+def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[Value]]) -> None:
+    """Print a title, and rows in columns that fit the terminal; nothing where there are no rows.
+
+    Args:
+        title: printed in bold in a terminal, as the head is; empty for none.
+        head: of each column.
+        rows: values: text, a number, None for an empty one, True for PASS and False for FAIL.
+    """
+    texts = [[_text(value) for value in row] for row in rows]
+    if not texts:
         return
-    columns = [[name, *(row[i] for row in cells)] for i, name in enumerate(head)]
+    for line in wrapped(title, "", "  "):
+        typer.echo(in_colour(line))
+    columns = [[name, *(row[i] for row in texts)] for i, name in enumerate(head)]
     widths = _column_widths(columns, width() - len(GAP) * len(columns))
-    right = [all(_is_number(cell) for cell in column[1:] if cell) for column in columns]
-    for i in range(len(cells) + 1):
+    right = [all(_is_number(text) for text in column[1:] if text) for column in columns]
+    for i in range(len(texts) + 1):
         lines = [_in_lines(column[i], w) for column, w in zip(columns, widths, strict=True)]
-        for parts in zip_longest(*lines, fillvalue=""):
+        for line_texts in zip_longest(*lines, fillvalue=""):
             aligned = (
-                f"{part:>{w}}" if r else f"{part:<{w}}"
-                for part, w, r in zip(parts, widths, right, strict=True)
+                f"{text:>{w}}" if r else f"{text:<{w}}"
+                for text, w, r in zip(line_texts, widths, right, strict=True)
             )
             line = (GAP + GAP.join(aligned)).rstrip()
-            typer.echo(line if i else in_bold(line))
+            for word, passed in (("PASS", True), ("FAIL", False)):
+                line = line.replace(word, pass_or_fail(passed)) if i else line
+            typer.echo(line if i else in_colour(line))
 
 
-def _column_widths(columns: Sequence[Sequence[str]], room: int) -> list[int]:
-    """Return widths of columns with so much room for all: the widest are narrowed, no word is cut."""
+def _text(value: Value) -> str:
+    if isinstance(value, bool):
+        return "PASS" if value else "FAIL"
+    if isinstance(value, float):
+        return number(value)
+    return "" if value is None else " ".join(str(value).split())
+
+
+def _column_widths(columns: Sequence[Sequence[str]], available: int) -> list[int]:
+    """Return widths of columns that share `available`: the widest are narrowed, no word is cut."""
     widths = [max(map(len, column)) for column in columns]
-    least = [max((len(word) for cell in column for word in cell.split()), default=0) for column in columns]
-    while sum(widths) > room:
+    least = [max((len(word) for text in column for word in text.split()), default=0) for column in columns]
+    while sum(widths) > available:
         wide = [i for i in range(len(widths)) if widths[i] > least[i]]
         if not wide:
             break
@@ -102,8 +129,8 @@ def _column_widths(columns: Sequence[Sequence[str]], room: int) -> list[int]:
     return widths
 
 
-def _in_lines(cell: str, columns: int) -> list[str]:
-    return textwrap.wrap(cell, max(columns, 1), break_long_words=False, break_on_hyphens=False)
+def _in_lines(text: str, columns: int) -> list[str]:
+    return textwrap.wrap(text, max(columns, 1), break_long_words=False, break_on_hyphens=False)
 
 
 def _is_number(text: str) -> bool:

@@ -11,7 +11,6 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.files import Tabled
 from mechsim.numerics.arrays import Array
-from mechsim.units import WrittenUnits
 
 Units = Annotated[
     str | None,
@@ -21,7 +20,6 @@ Units = Annotated[
         "file for those that the file declares. JSON is in SI.",
     ),
 ]
-SI = WrittenUnits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +73,7 @@ class Labelled:
             yield self.output.label(name, unit), values / self.output.converted(unit)[0]
 
 
-def output_units(text: str | None, form: Form) -> OutputUnits | None:
+def output_units(text: str | None, solver: Form) -> OutputUnits | None:
     """Return the units that `--units` asks for; None without it.
 
     Raises:
@@ -83,19 +81,19 @@ def output_units(text: str | None, form: Form) -> OutputUnits | None:
     """
     if text is None:
         return None
-    declared = form.written
+    declared = solver.written
     if text == "file":
         return OutputUnits(declared.length, declared.angle)
-    found = {"m": "m", "rad": "rad"}
-    for part in [] if text.lower() == "si" else text.split(","):
-        kind = next((unit for unit in ("m", "rad") if _measures(part.strip(), unit)), None)
+    units_of = {"m": "m", "rad": "rad"}
+    for item in [] if text.lower() == "si" else text.split(","):
+        kind = next((unit for unit in ("m", "rad") if _measures(item.strip(), unit)), None)
         if kind is None:
             raise InputError(
-                f"--units {text!r} names {part.strip()!r}, which measures no length and no angle; give mm, "
+                f"--units {text!r} names {item.strip()!r}, which measures no length and no angle; give mm, "
                 "deg, both as mm,deg, SI, or file"
             )
-        found[kind] = part.strip()
-    return OutputUnits(found["m"], found["rad"])
+        units_of[kind] = item.strip()
+    return OutputUnits(units_of["m"], units_of["rad"])
 
 
 def _measures(written: str, unit: str) -> bool:

@@ -1,27 +1,15 @@
-"""Command `mechsim plot`: one of the kinds of `report.plot_table` into a file."""
+"""Command `mechsim plot`: one of the kinds of `report.plot_table` in a file."""
 
 from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
-from mechsim.cli.declared_options import spread
-from mechsim.cli.load_options import print_masses
-from mechsim.cli.options import (
-    SPEED,
-    DriveOptions,
-    File,
-    Json,
-    Model,
-    Sets,
-    Speed,
-    form_of,
-    moving,
-    speed_of,
-    writable,
-)
-from mechsim.cli.output import print_json
+from mechsim.cli.command import Result, command
+from mechsim.cli.load_options import masses_in_json, print_masses
+from mechsim.cli.options import SPEED, DriveOptions, File, ModelOptions, Speed, speed_of, writable
 from mechsim.cli.progress import progress
+from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.pictures import plots
@@ -32,59 +20,61 @@ from mechsim.studies.sweep.table import drawn_sweep
 TIMED = ("error", "poses", "motion", "curve", "space", "schematic", "torque", "reactions", "power")
 
 
-@spread
+class PlotJson(Written):
+    """A written plot."""
+
+    kind: str
+
+
+@command
 def plot(
-    model: Model,
+    source: ModelOptions,
     output: File,
-    asked: PlotOptions,
+    options: PlotOptions,
     kind: Annotated[
         str, typer.Option(help=f"One of {', '.join(PLOTS)}; of a sweep map, parallel or pareto.")
     ] = "motion",
     speed: Speed = SPEED,
-    *,
-    driven: DriveOptions,
-    sets: Sets = None,
-    as_json: Json = False,
-) -> None:
+) -> Result[PlotJson]:
     """Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: .svg, .pdf or .png.
 
-    Of what `mechsim sweep` wrote: kind map, parallel or pareto, of the measures that --of names.
+    Of the file of `mechsim sweep`: kind map, parallel or pareto, of the measures that --of names.
 
     Kind precision takes 20 s to measure, kind stability minutes; `mechsim tradeoff` and `mechsim extremes`
-    tell the numbers too.
+    print the numbers too.
+
+    Examples:
+    mechsim plot four_bar --kind curve -o curve.svg
+    mechsim plot sweep.nc --kind map --of range:rocker -o map.png
     """
     plots.format_of(output)
-    place = writable(output)
-    if model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
-        require_taken("of a sweep", ("coordinates",), asked)
-        if sets or speed != SPEED or driven != DriveOptions():
+    path = writable(output)
+    if source.model.lower().endswith((".nc", ".zarr", ".parquet", ".csv")):
+        require_taken("of a sweep", ("coordinates",), options)
+        if source.sets or speed != SPEED or source.as_arguments() != DriveOptions().as_arguments():
             raise InputError(
-                f"{model} is what a sweep wrote; leave out what sets, drives or holds a mechanism"
+                f"{source.model} is the file of a sweep; leave out what changes, drives or locks a mechanism"
             )
-        plots.write(place, drawn_sweep(model, asked.coordinates, None if kind == "motion" else kind))
-        _tell(model, kind, output, as_json)
-        return
+        figure = drawn_sweep(source.model, options.coordinates, None if kind == "motion" else kind)
+        plots.write(path, figure)
+        return _written(source.model, kind, output)
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
-    require_taken(kind, PLOTS[kind].takes, asked)
-    drive = moving(form_of(model, sets, driven))
-    if drive.motion_laws is not None and speed != SPEED:
-        raise InputError(f"--speed is of a crank without a program, and {drive.name} has one; leave it out")
-    if drive.motion_laws is not None and kind not in TIMED:
+    require_taken(kind, PLOTS[kind].takes, options)
+    solver = source.load_moving()
+    if solver.motion_laws is not None and speed != SPEED:
+        raise InputError(f"--speed is of a crank without a motion law; {solver.name} has one: leave it out")
+    if solver.motion_laws is not None and kind not in TIMED:
         raise InputError(
-            f"plot {kind!r} is of a crank without a program; under programs known are {', '.join(TIMED)}"
+            f"plot {kind!r} is of a crank without a motion law; with motion laws known are {', '.join(TIMED)}"
         )
-    with progress("plot", None) as tick:
-        source = PlotSource(solver=drive, speed=speed_of(speed), options=asked, progress=tick)
-        figure = PLOTS[kind].figure(source)
-    plots.write(place, figure)
-    _tell(drive.name, kind, output, as_json, source.masses)
+    with progress("plot", None) as report:
+        plot_source = PlotSource(solver=solver, speed=speed_of(speed), options=options, progress=report)
+        figure = PLOTS[kind].figure(plot_source)
+    plots.write(path, figure)
+    return _written(solver.name, kind, output, plot_source.masses)
 
 
-def _tell(name: str, kind: str, output: str, as_json: bool, masses: Sequence[LinkMass] = ()) -> None:
-    if as_json:
-        used = {"masses": [one.as_dict() for one in masses]} if masses else {}
-        print_json({"mechanism": name, "kind": kind, "output": output} | used)
-    else:
-        typer.echo(f"wrote {output}")
-        print_masses(masses)
+def _written(name: str, kind: str, output: str, masses: Sequence[LinkMass] = ()) -> Result[PlotJson]:
+    data: PlotJson = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
+    return Result(data, lambda: print_masses(masses), files=[output])

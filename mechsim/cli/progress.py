@@ -3,11 +3,11 @@
 import sys
 import time
 from collections import deque
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Protocol
 
-from mechsim.cli.exit_codes import tell
+from mechsim.cli.exit_codes import print_stderr
 
 # a shorter rest, in [s], is not reported
 SHORT = 5.0
@@ -31,7 +31,7 @@ class TimeLeft:
         """Return the rest in [s] after a report of the finished fraction, 0 to 1; None while unknown."""
         reports = self._reports
         if reports and fraction < reports[-1][1]:
-            # begun again
+            # the work started again
             reports.clear()
         if not reports:
             self._began = now
@@ -42,106 +42,101 @@ class TimeLeft:
         oldest = now - WINDOW * (now - began)
         while len(reports) > 2 and reports[1][0] <= oldest:
             reports.popleft()
-        (start, before), done = reports[0], fraction
-        if not (done > before and now > start):
+        (start, before) = reports[0]
+        if not (fraction > before and now > start):
             return None
-        return (1.0 - done) * (now - start) / (done - before)
+        return (1.0 - fraction) * (now - start) / (fraction - before)
 
 
 def in_words(rest: float | None) -> str:
     """Return a rest in [s] in words; empty where it is short or unknown."""
     if rest is None or rest < SHORT:
         return ""
-    for unit, one in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if rest >= 2.0 * one:
-            return f"about {rest / one:.0f} {unit} left"
+    for unit, seconds in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if rest >= 2.0 * seconds:
+            return f"about {rest / seconds:.0f} {unit} left"
     return f"about {rest:.0f} s left"
 
 
-# before the first line of progress where there is no terminal, and between two
-FIRST, SECONDS = 3.0, 10.0
+# [s] before the first line where there is no terminal, and between two lines
+FIRST, INTERVAL = 3.0, 10.0
+
+Show = Callable[[int, str, float | None, float | None], None]
 
 
-class Tick(Protocol):
-    """Called after each piece of work, with what was done and what part of the whole that makes."""
+class Progress(Protocol):
+    """Called after each piece of work."""
 
-    def __call__(self, done: str = "", part: float | None = None, /) -> None:
-        """Advance to a part of the whole, 0 to 1; by one of the total where none is told."""
+    def __call__(self, message: str = "", fraction: float | None = None, /) -> None:
+        """Report what was done, and the finished fraction, 0 to 1; without it one piece of the total."""
         ...
 
 
-def _nothing(done: str = "", part: float | None = None) -> None:
-    pass
+@contextmanager
+def progress(task: str, total: int | None, *, at_least: bool = False) -> Generator[Progress]:
+    """Show on stderr how far long work is: a bar, or a line now and then where there is no terminal.
 
+    Args:
+        task: what is done.
+        total: number of pieces; None where it is unknown.
+        at_least: whether reported fractions are lower bounds, so that the time left is an upper bound.
+    """
+    count, by_pieces, by_fraction = 0, TimeLeft(time.monotonic()), TimeLeft()
+    with (_bar if sys.stderr.isatty() else _lines)(task, total, at_least) as show:
 
-def _lines(what: str, total: int | None, limit: str) -> Tick:
-    """Return a tick that prints a line when the last one is long past."""
-    count, begun = 0, time.monotonic()
-    due, quiet = begun + FIRST, True
-    counted, told = TimeLeft(begun), TimeLeft()
+        def report(message: str = "", fraction: float | None = None) -> None:
+            nonlocal count
+            count += 1
+            now, rest = time.monotonic(), None
+            if fraction is not None:
+                rest = by_fraction.update(fraction, now)
+            elif total:
+                rest = by_pieces.update(count / total, now)
+            show(count, message, fraction, rest)
 
-    def tick(done: str = "", part: float | None = None) -> None:
-        nonlocal count, due, quiet
-        count += 1
-        now = time.monotonic()
-        far = [f"{count} of {total}"] if part is None and total else []
-        if part is not None:
-            rest = in_words(told.update(part, now))
-        else:
-            rest = in_words(counted.update(count / total, now)) if total else ""
-        if now < due:
-            return
-        rest = f"{rest}{limit}" if rest else ""
-        # what is over in a moment needs no line
-        if rest or not quiet or now > begun + SECONDS:
-            tell(f"{what}: {', '.join(filter(None, [*far, done, rest]))}")
-            due, quiet = now + SECONDS, False
-
-    return tick
+        yield report
 
 
 @contextmanager
-def progress(what: str, total: int | None, *, quiet: bool = False, at_least: bool = False) -> Generator[Tick]:
-    """Show on stderr how far long work has come: a bar, or a line now and then where there is no terminal.
+def _lines(task: str, total: int | None, at_least: bool) -> Generator[Show]:
+    """Yield a function that prints a line when the last one is `INTERVAL` old."""
+    start = time.monotonic()
+    due, silent = start + FIRST, True
 
-    `at_least`: the parts told are the least that may be done, so that what is left is so much at the most.
-    """
-    if quiet:
-        yield _nothing
-        return
-    if not sys.stderr.isatty():
-        yield _lines(what, total, " at the most" if at_least else "")
-        return
+    def show(count: int, message: str, fraction: float | None, rest: float | None) -> None:
+        nonlocal due, silent
+        now, remaining = time.monotonic(), in_words(rest)
+        # work that ends in a moment needs no line
+        if now < due or (silent and not remaining and now <= start + INTERVAL):
+            return
+        pieces = f"{count} of {total}" if fraction is None and total else ""
+        limit = " at the most" if remaining and at_least else ""
+        print_stderr(f"{task}: {', '.join(filter(None, [pieces, message, remaining + limit]))}")
+        due, silent = now + INTERVAL, False
+
+    yield show
+
+
+@contextmanager
+def _bar(task: str, total: int | None, at_least: bool) -> Generator[Show]:
+    """Yield a function that moves a bar in the terminal."""
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
 
-    far = () if total is None else (MofNCompleteColumn(),)
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
-        *far,
+        *(() if total is None else (MofNCompleteColumn(),)),
         TimeElapsedColumn(),
         TextColumn("{task.fields[rest]}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total, rest="")
-        count, counted, told = 0, TimeLeft(time.monotonic()), TimeLeft()
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        row = bar.add_task(task, total=total, rest="")
 
-        def tick(done: str = "", part: float | None = None) -> None:
-            nonlocal count
-            count += 1
-            now = time.monotonic()
-            if part is None:
-                rest = counted.update(count / total, now) if total else None
-                bar.update(task, advance=1, description=done or what, rest=in_words(rest))
-            else:
-                rest = None if at_least else told.update(part, now)
-                bar.update(task, total=1.0, completed=part, description=done or what, rest=in_words(rest))
+        def show(count: int, message: str, fraction: float | None, rest: float | None) -> None:
+            remaining = "" if at_least else in_words(rest)
+            whole, finished = (total, count) if fraction is None else (1.0, fraction)
+            bar.update(row, total=whole, completed=finished, description=message or task, rest=remaining)
 
-        yield tick
+        yield show

@@ -1,19 +1,19 @@
-"""Command `mechsim sensitivity`: exact derivatives by dimensions, and what tolerances make of a motion."""
+"""Command `mechsim sensitivity`: exact derivatives by dimensions, and tolerances propagated to a motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, NotRequired, TypedDict
 
 import numpy as np
-import typer
 
 from mechsim import files, units
-from mechsim.cli.declared_options import spread
-from mechsim.cli.load_options import MachineOptions, print_masses
-from mechsim.cli.options import SPEED, DriveOptions, Json, Model, Output, Sets, family_of, speed_of, writable
-from mechsim.cli.output import print_json, print_table
+from mechsim.cli.command import Result, command
+from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
+from mechsim.cli.options import SPEED, ModelOptions, Output, speed_of, writable
+from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.cli.unit_warnings import asked_angles
+from mechsim.cli.schema import WithMasses
+from mechsim.cli.unit_warnings import warn_about_angles
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.studies.sensitivity import (
@@ -33,24 +33,27 @@ from mechsim.studies.sensitivity.tolerances import CLEARANCE, DISTRIBUTIONS
 from mechsim.units import option
 
 MOST_SAMPLES = 10_000_000
+# contributions to a tolerance that are printed
+MOST_SHARES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensitivityOptions:
-    """What is asked of a mechanism's quantities."""
+    """Quantities, dimensions and tolerances."""
 
-    of: tuple[str, ...] = option(
+    quantities: tuple[str, ...] = option(
         (),
         "Quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3.",
         read=units.parse_names,
+        name="--of",
         metavar="Q,...",
     )
     to: tuple[str, ...] = option(
         ("all",),
-        "Dimensions: parameters, parts of places as pivot.x; of a file without parameters JOINT.at.x.",
+        "Dimensions: parameters, components as pivot.x; of a file without parameters JOINT.at.x.",
         read=units.parse_names,
         text="all",
-        metavar="p,...",
+        metavar="P,...",
     )
     angles: str | None = option(
         None, "Crank angles start:stop:step, both ends included; a bare number is rad. [default: 0:360:5deg]"
@@ -58,19 +61,21 @@ class SensitivityOptions:
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     tolerances: str | None = option(
         None,
-        "What dimensions may be off by: crank=±0.02mm,...; P3.clearance=0.01mm is a joint's; or a table "
+        "Tolerances of dimensions: crank=±0.02mm,...; P3.clearance=0.01mm is a joint's; or a table "
         "dimension,tolerance.",
-        metavar="FILE.csv|NAME=BOUND,...",
+        metavar="FILE.csv|P=BOUND,...",
     )
-    distribution: str = option("uniform", f"How dimensions lie in their bounds: {', '.join(DISTRIBUTIONS)}.")
-    samples: int = option(SAMPLES, "Mechanisms of Monte Carlo; 0 leaves it out.")
+    distribution: str = option(
+        "uniform", f"Distribution of dimensions within their bounds: {', '.join(DISTRIBUTIONS)}."
+    )
+    samples: int = option(SAMPLES, "Mechanisms of Monte Carlo; 0 omits it.")
     seed: int = option(SEED, "Of the random numbers.")
     plot: str | None = option(None, "Draw derivatives, or the bands: .svg, .pdf or .png.", metavar="FILE")
 
     def check(self) -> None:
-        """Refuse what cannot be, before any work is done."""
-        if not self.of:
-            raise InputError("no quantity is asked for; give --of, as in --of P3,rocker,torque")
+        """Raise InputError for invalid options, before any computation."""
+        if not self.quantities:
+            raise InputError("no quantity is named; give --of, as in --of P3,rocker,torque")
         if not 0 <= self.samples <= MOST_SAMPLES or self.seed < 0:
             raise InputError(
                 f"--samples is {self.samples} and --seed {self.seed}; "
@@ -80,65 +85,100 @@ class SensitivityOptions:
             raise InputError("--distribution is of tolerances, and none are given; add --tolerances")
 
 
-@spread
+class DimensionJson(TypedDict):
+    """A dimension by which quantities are differentiated."""
+
+    value: float
+    unit: str
+
+
+class TolerancesJson(TypedDict):
+    """Tolerances propagated to quantities and paths."""
+
+    bounds: dict[str, float]
+    distribution: str
+    quantities: dict[str, Any]
+    paths: dict[str, Any]
+    monte_carlo: dict[str, Any] | None
+
+
+class SensitivityJson(WithMasses):
+    """Columns: over, quantity, quantity/dimension."""
+
+    mechanism: str
+    rows: int
+    over: Literal["angle", "t"]
+    dimensions: dict[str, DimensionJson]
+    units: dict[str, str]
+    columns: dict[str, list[float]]
+    left_out: dict[str, Any]
+    output: str | None
+    plot: str | None
+    tolerances: NotRequired[TolerancesJson]
+
+
+@command
 def sensitivity(
-    model: Model,
-    asked: SensitivityOptions,
-    acting: MachineOptions,
-    driven: DriveOptions,
-    sets: Sets = None,
-    output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Derive quantities by dimensions, exactly; say what tolerances make of them, and who is to blame.
+    source: ModelOptions, options: SensitivityOptions, loads: LoadOptions, output: Output = None
+) -> Result[SensitivityJson]:
+    """Differentiate quantities by dimensions, exactly; propagate tolerances and rank their contributions.
 
     The table has the columns angle and P3.x/crank ..., derivatives at the same position of the drivers in SI;
     with --tolerances P3.x, P3.x.worst, P3.x.rss ... as well.
+
+    Examples:
+    mechsim sensitivity four_bar --of B,rocker --to crank,coupler
+    mechsim sensitivity slider_crank --of B.x --tolerances crank=0.02mm,rod=0.05mm
     """
-    asked.check()
-    place = None if output is None else writable(output, ".csv", ".npz")
-    picture = None if asked.plot is None else writable(asked.plot, ".svg", ".pdf", ".png")
-    family = family_of(model, sets, driven)
-    form = family.make({})
-    if form.motion_laws is not None and (asked.angles or asked.speed):
-        what = "--angles" if asked.angles else "--speed"
-        raise InputError(f"{what} is of a crank without a program; leave it out with --drive")
-    angles = (
-        instants_of(form) if asked.angles is None else units.parse_angles(asked.angles, "the crank angles")
-    )
-    if asked.angles is not None:
-        asked_angles("--angles", asked.angles, form)
-    loading = Loading(acting.forces, acting.density, acting.diameter)
-    moved = MovedFamily(family, angles, speed_of(asked.speed or SPEED), loading)
-    given = None
-    if asked.tolerances is not None:
-        written = written_tolerances(asked.tolerances)
-        given = tolerances_of(written, family.dimensions, form.mechanism, asked.distribution)
-    with progress("sensitivity", None, quiet=as_json) as tick:
-        to = list(given.bounds) if given is not None and asked.to == ("all",) else asked.to
-        table = derivative_table(moved, asked.of, to)
+    options.check()
+    path = None if output is None else writable(output, ".csv", ".npz")
+    plot_path = None if options.plot is None else writable(options.plot, ".svg", ".pdf", ".png")
+    parametric = source.load_parametric()
+    solver = parametric.make({})
+    if solver.motion_laws is not None and (options.angles or options.speed):
+        name = "--angles" if options.angles else "--speed"
+        raise InputError(f"{name} is of a crank without a motion law; leave it out with --drive")
+    if options.angles is None:
+        instants = instants_of(solver)
+    else:
+        instants = units.parse_angles(options.angles, "the crank angles")
+        warn_about_angles("--angles", options.angles, solver)
+    loading = Loading(loads.forces, loads.density, loads.diameter)
+    moved = MovedFamily(parametric, instants, speed_of(options.speed or SPEED), loading)
+    tolerances = None
+    if options.tolerances is not None:
+        bounds = written_tolerances(options.tolerances)
+        tolerances = tolerances_of(bounds, parametric.dimensions, solver.mechanism, options.distribution)
+    with progress("sensitivity", None) as report:
+        to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
+        table = derivative_table(moved, options.quantities, to)
         study = None
-        if given is not None:
-            study = tolerance_study(table, given, samples=asked.samples, seed=asked.seed, progress=tick)
-    if place is not None:
-        files.write(place, table if study is None else _Both(table, study))
-    if picture is not None:
-        plots.write(picture, _drawn(table, study))
-    masses = loading.machine(form).masses if table.moved.loaded(table.values) else ()
-    if as_json:
-        used = {"masses": [one.as_dict() for one in masses]} if masses else {}
-        print_json(_told(table, study) | {"output": output, "plot": asked.plot} | used)
-        return
-    _print(table, study)
-    print_masses(masses)
-    for name in (output, asked.plot):
-        if name is not None:
-            typer.echo(f"wrote {name}")
+        if tolerances is not None:
+            study = tolerance_study(
+                table, tolerances, samples=options.samples, seed=options.seed, progress=report
+            )
+    if path is not None:
+        files.write(path, table if study is None else _Both(table, study))
+    if plot_path is not None:
+        plots.write(plot_path, _drawn(table, study))
+    masses = loading.machine(solver).masses if table.moved.loaded(table.values) else ()
+
+    def text() -> None:
+        if study is None:
+            _print_derivatives(table)
+        else:
+            _print_tolerances(study)
+        for name, reason in table.left_out.items():
+            print_text(f"left out {name}: {reason}")
+        print_masses(masses)
+
+    data: Any = {**_as_dict(table, study), "output": output, "plot": options.plot, **masses_in_json(masses)}
+    return Result(data, text, files=[output, options.plot])
 
 
 @dataclass(frozen=True, slots=True)
 class _Both:
-    """Derivatives, and what tolerances make, in one table."""
+    """Derivatives and tolerances in one table."""
 
     table: Sensitivity
     study: ToleranceStudy
@@ -148,15 +188,16 @@ class _Both:
         return iter((dict(self.table.columns()) | dict(self.study.columns())).items())
 
 
-def _told(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]:
+def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]:
     """Return a table and a study as plain data."""
-    over, at = table.moved.over
-    told: dict[str, Any] = {
+    over, _ = table.moved.over
+    data: dict[str, Any] = {
         "mechanism": table.name,
         "rows": len(table),
         "over": over,
         "dimensions": {
-            name: {"value": one.value, "unit": one.unit} for name, one in table.dimensions.items()
+            name: {"value": dimension.value, "unit": dimension.unit}
+            for name, dimension in table.dimensions.items()
         },
         "units": {
             f"{quantity}/{name}": table.unit(quantity, name) for quantity in table.values for name in table.by
@@ -165,108 +206,110 @@ def _told(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]:
         "left_out": table.left_out,
     }
     if study is None:
-        return told
+        return data
+    names = ("samples", "solved", "failed", "order", "miss", "seed")
     sampled = study.sampled
-    random = None
-    if sampled is not None:
-        names = ("samples", "solved", "failed", "order", "miss", "seed")
-        random = {name: getattr(sampled, name) for name in names}
-    clearances = {joint + CLEARANCE: one for joint, one in study.tolerances.clearances.items()}
-    told["tolerances"] = {
+    clearances = {joint + CLEARANCE: value for joint, value in study.tolerances.clearances.items()}
+    data["tolerances"] = {
         "bounds": {**study.tolerances.bounds, **clearances},
         "distribution": study.tolerances.distribution,
-        "monte_carlo": random,
-        "quantities": {one: _off(study, one, at) for one in table.values},
+        "monte_carlo": None if sampled is None else {name: getattr(sampled, name) for name in names},
+        "quantities": {quantity: _deviations(study, quantity) for quantity in table.values},
         "paths": {
             path.point: {"worst": float(path.worst.max()), "rss": float(path.squares.max())}
             for path in path_bands(table, study)
         },
     }
-    return told
+    return data
 
 
-def _off(study: ToleranceStudy, quantity: str, at: Any) -> dict[str, Any]:
-    """Return the largest that a quantity is off by over the motion, where, and the shares."""
-    worst = study.worst(quantity)
-    told: dict[str, Any] = {
+def _deviations(study: ToleranceStudy, quantity: str) -> dict[str, Any]:
+    """Return the largest deviation of a quantity over the motion, where it is, and the contributions."""
+    worst, (_, instants) = study.worst(quantity), study.table.moved.over
+    data: dict[str, Any] = {
         "unit": study.table.units[quantity],
         "worst": float(worst.max()),
-        "at": float(at[int(np.argmax(worst))]),
+        "at": float(instants[int(np.argmax(worst))]),
         "rss": float(study.squares(quantity).max()),
         "deviation": float(study.deviation(quantity).max()),
         "shares": study.shares(quantity),
     }
     random = study.random(quantity)
     if random:
-        told |= {"std": float(random["std"].max()), "mean": float(np.abs(random["mean"]).max())}
-        told |= {"low": float(random["low"].min()), "high": float(random["high"].max())}
-    return told
+        data |= {"std": float(random["std"].max()), "mean": float(np.abs(random["mean"]).max())}
+        data |= {"low": float(random["low"].min()), "high": float(random["high"].max())}
+    return data
 
 
-def _print(table: Sensitivity, study: ToleranceStudy | None) -> None:
-    over, at = table.moved.over
-    where = "at [rad]" if over == "angle" else "at [s]"
-    if study is None:
-        rows = [
-            (quantity, name, f"{values[i]:.6g}", table.unit(quantity, name), f"{at[i]:.4f}")
-            for quantity in table.values
-            for name, values in table.of(quantity).items()
-            for i in (int(np.argmax(np.abs(values))),)
-        ]
-        print_table(f"{table.name}: derivatives", ("of", "to", "largest", "unit", where), rows)
-    else:
-        _print_study(study, where, at)
-    for name, why in table.left_out.items():
-        typer.echo(f"left out {name}: {why}")
+def _instant_head(table: Sensitivity) -> str:
+    return "at [rad]" if table.moved.over[0] == "angle" else "at [s]"
 
 
-def _print_study(study: ToleranceStudy, where: str, at: Any) -> None:
-    rows: list[tuple[str, ...]] = []
+def _print_derivatives(table: Sensitivity) -> None:
+    _, instants = table.moved.over
+    rows = [
+        (quantity, name, float(values[i]), table.unit(quantity, name), float(instants[i]))
+        for quantity in table.values
+        for name, values in table.of(quantity).items()
+        for i in (int(np.argmax(np.abs(values))),)
+    ]
+    print_table(f"{table.name}: derivatives", ("of", "by", "largest", "unit", _instant_head(table)), rows)
+
+
+def _print_tolerances(study: ToleranceStudy) -> None:
+    """Print the deviation of each quantity and path, and what it comes from."""
+    rows: list[tuple[Value, ...]] = []
     for quantity in study.table.values:
-        one = _off(study, quantity, at)
-        blame = sorted(one["shares"].items(), key=lambda pair: -pair[1])[:3]
-        shares = ", ".join(f"{name} {100.0 * part:.0f} %" for name, part in blame if part > 0.0)
-        random = f"{one['std']:.4g}" if "std" in one else ""
-        numbers = (f"{one['worst']:.4g}", f"{one['rss']:.4g}", f"{one['deviation']:.4g}", random)
-        rows.append((quantity, *numbers, one["unit"], f"{one['at']:.4f}", shares))
-    head = ("of", "worst case", "root of squares", "std, linear", "std, random", "unit", where, "shares")
-    print_table(f"{study.table.name}: at most off by", head, rows)
-    for path in path_bands(study.table, study):
-        typer.echo(
-            f"path of {path.point}: at most {path.worst.max():.4g} m aside, "
-            f"{path.squares.max():.4g} m by root of squares"
-        )
-    found = study.sampled
-    if found is None:
-        return
-    how = {1: "to first order", 2: "to second order", 0: "each solved"}[found.order]
-    checked = f"; {found.solved} of them solved, which differ by {found.miss:.2g} standard deviations at most"
-    lost = f"; {found.failed} could not be put together" if found.failed else ""
-    typer.echo(
-        f"{found.samples} random mechanisms {how}{checked if found.order else lost} (seed {found.seed})"
+        largest = _deviations(study, quantity)
+        shares = sorted(largest["shares"].items(), key=lambda pair: -pair[1])[:MOST_SHARES]
+        contributions = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share > 0.0)
+        numbers = (largest["worst"], largest["rss"], largest["deviation"], largest.get("std"))
+        rows.append((quantity, *numbers, largest["unit"], largest["at"], contributions))
+    head = (
+        "of",
+        "worst",
+        "rss",
+        "std linear",
+        "std random",
+        "unit",
+        _instant_head(study.table),
+        "contributions",
     )
+    print_table(f"{study.table.name}: largest deviations", head, rows)
+    for path in path_bands(study.table, study):
+        print_text(
+            f"path of {path.point}: deviates by at most {number(float(path.worst.max()))} m, "
+            f"{number(float(path.squares.max()))} m by root of squares"
+        )
+    sampled = study.sampled
+    if sampled is None:
+        return
+    how = {1: "to first order", 2: "to second order", 0: "each solved"}[sampled.order]
+    note = f"; {sampled.failed} could not be assembled" if sampled.failed else ""
+    if sampled.order:
+        note = f"; {sampled.solved} of them solved: {sampled.miss:.2g} standard deviations off at most"
+    print_text(f"{sampled.samples} random mechanisms {how}{note} (seed {sampled.seed})")
 
 
 def _drawn(table: Sensitivity, study: ToleranceStudy | None) -> Any:
-    over, at = table.moved.over
+    over, instants = table.moved.over
     if study is None:
         curves: Mapping[str, Any] = {quantity: table.of(quantity) for quantity in table.values}
-        return plots.sensitivity_plot(
-            over, at, curves, table.units, {name: one.unit for name, one in table.dimensions.items()}
-        )
+        dimension_units = {name: dimension.unit for name, dimension in table.dimensions.items()}
+        return plots.sensitivity_plot(over, instants, curves, table.units, dimension_units)
     bands = {
-        one: plots.Band(
-            table.units[one],
-            study.worst(one),
-            study.squares(one),
-            study.random(one).get("low"),
-            study.random(one).get("high"),
-            study.shares(one),
+        quantity: plots.Band(
+            table.units[quantity],
+            study.worst(quantity),
+            study.squares(quantity),
+            study.random(quantity).get("low"),
+            study.random(quantity).get("high"),
+            study.shares(quantity),
         )
-        for one in table.values
+        for quantity in table.values
     }
     paths = [
         plots.PathBand(path.point, path.positions, path.worst, path.squares)
         for path in path_bands(table, study)
     ]
-    return plots.tolerance_plot(plots.ToleranceSheet(over, at, bands, paths))
+    return plots.tolerance_plot(plots.ToleranceSheet(over, instants, bands, paths))

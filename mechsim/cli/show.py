@@ -1,160 +1,258 @@
-"""Command `mechsim show`: all that is known of a mechanism without a run."""
+"""Commands `mechsim list` and `mechsim show`: the mechanisms, and what is known of one without a run."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
 
 from mechsim.analytic import catalog
-from mechsim.cli.declared_options import spread
-from mechsim.cli.options import DriveOptions, Json, Model, Sets, form_of
-from mechsim.cli.output import print_json, print_table
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import ModelOptions
+from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.output_units import SI_UNITS, OutputUnits, Units, output_units
-from mechsim.cli.unit_warnings import asked_angle
-from mechsim.cli.verdict_text import found_in, in_json, print_findings
-from mechsim.report.facts import OWN, facts
+from mechsim.cli.unit_warnings import warn_about_angle
+from mechsim.cli.verdict_text import findings_in_json, print_findings, scene_findings
+from mechsim.model.finding import Finding
+from mechsim.report.facts import facts
 from mechsim.subjects import gallery
 from mechsim.units import parse_angle
 
-# part of the largest coordinate of a place below which one is rounding, and is printed as 0
-ROUNDING = 1e-13
+# significant digits of parameters and coupling coefficients, which are inputs
+INPUT_DIGITS = 6
 
 
-@spread
+class ListJson(TypedDict):
+    """Name -> what it is."""
+
+    mechanisms: dict[str, str]
+    gallery: dict[str, str]
+
+
+class ParameterJson(TypedDict):
+    """A parameter of a mechanism."""
+
+    value: Any
+    unit: str
+    doc: str
+
+
+class JointJson(TypedDict):
+    """A joint and the two links it connects."""
+
+    name: str
+    kind: str
+    links: list[str]
+
+
+class CouplingLawJson(TypedDict):
+    """A polynomial of the driver's side; sides are coordinate -> weight."""
+
+    name: str
+    driven: dict[str, float]
+    driver: dict[str, float]
+    coefficients: list[float]
+
+
+class MobilityJson(TypedDict):
+    """Degrees of freedom, and which the drivers leave open or drive twice."""
+
+    dofs: int
+    drivers: list[str]
+    open: list[str]
+    redundant_drivers: list[str]
+    redundant: int
+
+
+class Transmission(TypedDict):
+    """The least transmission angle over the crank's range."""
+
+    least: float
+    at_angle: float
+
+
+class Assembly(TypedDict):
+    """An assembly: its sign, and point -> coordinates."""
+
+    branch: NotRequired[int]
+    points: dict[str, list[float]]
+
+
+AssurGroup = TypedDict("AssurGroup", {"class": int, "order": int, "links": list[str]})
+
+
+class ShowJson(TypedDict):
+    """What `show` prints; entries of the crank are there if a crank alone determines the motion."""
+
+    name: str
+    about: str
+    parameters: dict[str, ParameterJson]
+    points: list[str]
+    links: list[str]
+    joints: list[JointJson]
+    couplings: list[CouplingLawJson]
+    locked: dict[str, float]
+    mobility: int | MobilityJson
+    mobility_explained: list[str]
+    outcome: NotRequired[Literal["determined", "underdetermined", "overdetermined"]]
+    motion_laws: NotRequired[dict[str, str]]
+    duration: NotRequired[float | None]
+    crank_range: NotRequired[Any]
+    crank_ranges: NotRequired[list[list[float]]]
+    dead_centres: NotRequired[list[float]]
+    change_points: NotRequired[list[float]]
+    turns_to_come_round: NotRequired[int]
+    transmission_angle: NotRequired[Transmission | None]
+    angle: NotRequired[float]
+    assemblies: NotRequired[list[Assembly]]
+    assur_groups: NotRequired[list[AssurGroup]]
+    assur_explained: NotRequired[list[str]]
+    findings: NotRequired[list[Finding]]
+
+
+@command
+def list_mechanisms() -> Result[ListJson]:
+    """List the mechanisms of the catalogue and of the gallery.
+
+    Examples:
+    mechsim list
+    mechsim list --json
+    """
+    catalogue = {name: (cls.__doc__ or "").splitlines()[0] for name, cls in catalog.DRIVES.items()}
+    files = {name: gallery.description(path) for name, path in gallery.files().items()}
+
+    def text() -> None:
+        print_table("Catalogue", ("name", "what it is"), catalogue.items())
+        print_table(f"Gallery, in {gallery.folder()}", ("name", "what it is"), files.items())
+
+    return Result({"mechanisms": catalogue, "gallery": files}, text)
+
+
+@command
 def show(
-    model: Model,
-    driven: DriveOptions,
-    sets: Sets = None,
+    source: ModelOptions,
     angle: Annotated[
         str | None, typer.Option(help="List the assemblies at this crank angle; a bare number is rad.")
     ] = None,
     driver: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Take a planar chain apart for this driving link.")
+        str | None, typer.Option(metavar="LINK", help="Driving link of the Assur groups of a planar chain.")
     ] = None,
     units: Units = None,
-    as_json: Json = False,
-) -> None:
-    """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups."""
-    drive = form_of(model, sets, driven, still=True)
-    shown = output_units(units, drive) or SI_UNITS
-    at = None if angle is None else parse_angle(angle, "the crank angle")
-    asked_angle("--angle", angle or "", drive)
-    found = facts(drive, at, driver)
-    scene = found_in(drive)
-    if as_json:
-        print_json(found | in_json(scene))
-    else:
-        _print_facts(found, shown)
-        print_findings(scene)
+) -> Result[ShowJson]:
+    """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.
+
+    Examples:
+    mechsim show rssr --angle 30deg
+    mechsim show gripper.xml --units mm,deg
+    """
+    solver = source.load(still=True)
+    shown = output_units(units, solver) or SI_UNITS
+    radians = None if angle is None else parse_angle(angle, "the crank angle")
+    warn_about_angle("--angle", angle or "", solver)
+    data = facts(solver, radians, driver)
+    findings = scene_findings(solver)
+
+    def text() -> None:
+        print_text(f"{data['name']}: {data['about']}")
+        print_findings(findings)
+        _print_structure(data)
+        if "crank_range" in data:
+            _print_crank(data)
+            _print_assemblies(data, shown)
+        elif data["duration"] is not None:
+            typer.echo(f"duration of the motion laws: {number(data['duration'])} s")
+
+    return Result(data | findings_in_json(findings), text)  # pyright: ignore[reportArgumentType]
 
 
-def _print_facts(found: dict[str, Any], shown: OutputUnits) -> None:
-    rows = [(n, _number(p["value"]), p["unit"], p["doc"]) for n, p in found["parameters"].items()]
-    print_table(f"{found['name']}: {found['about']}", ("parameter", "value", "unit", "meaning"), rows)
-    joints = [(j["name"], j["kind"], f"{j['links'][0]} - {j['links'][1]}") for j in found["joints"]]
+def _print_structure(data: dict[str, Any]) -> None:
+    parameters = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
+    print_table("Parameters", ("name", "value", "unit", "meaning"), parameters)
+    joints = [(joint["name"], joint["kind"], " - ".join(joint["links"])) for joint in data["joints"]]
     print_table("Joints", ("joint", "kind", "links"), joints)
-    if found["couplings"]:
-        rows = [(one["name"], _sum(one["driven"]), _polynomial(one)) for one in found["couplings"]]
-        print_table("Couplings", ("coupling", "driven", "as a function"), rows)
-    lines = [(line,) for line in found["mobility_explained"]]
-    counted = found["mobility"]
-    freedoms = counted["freedoms"] if isinstance(counted, dict) else counted
-    print_table(f"Mobility W = {freedoms}", ("why",), lines)
-    for name, program in found.get("programs", {}).items():
-        typer.echo(f"program of {name}: {program}")
-    if "crank_range" in found:
-        _print_crank(found)
-        _print_assemblies(found, shown)
-    elif found["duration"] is not None:
-        typer.echo(f"the programs run for {found['duration']:.6g} s")
+    couplings = [(law["name"], _sum(law["driven"]), _polynomial(law)) for law in data["couplings"]]
+    print_table("Couplings", ("coupling", "driven", "as a function"), couplings)
+    mobility = data["mobility"]
+    typer.echo(f"Mobility W = {mobility['dofs'] if isinstance(mobility, dict) else mobility}")
+    for line in data["mobility_explained"]:
+        print_text(f"  {line}")
+    for name, law in data.get("motion_laws", {}).items():
+        print_text(f"motion law of {name}: {law}")
 
 
-def _print_crank(found: dict[str, Any]) -> None:
-    """Say how far the crank goes, and what is known of the way."""
-    reach = found["crank_range"]
-    if reach != "full turn":
-        arcs = found["crank_ranges"]
-        reach = ", ".join(f"{math.degrees(a):.4f} to {math.degrees(b):.4f} deg" for a, b in arcs) or "nowhere"
-    typer.echo(f"crank range: {reach}")
-    if found["dead_centres"]:
-        ends = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["dead_centres"])
-        typer.echo(f"dead centres of the crank: {ends}")
-    if found["change_points"]:
-        _print_change_points(found)
-    least = found["transmission_angle"]
-    if least is not None:
-        typer.echo(
-            f"transmission angle: at least {math.degrees(least['least']):.2f} deg, "
-            f"at crank angle {math.degrees(least['at_angle']):.1f} deg"
+def _print_crank(data: dict[str, Any]) -> None:
+    """Print the range of the crank, its dead centres and its change points."""
+    crank_range = data["crank_range"]
+    if crank_range != "full turn":
+        arcs = [f"{_degrees(low)} to {_degrees(high)} deg" for low, high in data["crank_ranges"]]
+        crank_range = ", ".join(arcs) or "nowhere"
+    print_text(f"crank range: {crank_range}")
+    if data["dead_centres"]:
+        print_text(f"dead centres of the crank: {', '.join(map(_degrees, data['dead_centres']))} deg")
+    if data["change_points"]:
+        print_text(
+            f"change points of the crank: {', '.join(map(_degrees, data['change_points']))} deg: two "
+            "assemblies coincide there. The motion continues smoothly, or stays on its branch with "
+            "--change-point branch; a real linkage needs a second crank or a flywheel"
         )
-    elif found["about"] == OWN:
-        typer.echo("transmission angle: known for mechanisms of the catalogue only")
-    for line in found["assur_explained"]:
-        typer.echo(line)
+        if data["turns_to_come_round"] > 1:
+            typer.echo(f"the motion repeats after {data['turns_to_come_round']} turns of the crank")
+    if data["transmission_angle"] is not None:
+        least, position = (_degrees(data["transmission_angle"][name]) for name in ("least", "at_angle"))
+        typer.echo(f"transmission angle: at least {least} deg, at crank angle {position} deg")
+    for line in data["assur_explained"]:
+        print_text(line)
 
 
-def _print_assemblies(found: dict[str, Any], shown: OutputUnits) -> None:
-    rows: list[tuple[str, ...]] = []
-    places = [place for assembly in found["assemblies"] for place in assembly["points"].values()]
-    least = ROUNDING * max((abs(value) for place in places for value in place), default=0.0)
-    for assembly in found["assemblies"]:
-        names = ", ".join(f"{k} {v:+d}" for k, v in assembly.items() if isinstance(v, int))
-        for point, place in assembly["points"].items():
-            kept = [value / shown.converted("m")[0] if abs(value) > least else 0.0 for value in place]
-            rows.append((names, point, *(f"{value:.9g}" for value in kept)))
-    at = f"{math.degrees(found['angle']):.6g} deg"
-    if not rows:
-        passes = any(low <= found["angle"] <= high for low, high in found["crank_ranges"])
-        why = (
-            "its pose there is singular, as where links lie flat on each other"
-            if passes
-            else "the crank cannot stand there"
-        )
-        typer.echo(f"no assembly at crank angle {at}: {why}")
+def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
+    angle, assemblies = _degrees(data["angle"]), data["assemblies"]
+    if not assemblies:
+        in_range = any(low <= data["angle"] <= high for low, high in data["crank_ranges"])
+        reason = "its pose there is singular" if in_range else "it is outside the crank's range"
+        typer.echo(f"no assembly at crank angle {angle} deg: {reason}")
         return
-    title = f"Assemblies at crank angle {at}"
-    print_table(title, ("assembly", "point", *(shown.label(axis, "m") for axis in "xyz")), rows)
-
-
-def _print_change_points(found: dict[str, Any]) -> None:
-    at = ", ".join(f"{math.degrees(a):.4f} deg" for a in found["change_points"])
-    typer.echo(
-        f"change points of the crank: {at}: there assemblies meet and bars lie on each other; the motion "
-        "goes on smoothly, or back with --change-point branch; a real one needs a second crank or a flywheel"
+    scale = shown.converted("m")[0]
+    coordinates = iter(
+        without_noise(
+            [x / scale for assembly in assemblies for point in assembly["points"].values() for x in point]
+        )
     )
-    if found["turns_to_come_round"] > 1:
-        typer.echo(f"it stands as before after {found['turns_to_come_round']} turns of the crank")
+    rows: list[list[Value]] = [
+        [
+            ", ".join(f"{name} {value:+d}" for name, value in assembly.items() if isinstance(value, int)),
+            point,
+            *(next(coordinates) for _ in range(3)),
+        ]
+        for assembly in assemblies
+        for point in assembly["points"]
+    ]
+    head = ["assembly", "point", *(shown.label(axis, "m") for axis in "xyz")]
+    # a mechanism with one assembly needs no column for it
+    first = 0 if any(row[0] for row in rows) else 1
+    print_table(f"Assemblies at crank angle {angle} deg", head[first:], [row[first:] for row in rows])
+
+
+def _degrees(angle: float) -> str:
+    return number(round(math.degrees(angle), 6), INPUT_DIGITS)
 
 
 def _sum(terms: dict[str, float]) -> str:
     signs = {1.0: "", -1.0: "-"}
-    return _added([f"{signs.get(weight, f'{weight:.9g} ')}{name}" for name, weight in terms.items()])
+    return _added([f"{signs.get(weight, f'{_text(weight)} ')}{name}" for name, weight in terms.items()])
 
 
 def _polynomial(coupling: dict[str, Any]) -> str:
     """Return p(x) in words, x being the driver's side."""
     x = _sum(coupling["driver"])
     powers = ["", *(f" ({x})" if k == 1 else f" ({x})^{k}" for k in range(1, 6))]
-    parts = zip(coupling["coefficients"], powers, strict=False)
-    return _added([f"{value:.9g}{power}" for value, power in parts if value]) or "0"
+    terms = zip(coupling["coefficients"], powers, strict=False)
+    return _added([f"{_text(value)}{power}" for value, power in terms if value]) or "0"
 
 
 def _added(terms: list[str]) -> str:
     return " + ".join(terms).replace(" + -", " - ")
 
 
-def _number(value: Any) -> str:
+def _text(value: Any) -> str:
     if isinstance(value, list | tuple):
-        return ", ".join(_number(item) for item in value)
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
-
-
-def list_mechanisms(as_json: Json = False) -> None:
-    """List the mechanisms of the catalogue and of the gallery."""
-    described = {name: (drive.__doc__ or "").splitlines()[0] for name, drive in catalog.DRIVES.items()}
-    shown = {name: gallery.description(path) for name, path in gallery.files().items()}
-    if as_json:
-        print_json({"mechanisms": described, "gallery": shown})
-        return
-    print_table("The catalogue", ("name", "what it is"), described.items())
-    print_table(f"The gallery, in {gallery.folder()}", ("name", "what it is"), shown.items())
+        return ", ".join(map(_text, value))
+    return number(value, INPUT_DIGITS) if isinstance(value, float) else str(value)

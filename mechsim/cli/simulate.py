@@ -1,4 +1,4 @@
-"""The command that runs MuJoCo: simulate."""
+"""Command `mechsim simulate`: a mechanism or a user's MJCF scene in MuJoCo."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,29 +11,25 @@ import typer
 from mechsim import files, simulation
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.record import with_all_joints
-from mechsim.cli.declared_options import spread
-from mechsim.cli.motion_warnings import digits_in_json, few_digits, swing_of, tell_digits
+from mechsim.cli.command import Result, command
+from mechsim.cli.motion_warnings import digits_in_json, few_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
-    DriveOptions,
-    Json,
-    Model,
+    ModelOptions,
     Output,
-    Sets,
-    form_of,
-    moving,
-    pair_of,
+    require_motion,
     scene_of,
     speed_of,
     with_policy,
     writable,
 )
-from mechsim.cli.output import print_json
+from mechsim.cli.output import number, print_text
 from mechsim.cli.output_units import Labelled, Units, output_units
 from mechsim.cli.progress import progress
-from mechsim.cli.scene_options import CTRL, SceneOptions, plain_settings, user_scene
-from mechsim.cli.verdict_text import found_in, in_json, of_crank, tell_findings
+from mechsim.cli.scene_options import ControlOptions, plain_settings, user_scene
+from mechsim.cli.schema import RunJson
+from mechsim.cli.verdict_text import crank_law, findings_in_json, print_finding_lines, scene_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import POSITION_TOLERANCE, Outcome
 from mechsim.model.motion import select_instants
@@ -41,226 +37,216 @@ from mechsim.model.motion_laws import interval_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
-from mechsim.studies.scene import SceneErrors, SceneRun, UserScene, start_error
+from mechsim.studies.scene import SceneRun, UserScene, start_error
 from mechsim.studies.scene.errors import divergence_reason
-from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path
 from mechsim.units import option, parse_angle, parse_length, parse_time
 
-Asked = Annotated[Mapping[str, Any], Settings]
-# what is said of a crank alone, and why it is refused beside programs
-OF_A_CRANK = ("speed", "turns", "profile", "every")
-PROGRAMMED = "is of a crank without a program; leave it out, and give --duration"
+RunSettings = Annotated[Mapping[str, Any], Settings]
+# options of a crank alone, and why they are invalid with motion laws
+CRANK_OPTIONS = ("speed", "turns", "profile", "every")
+HAS_LAW = "is of a crank without a motion law; leave it out, and give --duration"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """What is run, how far and how well."""
+    """What is run, how long and how accurately."""
 
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
-    turns: float | None = option(None, "Turns of the crank. [default: 1; one swing where it cannot]")
+    turns: float | None = option(
+        None, "Turns of the crank. [default: 1; one swing where it cannot rotate fully]"
+    )
     profile: str | None = option(
         None, "Crank angle over time: .csv or .npz with time, angle.", metavar="FILE"
     )
-    at: str | None = option(
+    poses: str | None = option(
         None,
         "Poses instead, each solved by itself: driver coordinates in SI row by row, .csv or .npz.",
+        name="--at",
         metavar="FILE",
     )
     tolerance: str | None = option(
         None,
-        "Bound on the place of any tracked point; a bare number is metres. Chooses the steps; without it the "
-        "settings stand, and a ten-thousandth of the stroke is the bound.",
+        "Tolerance on the position of any tracked point; a bare number is metres. It determines the steps; "
+        "without it the settings do, and the tolerance is 1e-4 of the stroke.",
     )
     timestep: str | None = option(None, "Time step, kept exactly; a bare number is seconds.")
     method: str | None = option(
         None,
-        "step integrates in time, pose solves each crank angle by itself. By default what is asked for: step "
-        "with a tolerance, a time step, an integrator or a constraint setting, else pose.",
+        "step integrates in time, pose solves each crank angle by itself. Default: step with a tolerance, a "
+        "time step, an integrator or a constraint setting, else pose.",
         metavar="step|pose",
     )
     every: str | None = option(None, "Crank angle between records, as in 5deg.")
-    samples: int | None = option(None, "Rows, both ends included; about 72 a turn if left out.")
+    samples: int | None = option(None, "Rows, both ends included. Default: about 72 a turn.")
 
     @property
-    def bound(self) -> float | None:
+    def tolerance_in_metres(self) -> float | None:
         """The tolerance in [m]."""
         return None if self.tolerance is None else parse_length(self.tolerance, "the tolerance")
 
-    def refuse(self, *names: str, because: str) -> None:
-        """Refuse options that were given."""
+    def exclude(self, *names: str, because: str) -> None:
+        """Raise InputError for options that are set."""
         for name in names:
             if getattr(self, name) is not None:
                 raise InputError(f"--{name} {because}")
 
     def records(self, motion: CrankProfile) -> int | None:
-        """Return how many instants after the first are recorded; None where it is not said."""
+        """Return the number of recorded instants after the first; None without an option for it."""
         if self.every is not None:
             if self.samples is not None:
                 raise InputError("both --samples and --every were given; give one of them")
             spacing = parse_angle(self.every, "the angle between records")
-            whole = round(motion.turns * simulation.REVOLUTION / abs(spacing)) if spacing else 0
-            if whole < 1:
+            count = round(motion.turns * simulation.REVOLUTION / abs(spacing)) if spacing else 0
+            if count < 1:
                 raise InputError(
                     f"records {self.every} apart do not fit the motion; give an angle above 0 within it"
                 )
-            return whole
+            return count
         if self.samples is not None and self.samples < 2:
             raise InputError(f"--samples is {self.samples}; give 2 or more")
         return None if self.samples is None else self.samples - 1
 
 
-@spread
+@command
 def simulate(
-    model: Model,
+    source: ModelOptions,
     options: RunOptions,
     *,
-    asked: Asked,
+    settings: RunSettings,
+    controls: ControlOptions,
     scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
     cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
-    driven: DriveOptions,
-    ctrl: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ACTUATOR=PROGRAM",
-            help="Feed an actuator of an MJCF file, in its control's own unit: a number, 0.3*sin(2*pi*t), "
-            "FILE.csv. The file is then stepped as it is, but for settings asked for; --drive prescribes.",
-        ),
-    ] = None,
-    through: ChangePointOption = None,
-    sets: Sets = None,
+    change_point: ChangePointOption = None,
     units: Units = None,
     output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Run a mechanism in MuJoCo under a driven crank, or under programs of its drivers."""
-    place = None if output is None else writable(output, ".csv", ".npz")
-    if ctrl and units is not None:
-        raise InputError("--units is of a motion's table; leave it out with --ctrl")
-    if ctrl:
-        options.refuse(*OF_A_CRANK, "method", because=PROGRAMMED)
-        if through is not None:
-            raise InputError(f"--change-point {PROGRAMMED}")
-        options.refuse("at", because="prescribes joints; leave it out with --ctrl")
-        simulate_fed(
-            model,
-            ctrl,
-            driven,
-            tolerance=options.bound,
-            timestep=options.timestep,
-            asked=asked,
-            samples=options.samples,
-            place=place,
-            output=output,
-            as_json=as_json,
-        )
-    drive = with_policy(form_of(model, sets, driven), through)
-    model_of, shown = scene_of(scene, cut, drive.forces), output_units(units, drive)
-    if options.at is not None:
-        run, motion = _posed(drive, options, asked, model_of), None
+) -> Result[RunJson]:
+    """Run a mechanism in MuJoCo under a driven crank, or under motion laws of its drivers.
+
+    Examples:
+    mechsim simulate four_bar --speed 600rpm --turns 2 --tolerance 1um
+    mechsim simulate gripper.xml --ctrl 'fingers=120*sin(t)' -o run.csv
+    """
+    path = None if output is None else writable(output, ".csv", ".npz")
+    if controls.ctrl:
+        if units is not None:
+            raise InputError("--units is of a motion's table; leave it out with --ctrl")
+        if change_point is not None:
+            raise InputError(f"--change-point {HAS_LAW}")
+        return _controlled(source, controls, options, settings, path)
+    solver = with_policy(source.load(), change_point)
+    model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
+    motion = None if options.poses is not None else _motion(require_motion(solver), options)
+    if motion is None:
+        run = _poses(solver, options, settings, model_scene)
     else:
-        motion = _motion(moving(drive), options)
-        run = _run(drive, motion, options, asked, model_of)
-    found = found_in(drive, None if motion is None else drive.motion_laws or of_crank(drive, motion))
-    lost = None if motion is None or run.motion.broken else few_digits(drive, run.motion)
-    # last, for what is refused writes nothing
-    if place is not None:
-        told = with_all_joints(drive.mechanism, run.motion)
-        table = told if motion else Poses(told)
-        files.write(place, table if shown is None else Labelled(table, told.column_units(), shown))
-    if as_json:
-        told = {"mechanism": drive.name, "output": output, "rows": len(run.motion)}
-        print_json(run.summary() | told | digits_in_json(lost) | in_json(found))
-    else:
-        tell_findings(found)
-        tell_digits(lost)
-        _tell(run, output)
-    raise typer.Exit(0 if run.outcome == "passed" else 1)
+        run = _run(solver, motion, options, settings, model_scene)
+    findings = scene_findings(
+        solver, None if motion is None else solver.motion_laws or crank_law(solver, motion)
+    )
+    few = None if motion is None or run.motion.broken else few_digits(solver, run.motion)
+    # written last, so that invalid input writes nothing
+    if path is not None:
+        joints = with_all_joints(solver.mechanism, run.motion)
+        table = joints if motion else Poses(joints)
+        files.write(path, table if shown is None else Labelled(table, joints.column_units(), shown))
+
+    def text() -> None:
+        print_finding_lines(findings)
+        if few is not None:
+            few.warn()
+        if run.outcome == "diverged":
+            print_text(f"diverged: {run.motion.broken}")
+        else:
+            print_text(
+                f"{run.outcome}: points within {number(run.estimate, 3)} m of the solved poses "
+                f"(tolerance {number(run.tolerance, 3)} m)"
+            )
+        print_text(run.note)
+        unit = "poses" if run.method == "pose" else "steps"
+        typer.echo(f"{run.steps} {unit} in {number(run.seconds)} s, by {run.method}")
+        _print_written(output, len(run.motion))
+
+    data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
+    data |= digits_in_json(few) | findings_in_json(findings)
+    return Result(data, text, run.outcome == "passed")  # pyright: ignore[reportArgumentType]
 
 
-def _motion(drive: Form, options: RunOptions) -> CrankProfile:
-    """Return how the crank turns, or the clock of the programs."""
-    motion_laws = drive.motion_laws
-    if motion_laws is not None:
-        options.refuse(*OF_A_CRANK, because=PROGRAMMED)
-        return motion_laws.path_profile
+def _print_written(output: str | None, rows: int) -> None:
+    if output is not None:
+        typer.echo(f"wrote {rows} rows to {output}")
+
+
+def _motion(solver: Form, options: RunOptions) -> CrankProfile:
+    """Return the motion of the crank, or the path parameter of motion laws."""
+    laws = solver.motion_laws
+    if laws is not None:
+        options.exclude(*CRANK_OPTIONS, because=HAS_LAW)
+        return laws.path_profile
     if options.profile:
         return _profile(options.profile)
     speed = speed_of(options.speed or SPEED)
-    swing = swing_of(drive, speed) if options.turns is None else None
-    return swing or _turned(drive, speed, 1.0 if options.turns is None else options.turns)
+    swing = limited_swing(solver, speed) if options.turns is None else None
+    return swing or _constant_speed(solver, speed, 1.0 if options.turns is None else options.turns)
 
 
 def _run(
-    drive: Form, motion: CrankProfile, options: RunOptions, asked: Mapping[str, Any], scene: Scene
+    solver: Form, motion: CrankProfile, options: RunOptions, settings: Mapping[str, Any], scene: Scene
 ) -> Run:
-    """Run what moves along its motion."""
-    motion_laws, wanted = drive.motion_laws, options.bound
-    timestep = _timestep(options.timestep, asked)
-    if wanted is not None and (options.timestep or "steps_per_turn" in asked):
+    """Run a mechanism along its motion."""
+    tolerance, timestep = options.tolerance_in_metres, None
+    if options.timestep is not None:
+        if "steps_per_turn" in settings:
+            raise InputError("both --timestep and --steps-per-turn were given; give one of them")
+        timestep = parse_time(options.timestep, "the time step")
+    if tolerance is not None and (timestep is not None or "steps_per_turn" in settings):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
-    with progress("simulate", None) as tick:
+    with progress("simulate", None) as report:
         return simulation.simulate(
-            drive,
-            profile=motion if motion_laws is None else None,
-            motion_laws=motion_laws,
-            tolerance=wanted,
-            settings=Settings(**asked) if asked else None,
+            solver,
+            profile=motion if solver.motion_laws is None else None,
+            motion_laws=solver.motion_laws,
+            tolerance=tolerance,
+            settings=Settings(**settings) if settings else None,
             timestep=timestep,
             method=options.method,  # pyright: ignore[reportArgumentType]
             samples=options.records(motion),
             scene=scene,
-            progress=tick,
+            progress=report,
         )
 
 
-def _posed(drive: Form, options: RunOptions, asked: Mapping[str, Any], scene: Scene) -> Run:
+def _poses(solver: Form, options: RunOptions, settings: Mapping[str, Any], scene: Scene) -> Run:
     """Solve the poses at rows of driver coordinates."""
-    options.refuse(*OF_A_CRANK, "samples", because="is of a motion; leave it out with --at")
-    options.refuse("tolerance", "timestep", because="is of steps; poses with --at are solved to rounding")
-    if options.method == "step" or asked:
+    options.exclude(*CRANK_OPTIONS, "samples", because="is of a motion; leave it out with --at")
+    options.exclude("tolerance", "timestep", because="is of steps; poses with --at are solved to rounding")
+    if options.method == "step" or settings:
         raise InputError("--at solves poses; leave out --method step and settings of steps")
-    assert options.at is not None
-    rows = driver_path(drive, files.read(options.at), options.at, uniform=True)
+    assert options.poses is not None
+    rows = driver_path(solver, files.read(options.poses), options.poses, uniform=True)
     last = max(round(rows.motion_laws.duration), 1)
-    run = simulation.simulate(drive, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
+    run = simulation.simulate(solver, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
     return replace(run, motion=select_instants(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
 
 
-def _tell(run: Run, output: str | None) -> None:
-    typer.echo(f"{run.outcome}: {_found(run)}")
-    if run.note:
-        typer.echo(run.note)
-    what = "poses" if run.method == "pose" else "steps"
-    typer.echo(f"{run.steps} {what} in {run.seconds:.4g} s, by {run.method}")
-    if output is not None:
-        typer.echo(f"wrote {len(run.motion)} rows to {output}")
-
-
-def _found(run: Run) -> str:
-    if run.outcome == "diverged":
-        return run.motion.broken
-    return f"places within {run.estimate:.3g} m of the solved poses (bound {run.tolerance:.3g} m)"
-
-
-def _turned(drive: Form, speed: float, turns: float) -> CrankProfile:
-    """Return the crank's motion at constant speed; refuse one that leaves the crank's range."""
+def _constant_speed(solver: Form, speed: float, turns: float) -> CrankProfile:
+    """Return the crank's motion at constant speed; raise AssemblyError where it leaves the crank's range."""
     try:
-        arcs = drive.crank_range()
+        arcs = solver.crank_range()
     except MobilityError as error:
         if error.outcome != "underdetermined":
             raise
-        # how far it can turn no pose says, but a run in time does
-        return simulation.constant(speed, turns, drive.mechanism.start)
+        # a pose does not determine the range, but a run in time does
+        return simulation.constant(speed, turns, solver.mechanism.start)
     if arcs.full or not arcs.arcs:
         return simulation.constant(speed, turns)
-    profile = simulation.constant(speed, turns, drive.mechanism.start)
+    profile = simulation.constant(speed, turns, solver.mechanism.start)
     ends, _, _ = profile.state(np.array([0.0, profile.duration]))
-    around = interval_around(arcs, float(ends[0]))
-    if around is None or not around[0] <= ends.min() <= ends.max() <= around[1]:
+    arc = interval_around(arcs, float(ends[0]))
+    if arc is None or not arc[0] <= ends.min() <= ends.max() <= arc[1]:
         raise AssemblyError(
-            f"{drive.name}: the crank cannot make {turns:g} turns from {ends[0]:.6g} rad: it can stand "
+            f"{solver.name}: the crank cannot make {turns:g} turns from {ends[0]:.6g} rad: its range is "
             f"{arcs}; change the dimensions, or give a --profile that stays inside"
         )
     return profile
@@ -276,49 +262,69 @@ def _profile(path: str) -> CrankProfile:
     return simulation.table(table["time"], table["angle"])
 
 
-def _timestep(text: str | None, asked: Mapping[str, Any]) -> float | None:
-    """Return the time step asked for in [s]; None where none was."""
-    if text is None:
-        return None
-    if "steps_per_turn" in asked:
-        raise InputError("both --timestep and --steps-per-turn were given; give one of them")
-    return parse_time(text, "the time step")
-
-
-def simulate_fed(
-    model: str,
-    ctrl: list[str],
-    driven: DriveOptions,
-    *,
-    tolerance: float | None,
-    timestep: str | None,
-    asked: Mapping[str, Any],
-    samples: int | None,
-    place: Path | None,
-    output: str | None,
-    as_json: bool,
-) -> None:
-    """Run a scene, its actuators fed, and say how it ended; the exit code is that of `simulate`."""
-    if "drive_inertia" in asked:
+def _controlled(
+    source: ModelOptions,
+    controls: ControlOptions,
+    options: RunOptions,
+    settings: Mapping[str, Any],
+    path: Path | None,
+) -> Result[RunJson]:
+    """Step a user's MJCF scene as it is under its controls, and compare it with its exact closure."""
+    options.exclude(*CRANK_OPTIONS, "method", because=HAS_LAW)
+    if options.poses is not None:
+        raise InputError("--at prescribes joints; leave it out with --ctrl")
+    if "drive_inertia" in settings:
         raise InputError("--drive-inertia is of a driven run; with --ctrl leave it out")
-    read = pair_of(CTRL)
-    pairs = tuple((name, program or "") for name, program in map(read, ctrl))
-    scene = user_scene(
-        model,
-        SceneOptions(
-            drive=driven.drive, ctrl=pairs, key=driven.key, track=driven.track, duration=driven.duration
-        ),
-        driven,
+    scene = user_scene(source.model, source, controls)
+    plain = plain_settings(settings, options.timestep, float(scene.model.opt.timestep))
+    requested = options.tolerance_in_metres
+    tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
+    violation = _start_violation(scene, tolerance)
+    fixed = requested is None or bool(violation)
+    run, errors, used = finer(scene, plain, tolerance, fixed=fixed, records=options.samples)
+    outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= tolerance else "failed"
+    note = divergence_reason(run) if run.broken else violation
+    output = None if path is None else str(path)
+    if path is not None:
+        files.write_table(path, table_of(run))
+
+    def text() -> None:
+        if run.broken:
+            print_text(f"{outcome}: {run.broken}: {note}")
+        else:
+            print_text(
+                f"{outcome}: points within {number(errors.closure, 3)} m of the exact closure at the run's "
+                f"own drivers (tolerance {number(tolerance, 3)} m)"
+            )
+            print_text(note)
+        typer.echo(f"{run.steps} steps in {number(run.seconds)} s, in plain MuJoCo")
+        _print_written(output, len(run.time))
+
+    data: RunJson = {
+        "outcome": outcome,
+        "tolerance": tolerance,
+        "estimate": errors.closure,
+        "steps": run.steps,
+        "seconds": run.seconds,
+        "method": "step",
+        "note": note,
+        "settings": used.as_dict() | {"timestep": float(run.model.opt.timestep)},
+        "mechanism": scene.mechanism.name,
+        "output": output,
+        "rows": len(run.time),
+    }
+    return Result(data, text, outcome == "passed")
+
+
+def _start_violation(scene: UserScene, tolerance: float) -> str:
+    """Return how far the loops are open at the start, where no step can correct that; otherwise nothing."""
+    error = start_error(scene)
+    if error <= tolerance:
+        return ""
+    return (
+        f"the loops are open by {error:.2g} m at the initial pose of the file, which no time step corrects; "
+        "give more digits there, or let `mechsim tune` write a keyframe that is closed"
     )
-    settings = plain_settings(asked, timestep, float(scene.model.opt.timestep))
-    bound = POSITION_TOLERANCE * scene.characteristic_length if tolerance is None else tolerance
-    hopeless = bool(_stands_open(scene, bound))
-    run, errors, used = finer(scene, settings, bound, fixed=tolerance is None or hopeless, records=samples)
-    outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= bound else "failed"
-    if place is not None:
-        files.write_table(place, table_of(run))
-    _report_run(scene, run, errors, used, outcome, bound, output, as_json)
-    raise typer.Exit(0 if outcome == "passed" else 1)
 
 
 def table_of(run: SceneRun) -> dict[str, Array]:
@@ -327,10 +333,8 @@ def table_of(run: SceneRun) -> dict[str, Array]:
     table = {"time": run.time}
     velocities = run.velocities
     for k, name in enumerate(scene.tracked):
-        for axis, label in enumerate("xyz"):
-            table[f"{name}.{label}"] = run.points[:, k, axis]
-        for axis, label in enumerate("xyz"):
-            table[f"{name}.v{label}"] = velocities[:, k, axis]
+        table |= {f"{name}.{axis}": run.points[:, k, i] for i, axis in enumerate("xyz")}
+        table |= {f"{name}.v{axis}": velocities[:, k, i] for i, axis in enumerate("xyz")}
     for j, joint in enumerate(scene.mechanism.joints[: model.njnt]):
         if len(joint.coordinates) == 1:
             table[f"{joint.name}.q"] = run.qpos[:, model.jnt_qposadr[j]]
@@ -339,56 +343,3 @@ def table_of(run: SceneRun) -> dict[str, Array]:
     for i, name in enumerate([*names, *scene.joint_laws]):
         table[f"effort:{name}"] = run.forces[:, i]
     return table
-
-
-def _stands_open(scene: UserScene, bound: float) -> str:
-    """Say how far the loops of a scene stand open at its start, where no step can mend that; else nothing."""
-    gap = start_error(scene)
-    if gap <= bound:
-        return ""
-    return (
-        f"the loops stand open by {gap:.2g} m where the file starts, which no step mends; give more digits "
-        "there, or let `mechsim tune` write a keyframe that is closed"
-    )
-
-
-def _report_run(
-    scene: UserScene,
-    run: SceneRun,
-    errors: SceneErrors,
-    used: PlainSettings,
-    outcome: str,
-    bound: float,
-    output: str | None,
-    as_json: bool,
-) -> None:
-    note = divergence_reason(run) if run.broken else _stands_open(scene, bound)
-    if as_json:
-        print_json(
-            {
-                "outcome": outcome,
-                "tolerance": bound,
-                "estimate": errors.closure if np.isfinite(errors.closure) else None,
-                "steps": run.steps,
-                "seconds": run.seconds,
-                "method": "step",
-                "note": note,
-                "settings": used.as_dict() | {"timestep": float(run.model.opt.timestep)},
-                "mechanism": scene.mechanism.name,
-                "output": output,
-                "rows": len(run.time),
-            }
-        )
-        return
-    if run.broken:
-        typer.echo(f"{outcome}: {run.broken}: {note}")
-    else:
-        typer.echo(
-            f"{outcome}: points within {errors.closure:.3g} m of the exact closure at the run's own drivers "
-            f"(bound {bound:.3g} m)"
-        )
-        if note:
-            typer.echo(note)
-    typer.echo(f"{run.steps} steps in {run.seconds:.4g} s, in plain MuJoCo")
-    if output is not None:
-        typer.echo(f"wrote {len(run.time)} rows to {output}")

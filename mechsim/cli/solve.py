@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 import typer
@@ -11,26 +12,23 @@ import typer
 from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
-from mechsim.cli.declared_options import spread
-from mechsim.cli.motion_warnings import FewDigits, digits_in_json, few_digits, swing_of, tell_digits, worse
+from mechsim.cli.command import JSON_OPTION, Result, command
+from mechsim.cli.motion_warnings import FewDigits, digits_in_json, few_digits, fewest_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
-    DriveOptions,
-    Json,
-    Model,
+    ModelOptions,
     Output,
-    Sets,
-    form_of,
-    moving,
+    require_motion,
     speed_of,
     with_policy,
     writable,
 )
-from mechsim.cli.output import print_json
+from mechsim.cli.output import print_table, without_noise
 from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
-from mechsim.cli.progress import Tick, progress
-from mechsim.cli.unit_warnings import asked_angles
+from mechsim.cli.progress import progress
+from mechsim.cli.schema import FewDigitsJson
+from mechsim.cli.unit_warnings import warn_about_angles
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -39,140 +37,206 @@ from mechsim.subjects.driver_positions import Poses, poses_of_table
 from mechsim.units import option, parse_angles
 
 # times or crank angles -> the motion there
-Solved = Callable[[Array], Motion]
-# crank angles solved in one go where the results leave part by part
-PART = 1 << 17
-# bytes held for each number that is written as .npz, and as JSON
-PACKED, AS_JSON = 40.0, 160.0
-ANGLES, SAMPLES = "0:360:5deg", 73
-MOST_SAMPLES = 10_000_000
+MotionAt = Callable[[Array], Motion]
+# rows that are solved at once where the result is written in chunks
+CHUNK = 1 << 17
+# bytes of memory for each number that is written as .npz, and as JSON
+NPZ_BYTES, JSON_BYTES = 40.0, 160.0
+ANGLES, SAMPLES, MOST_SAMPLES = "0:360:5deg", 73, 10_000_000
+# rows and columns of the table in a terminal
+SHOWN_ROWS, SHOWN_COLUMNS = 25, 6
+# ends of the names of columns of velocities and accelerations
+RATE_SUFFIXES = {"v", "a", *(f"{rate}{axis}" for rate in "va" for axis in "xyz")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolveOptions:
-    """At which instants a motion is solved."""
+    """Instants at which a motion is solved."""
 
     angles: str | None = option(
         None,
-        f"Crank angles start:stop:step, both ends included; a bare number is rad. [default: {ANGLES}; one "
-        "swing within the reachable range of a crank that cannot]",
+        f"Crank angles start:stop:step, both ends included; a bare number is rad. Default: {ANGLES}, or one "
+        "swing within the range of a crank that cannot rotate fully.",
     )
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
-    samples: int = option(SAMPLES, "Rows of a motion under programs, both ends included.")
-    at: str | None = option(
-        None, "Poses instead: driver coordinates in SI row by row, .csv or .npz.", metavar="FILE"
+    samples: int | None = option(
+        None, f"Rows of a motion under motion laws or of one turn, both ends included. [default: {SAMPLES}]"
+    )
+    poses: str | None = option(
+        None, "Poses instead: driver coordinates in SI row by row, .csv or .npz.", name="--at", metavar="FILE"
     )
 
-    def check(self, drive: Form) -> None:
-        """Refuse what does not go together."""
-        if (self.angles or self.speed) and (drive.motion_laws or self.at):
-            what = "--angles" if self.angles else "--speed"
-            raise InputError(f"{what} is of a crank without a program; leave it out with --drive and --at")
-        if not 2 <= self.samples <= MOST_SAMPLES:
-            raise InputError(f"--samples is {self.samples}; give 2 to {MOST_SAMPLES}")
+    def check(self, solver: Form) -> None:
+        """Raise InputError for options that exclude each other."""
+        if (self.angles or self.speed) and (solver.motion_laws or self.poses):
+            name = "--angles" if self.angles else "--speed"
+            raise InputError(f"{name} is of a crank without a motion law; leave it out with --drive and --at")
+        if self.samples is not None:
+            if not 2 <= self.samples <= MOST_SAMPLES:
+                raise InputError(f"--samples is {self.samples}; give 2 to {MOST_SAMPLES}")
+            if self.angles or self.poses:
+                name = "--angles" if self.angles else "--at"
+                raise InputError(f"{name} determines the rows; leave out --samples")
 
 
-@spread
+@dataclass(frozen=True, slots=True)
+class SolveTask:
+    """Instants to solve, and what solves there.
+
+    Attributes:
+        solver: of the mechanism, assembled for the first instant.
+        instants: times under motion laws or in a swing, otherwise crank angles.
+        motion_at: instants -> the motion there.
+        name: of the instants, for messages.
+    """
+
+    solver: Form
+    instants: Array
+    motion_at: MotionAt
+    name: str
+
+    @property
+    def numbers(self) -> float:
+        """Numbers of a row in the result."""
+        mechanism = self.solver.mechanism
+        return 1.0 + 9.0 * len(mechanism.points) + 3.0 * len(mechanism.joints)
+
+
+class SolveJson(TypedDict):
+    """Columns of a motion in SI."""
+
+    mechanism: str
+    rows: int
+    output: str | None
+    columns: dict[str, list[float]]
+    few_digits: FewDigitsJson | None
+
+
+@command
 def solve(
-    model: Model,
-    asked: SolveOptions,
-    driven: DriveOptions,
-    through: ChangePointOption = None,
-    sets: Sets = None,
+    source: ModelOptions,
+    options: SolveOptions,
+    change_point: ChangePointOption = None,
     units: Units = None,
     output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Solve a mechanism by its closed form, else by loop equations; write .csv or .npz, or print a table."""
-    place = None if output is None else writable(output, ".csv", ".npz")
-    drive = with_policy(form_of(model, sets, driven), through)
-    asked.check(drive)
-    shown = output_units(units, drive)
-    if asked.at is not None:
-        _told(drive, poses_of_table(drive, files.read(asked.at), asked.at), place, as_json, shown)
-        return
-    moving(drive)
-    drive, instants, solved, what = _instants(drive, asked)
-    if as_json or (place is not None and place.suffix.lower() == ".npz"):
-        numbers = len(instants) * (
-            1.0 + 9.0 * len(drive.mechanism.points) + 3.0 * len(drive.mechanism.joints)
-        )
-        require_memory(what, numbers, AS_JSON if as_json else PACKED, "write .csv, which needs no memory")
-        _told(drive, solved(instants), place, as_json, shown)
-        return
-    if not isinstance(drive, ClosedForm):
-        # loop equations that cannot be followed over the whole motion are rejected before a row is written
-        solved(np.array([instants.min(), instants.max()]))
-    lost: list[FewDigits | None] = [None]
-    with progress("solve", -(-len(instants) // PART)) as tick:
-        parts = _parts(drive, instants, solved, tick, lost)
-        labelled = (_labelled(part, shown) for part in parts)
-        if place is not None:
-            files.write_records(place, labelled)
-        else:
-            _print(labelled)
-    tell_digits(lost[0])
-    if place is not None:
-        typer.echo(f"wrote {len(instants)} rows to {place}")
+    as_json: JSON_OPTION = False,
+) -> Result[SolveJson] | None:
+    """Solve a mechanism by its closed form, else by loop equations; write .csv or .npz, or print a table.
+
+    Examples:
+    mechsim solve four_bar --angles 0:360:5deg --speed 300rpm -o motion.csv
+    mechsim solve arm.xml --drive 'left=30deg*sin(2*pi*t)' --samples 101
+    """
+    path = None if output is None else writable(output, ".csv", ".npz")
+    solver = with_policy(source.load(), change_point)
+    options.check(solver)
+    shown = output_units(units, solver)
+    if options.poses is not None:
+        return _whole(solver, poses_of_table(solver, files.read(options.poses), options.poses), path, shown)
+    task = _task(require_motion(solver), options)
+    in_terminal = path is None and sys.stdout.isatty()
+    if as_json or in_terminal or (path is not None and path.suffix.lower() == ".npz"):
+        number_bytes = JSON_BYTES if as_json else NPZ_BYTES
+        remedy = "write .csv, which needs no memory"
+        require_memory(task.name, len(task.instants) * task.numbers, number_bytes, remedy)
+        return _whole(task.solver, task.motion_at(task.instants), path, shown)
+    _in_chunks(task, path, shown)
+    return None
 
 
-def _instants(drive: Form, asked: SolveOptions) -> tuple[Form, Array, Solved, str]:
-    """Return what moves, times under motion laws or else crank angles, what solves there, and their name."""
-    motion_laws = drive.motion_laws
-    if motion_laws is not None:
-        times = np.linspace(0.0, motion_laws.duration, asked.samples)
-        return drive, times, lambda part: drive.solve(t=part), f"{asked.samples:,} samples"
-    speed = speed_of(asked.speed or SPEED)
-    swing = None if asked.angles else swing_of(drive, speed)
+def _task(solver: Form, options: SolveOptions) -> SolveTask:
+    """Return what is to be solved: a motion under motion laws, a swing, or crank angles."""
+    laws, samples = solver.motion_laws, options.samples or SAMPLES
+    if laws is not None:
+        times = np.linspace(0.0, laws.duration, samples)
+        return SolveTask(solver, times, lambda t: solver.solve(t=t), f"{samples:,} samples")
+    speed = speed_of(options.speed or SPEED)
+    swing = None if options.angles else limited_swing(solver, speed)
     if swing is not None:
-        swung = drive.starting_at(swing.angles)
-        times = np.linspace(0.0, swing.duration, SAMPLES)
-        return swung, times, lambda part: swung.solve(*swing.state(part)), f"{SAMPLES} instants of a swing"
-    angles = parse_angles(asked.angles or ANGLES, "the crank angles")
-    asked_angles("--angles", asked.angles or ANGLES, drive)
-    start = drive.starting_at(angles, speed)
-    return start, angles, lambda part: start.solve(part, speed), f"{len(angles):,} crank angles"
-
-
-def _labelled(found: Motion | Poses, shown: OutputUnits | None) -> files.Tabled:
-    return found if shown is None else Labelled(found, found.column_units(), shown)
-
-
-def _told(
-    drive: Form, found: Motion | Poses, place: Path | None, as_json: bool, shown: OutputUnits | None
-) -> None:
-    """Write, print or tell in JSON what was found as a whole."""
-    output = None if place is None else str(place)
-    lost = few_digits(drive, found) if isinstance(found, Motion) else None
-    if place is not None:
-        files.write(place, _labelled(found, shown))
-    if as_json:
-        columns = dict(found.columns())
-        told = {"mechanism": drive.name, "rows": len(found), "output": output, "columns": columns}
-        print_json(told | digits_in_json(lost))
-        return
-    tell_digits(lost)
-    if place is None:
-        _print(iter([_labelled(found, shown)]))
+        times, swinging = np.linspace(0.0, swing.duration, samples), solver.starting_at(swing.angles)
+        name = f"{samples} instants of a swing"
+        return SolveTask(swinging, times, lambda t: swinging.solve(*swing.state(t)), name)
+    if options.angles or options.samples is None:
+        angles = parse_angles(options.angles or ANGLES, "the crank angles")
+        warn_about_angles("--angles", options.angles or ANGLES, solver)
     else:
-        typer.echo(f"wrote {len(found)} rows to {output}")
+        angles = np.linspace(0.0, 2.0 * np.pi, samples)
+    start = solver.starting_at(angles, speed)
+    return SolveTask(start, angles, lambda q: start.solve(q, speed), f"{len(angles):,} crank angles")
 
 
-def _parts(
-    drive: Form, instants: Array, solved: Solved, tick: Tick, lost: list[FewDigits | None]
-) -> Iterator[Motion]:
-    """Yield the motion part by part; put into the list of one where it has the fewest digits so far."""
-    for first in range(0, len(instants), PART):
-        part = solved(instants[first : first + PART])
-        lost[0] = worse(lost[0], few_digits(drive, part))
-        yield part
-        tick()
+def _labelled(table: Motion | Poses, shown: OutputUnits | None) -> files.Tabled:
+    return table if shown is None else Labelled(table, table.column_units(), shown)
 
 
-def _print(parts: Iterator[files.Tabled]) -> None:
-    for number, part in enumerate(parts):
-        columns = dict(part.columns())
-        if number == 0:
+def _whole(
+    solver: Form, motion: Motion | Poses, path: Path | None, shown: OutputUnits | None
+) -> Result[SolveJson]:
+    """Write a motion that is in memory, and return it as the result."""
+    few = few_digits(solver, motion) if isinstance(motion, Motion) else None
+    if path is not None:
+        files.write(path, _labelled(motion, shown))
+
+    def text() -> None:
+        if few is not None:
+            few.warn()
+        if path is not None:
+            typer.echo(f"wrote {len(motion)} rows to {path}")
+        elif sys.stdout.isatty():
+            _print_table(solver.name, _labelled(motion, shown))
+        else:
+            _print_csv(iter([_labelled(motion, shown)]))
+
+    data = {"mechanism": solver.name, "rows": len(motion), "output": None if path is None else str(path)}
+    data |= {"columns": dict(motion.columns())} | digits_in_json(few)
+    return Result(data, text)  # pyright: ignore[reportArgumentType]
+
+
+def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) -> None:
+    """Write or print a motion as .csv chunk by chunk, in constant memory."""
+    instants, few = task.instants, None
+    if not isinstance(task.solver, ClosedForm):
+        # loop equations that cannot be followed over the whole motion fail before a row is written
+        task.motion_at(np.array([instants.min(), instants.max()]))
+
+    def chunks() -> Iterator[files.Tabled]:
+        nonlocal few
+        for first in range(0, len(instants), CHUNK):
+            motion = task.motion_at(instants[first : first + CHUNK])
+            few = fewest_digits(few, few_digits(task.solver, motion))
+            yield _labelled(motion, shown)
+            report()
+
+    with progress("solve", -(-len(instants) // CHUNK)) as report:
+        if path is None:
+            _print_csv(chunks())
+        else:
+            files.write_records(path, chunks())
+    if isinstance(few, FewDigits):
+        few.warn()
+    if path is not None:
+        typer.echo(f"wrote {len(instants)} rows to {path}")
+
+
+def _print_csv(tables: Iterator[files.Tabled]) -> None:
+    for index, table in enumerate(tables):
+        columns = dict(table.columns())
+        if index == 0:
             sys.stdout.write(files.csv_head(columns))
         rows = np.column_stack(list(columns.values()))
         sys.stdout.writelines(",".join(map(repr, row.tolist())) + "\n" for row in rows)
+
+
+def _print_table(name: str, table: files.Tabled) -> None:
+    """Print a readable selection: columns of positions that are not all 0, rows evenly spread."""
+    columns = dict(table.columns())
+    values = {
+        head: without_noise(column.tolist())
+        for head, column in columns.items()
+        if head.partition(" ")[0].rpartition(".")[2] not in RATE_SUFFIXES
+    }
+    shown = [head for head, column in values.items() if any(column)][:SHOWN_COLUMNS]
+    count = len(next(iter(columns.values())))
+    rows = np.unique(np.linspace(0, count - 1, min(count, SHOWN_ROWS)).astype(int)).tolist()
+    print_table(name, shown, [[values[head][row] for head in shown] for row in rows])
+    typer.echo(f"{len(rows)} of {count} rows, {len(shown)} of {len(columns)} columns; -o FILE.csv writes all")

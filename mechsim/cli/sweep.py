@@ -2,16 +2,18 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NotRequired
 
 import numpy as np
 import typer
 
-from mechsim.cli.declared_options import spread
-from mechsim.cli.load_options import print_masses
-from mechsim.cli.options import DriveOptions, File, Json, Model, Sets, Speed, changed_by, moved_by, speed_of
-from mechsim.cli.output import print_json, print_table
+from mechsim.cli.command import Result, command
+from mechsim.cli.load_options import masses_in_json, print_masses
+from mechsim.cli.options import File, ModelOptions, Speed, changed_parameters, speed_of
+from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
+from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError, OutputError
 from mechsim.files import resolved_path
 from mechsim.model.masses import masses_of, with_inertia
@@ -27,14 +29,13 @@ from mechsim.studies.sweep.sweeping import (
     swept_task,
 )
 from mechsim.studies.sweep.table import columns, require_libraries, suffix_of
-from mechsim.studies.sweep.task import BUILT, SweepTask
+from mechsim.studies.sweep.task import BUILT
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-# reasons that are printed
+# printed reasons of designs that are not built
 MOST_REASONS = 5
-
 
 Vary = Annotated[
     list[str] | None,
@@ -60,9 +61,7 @@ Measure = Annotated[
         "P.ax, speed:P, acceleration:P, torque, force:J, moment:J, transmission.",
     ),
 ]
-Samples = Annotated[
-    int | None, typer.Option(help="Poses a turn, or over the programs; 72, when stepped about so many.")
-]
+Samples = Annotated[int | None, typer.Option(help="Poses a turn, or over the motion laws. [default: 72]")]
 Method = Annotated[
     str | None,
     typer.Option(
@@ -73,18 +72,29 @@ Method = Annotated[
 ]
 Check = Annotated[
     int,
-    typer.Option(metavar="N", help="Judge N random designs by the other road, too."),
+    typer.Option(metavar="N", help="Check N random designs by the other method, too."),
 ]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue a sweep that was stopped.")]
 Scheduler = Annotated[
     str | None,
     typer.Option(metavar="tcp://HOST:PORT", help="Of a Dask cluster; without it, this process by threads."),
 ]
 
 
-@spread
+class SweepJson(WithMasses):
+    """Size and duration of a sweep; designs checked by the other method."""
+
+    model: str
+    output: str
+    designs: int
+    built: int
+    seconds: float
+    checked: NotRequired[dict[str, Any]]
+
+
+@command
 def sweep(
-    model: Model,
+    source: ModelOptions,
     output: File,
     *,
     vary: Vary = None,
@@ -94,118 +104,111 @@ def sweep(
     samples: Samples = None,
     speed: Speed = "600rpm",
     method: Method = None,
-    asked: Annotated[Mapping[str, Any], Settings],
+    settings: Annotated[Mapping[str, Any], Settings],
     check: Check = 0,
     resume: Resume = False,
     scheduler: Scheduler = None,
-    driven: DriveOptions,
-    sets: Sets = None,
-    as_json: Json = False,
-) -> None:
-    """Measure many designs of a mechanism; write .nc, .zarr, .parquet or .csv, part by part."""
-    begun = time.perf_counter()
-    require_writable(output)
+) -> Result[SweepJson]:
+    """Measure many designs of a mechanism; write .nc, .zarr, .parquet or .csv, chunk by chunk.
+
+    Examples:
+    mechsim sweep four_bar --vary crank=3cm:5cm:9 --measure range:rocker -o s.csv
+    mechsim sweep rssr --vary crank=9mm:14mm --sample sobol:9 -o s.nc
+    """
+    start = time.perf_counter()
+    _require_writable(output)
     require_libraries(output)
-    subject, there = swept_designs(model, changed_by(sets), **moved_by(driven))
+    subject, dimensions = swept_designs(
+        source.model, changed_parameters(source.sets), **source.as_arguments()
+    )
+    if method not in (None, "step"):
+        raise InputError(f"there is no method {method!r} of a sweep; known is step, formulas without it")
     task = swept_task(
         subject,
-        _ranges(vary or (), subject, there, sampled=sample is not None),
+        _ranges(vary or (), subject, dimensions, sampled=sample is not None),
         measure or (),
         design=design,
         sample=sample,
         samples=samples,
         speed=speed_of(speed),
-        settings=_settings(method, asked),
+        settings=Settings(**settings) if method == "step" or settings else None,
     )
-    with progress("sweep", None, quiet=as_json) as tick:
-        found = run_sweep(task, output, resume=resume, scheduler=scheduler, progress=tick)
-    seconds = time.perf_counter() - begun
-    checked = check_table(task, found, check) if check > 0 else None
+    with progress("sweep", None) as report:
+        result = run_sweep(task, output, resume=resume, scheduler=scheduler, progress=report)
+    seconds = time.perf_counter() - start
+    checked = check_table(task, result, check) if check > 0 else None
     masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.loaded else ()
-    if as_json:
-        used = {"masses": [one.as_dict() for one in masses]} if masses else {}
-        print_json(_told(model, output, task, found, checked) | {"seconds": seconds} | used)
-    else:
-        _print(found, f"{built(found):,} of {task.designs.count:,} designs built, {seconds:.3g} s")
+    data: Any = {"model": source.model, "output": output, "designs": task.designs.count}
+    data |= {"built": built(result), "seconds": seconds} | masses_in_json(masses)
+    if checked is not None:
+        data["checked"] = {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}
+
+    def text() -> None:
+        _print(result, f"{built(result):,} of {task.designs.count:,} designs built, {number(seconds, 3)} s")
         typer.echo(f"wrote {output}")
-        _print_checked(checked)
-        print_masses(masses, of="of the design as it stands")
-    raise typer.Exit(0 if checked is None or checked.passed == checked.count else 1)
+        if checked is not None:
+            _print_checked(checked)
+        print_masses(masses, design="of the original design")
+
+    return Result(data, text, checked is None or checked.passed == checked.count)
 
 
 def _ranges(
-    vary: Sequence[str], subject: SweptSubject, there: Mapping[str, str], *, sampled: bool
+    vary: Sequence[str], subject: SweptSubject, dimensions: Mapping[str, str], *, sampled: bool
 ) -> dict[str, Any]:
     declared = declared_units(subject.design_family)
     ranges: dict[str, Any] = {}
     for text in vary:
-        parameter, values = parsed_range(text, subject.name, there, sampled=sampled, declared=declared)
+        parameter, values = parsed_range(text, subject.name, dimensions, sampled=sampled, declared=declared)
         if parameter in ranges:
             raise InputError(f"--vary names {parameter} twice; give it once")
         ranges[parameter] = values
     return ranges
 
 
-def _settings(method: str | None, asked: Mapping[str, Any]) -> Settings | None:
-    """Return how designs are stepped; None where they are not: as `simulate` it steps where that is asked."""
-    if method not in (None, "step"):
-        raise InputError(f"there is no method {method!r} of a sweep; known is step, formulas without it")
-    return Settings(**asked) if method == "step" or asked else None
-
-
-def _told(
-    model: str, output: str, task: SweepTask, found: "Dataset", checked: CheckedDesigns | None
-) -> dict[str, Any]:
-    """Return what is printed as JSON, but for the time it took."""
-    told = {"model": model, "output": output, "designs": task.designs.count, "built": built(found)}
-    if checked is None:
-        return told
-    return told | {"checked": {"designs": checked.count, "passed": checked.passed, "worst": checked.worst}}
-
-
-def require_writable(output: str) -> None:
-    """Refuse an output whose folder is not there, before any work is done for it.
+def _require_writable(output: str) -> None:
+    """Raise an error for an output that cannot be written, before any computation.
 
     Raises:
-        InputError: for an ending that is not known.
-        OutputError: for no such folder.
+        InputError: for an unknown extension.
+        OutputError: for a missing folder.
     """
     suffix_of(output)
     if not output.lower().endswith(".zarr"):
         resolved_path(output)
-    from pathlib import Path
-
-    if not Path(output).parent.is_dir():
-        raise OutputError(
-            f"cannot write {output!r}: there is no folder {str(Path(output).parent)!r}; make it first"
-        )
+    folder = Path(output).parent
+    if not folder.is_dir():
+        raise OutputError(f"cannot write {output!r}: there is no folder {str(folder)!r}; make it first")
 
 
-def _print_checked(checked: CheckedDesigns | None) -> None:
-    if checked is None:
-        return
-    typer.echo(
-        f"{checked.passed} of {checked.count} designs agree with {checked.method}; the farthest point is "
-        f"{checked.worst:.3g} m off"
+def _print_checked(checked: CheckedDesigns) -> None:
+    print_text(
+        f"{checked.passed} of {checked.count} designs agree with {checked.method}; the largest error of a "
+        f"point is {number(checked.worst, 3)} m"
     )
-    for number, why in checked.failed.items():
-        typer.echo(f"FAILED: design {number}: {why}")
+    for design, reason in checked.failed.items():
+        print_text(f"FAILED: design {design}: {reason}")
 
 
-def _print(found: "Dataset", title: str) -> None:
-    table, rows = columns(found), []
-    good = np.isin(table["outcome"].astype(str), BUILT)
-    given = [str(name) for name in found.coords]
-    for name, values in table.items():
-        if name in ("outcome", "reason") or name in given or not good.any():
-            continue
-        low, high = (int(np.flatnonzero(good)[one(values[good])]) for one in (np.argmin, np.argmax))
-        unit = found[name].attrs.get("units", "1")
-        at = [", ".join(f"{p} = {float(table[p][i]):.5g}" for p in given) for i in (low, high)]
-        rows.append((name, unit, f"{values[low]:.6g}", at[0], f"{values[high]:.6g}", at[1]))
-    print_table(title, ("measure", "unit", "lowest", "at", "highest", "at"), rows)
+def _print(result: "Dataset", title: str) -> None:
+    """Print the least and the largest value of each measure with their designs, and why designs fail."""
+    table = columns(result)
+    valid = np.isin(table["outcome"].astype(str), BUILT)
+    parameters = [str(name) for name in result.coords]
+    measures = [name for name in table if name not in ("outcome", "reason", *parameters)]
+    rows: list[tuple[Value, ...]] = []
+    for name in measures if valid.any() else ():
+        values, unit = table[name], result[name].attrs.get("units", "1")
+        for which, best in (("lowest", np.argmin), ("highest", np.argmax)):
+            i = int(np.flatnonzero(valid)[best(values[valid])])
+            design = ", ".join(
+                f"{parameter} = {number(float(table[parameter][i]))}" for parameter in parameters
+            )
+            rows.append((name, which, float(values[i]), unit, design))
+    typer.echo(title)
+    print_table("", ("measure", "", "value", "unit", "at"), rows)
     if swings := int(np.count_nonzero(table["outcome"].astype(str) == "swings")):
         typer.echo(f"{swings:,} of them swing: they are measured over their reachable ranges")
-    reasons, counts = np.unique(table["reason"][~good].astype(str), return_counts=True)
+    reasons, counts = np.unique(table["reason"][~valid].astype(str), return_counts=True)
     for i in np.argsort(-counts)[:MOST_REASONS]:
-        typer.echo(f"{counts[i]:,} not built: {reasons[i]}")
+        print_text(f"{counts[i]:,} not built: {reasons[i]}")

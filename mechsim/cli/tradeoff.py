@@ -1,28 +1,28 @@
-"""The command tradeoff: speed against accuracy, measured."""
+"""Command `mechsim tradeoff`: speed against accuracy of MuJoCo's settings, measured."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NotRequired, TypedDict
 
 import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
-from mechsim.cli.declared_options import spread
-from mechsim.cli.options import Json, Output, Sets, Speed, form_of, speed_of, writable
-from mechsim.cli.output import print_json, print_table
-from mechsim.cli.progress import Tick, progress
-from mechsim.cli.scene_options import SceneOptions, user_scene
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import DriveOptions, ModelOptions, Output, Speed, load_model, speed_of, writable
+from mechsim.cli.output import Value, number, print_table, print_text
+from mechsim.cli.progress import progress
+from mechsim.cli.scene_options import ControlOptions, user_scene
+from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.studies.budget import BEYOND
-from mechsim.studies.reduction.scene_costs import SceneCost, scene_costs
+from mechsim.studies.reduction.scene_costs import scene_costs
 from mechsim.studies.scene import spec_of
 from mechsim.studies.tradeoff import (
     BOUNDS,
     COMPARED,
     DEFAULTS,
     Budget,
-    Point,
     Subject,
     Tradeoff,
     measure,
@@ -33,204 +33,255 @@ from mechsim.studies.tradeoff import (
 from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.studies.tradeoff.work_precision import advice
 
-# in [s], kept of the budget for the table, and for a plot
-TOLD, DRAWN = 0.1, 0.7
-# of the families that were not tried
-NAMED = 3
+# [s] of the budget that are reserved for the table, and for a plot
+TABLE_TIME, PLOT_TIME = 0.1, 0.7
+# printed families that were not tried
+MOST_FAMILIES = 3
+# steps per turn at which MuJoCo's defaults are printed
+DEFAULTS_STEPS = (72, 720, 7200)
 
 
-@spread
+class Advice(TypedDict):
+    """How to use a setting: as typed, in a file, in Python."""
+
+    command: str | None
+    export: str | None
+    xml: str | None
+    python: str
+
+
+class PointJson(TypedDict):
+    """One setting: cost and errors."""
+
+    family: str
+    integrator: str
+    steps_per_turn: int
+    defaults: bool
+    drive: str
+    reduction: str
+    seconds_per_turn: float
+    position_error: float
+    velocity_error: float
+    acceleration_error: float
+    settings: NotRequired[Settings]
+
+
+class Recommendation(TypedDict):
+    """The cheapest setting within a bound."""
+
+    bound: float
+    point: PointJson | None
+    advice: Advice | None
+
+
+class OrderJson(TypedDict):
+    """Order of convergence with its interval."""
+
+    order: float
+    low: float
+    high: float
+
+
+class TradeoffJson(TypedDict):
+    """All measured settings, and the recommended ones."""
+
+    mechanism: str
+    reference: str
+    reference_error: dict[str, float]
+    quantity: str
+    stroke: float
+    trials: int
+    left_out: int
+    unbuilt: int
+    untried: list[str]
+    seconds: float
+    recommended: list[Recommendation]
+    pareto: list[PointJson]
+    orders: dict[str, OrderJson | None]
+    points: list[PointJson]
+    seed: int
+    budget: float
+    output: str | None
+    plot: str | None
+
+
+@command
 def tradeoff(
-    model: Annotated[
-        str,
-        typer.Argument(
-            metavar="MODEL", help="A catalogue name, FILE.toml, FILE.py:OBJECT, or an MJCF file of your own."
-        ),
-    ],
+    source: ModelOptions,
+    controls: ControlOptions,
     *,
     costs: Annotated[
-        bool, typer.Option("--costs", help="Tell instead what each thing in a scene of your own costs.")
+        bool, typer.Option("--costs", help="Measure instead what each element of an MJCF scene costs.")
     ] = False,
-    asked: SceneOptions,
     speed: Speed = "600rpm",
     budget: Annotated[
-        str, typer.Option(help="Time to spend on all of it, by the clock; a bare number is seconds.")
+        str, typer.Option(help="Wall-clock time for everything; a bare number is seconds.")
     ] = "60s",
     seed: Annotated[int, typer.Option(help="Of the order of trials.", min=0)] = 0,
     by: Annotated[
-        str, typer.Option(help="Error that counts: position, velocity, acceleration, angle, loop or drive.")
+        str,
+        typer.Option(help="Error that decides: position, velocity, acceleration, angle, loop or drive."),
     ] = "position",
     plot: Annotated[
         str | None, typer.Option(metavar="FILE", help="Work-precision plot: .svg, .png or .pdf.")
     ] = None,
-    sets: Sets = None,
     output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Measure how fast and how accurate MuJoCo's settings are on one mechanism; recommend some."""
+) -> Result[TradeoffJson]:
+    """Measure how fast and how accurate MuJoCo's settings are on one mechanism, and recommend some.
+
+    Examples:
+    mechsim tradeoff slider_crank --budget 20s --plot precision.svg
+    mechsim tradeoff gripper.xml --costs --ctrl fingers=120
+    """
+    path = None if output is None else writable(output, ".csv")
+    plot_path = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
     if costs:
-        if sets or output or plot:
+        if source.sets or output or plot:
             raise InputError("--costs measures an MJCF file as it is; leave out --set, --plot and -o")
-        print_costs(model, asked, as_json=as_json)
-        return
-    if asked != SceneOptions():
-        raise InputError("--drive, --ctrl, --key, --track and --duration are for --costs; give it too")
-    place = None if output is None else writable(output, ".csv")
-    drawing = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
+        return _costs(source, controls)
+    if controls.ctrl or source.as_arguments() != DriveOptions().as_arguments():
+        raise InputError(
+            "--drive, --ctrl, --lock, --key, --track and --duration are for --costs; give it too"
+        )
     if by not in COMPARED:
         raise InputError(f"there is no error by {by!r}; known are {', '.join(COMPARED)}")
-    clock = _clock(budget, drawn=drawing is not None)
-    with progress("tradeoff", 100) as tick:
-        subject = _subject(model, sets, speed_of(speed), clock)
-        found = measure(subject, budget=clock, seed=seed, progress=_Percent(tick))
-    if place is not None:
-        write_csv(place, found, by)
-    if drawing is not None:
-        plots.write(drawing, work_precision(found, by))
-    if as_json:
-        told = {"seed": seed, "budget": clock.seconds, "output": output, "plot": plot}
-        print_json(_advised(found.as_dict(by), found, by, model) | told)
-    else:
-        _print(found, by)
-        _print_advice(found, by, model)
-        for what, path in (("every point", output), ("plot", plot)):
-            if path is not None:
-                typer.echo(f"wrote {what} to {path}")
-    if clock.spent > (1.0 + BEYOND) * clock.seconds:
-        exit_codes.tell(
-            f"mechsim: took {clock.spent:.2g} s, more than the budget of {clock.seconds:g} s: a short "
-            "trial, with what must be loaded and built for it, takes that long here"
+    timer = _timed_budget(budget, drawn=plot is not None)
+    with progress("tradeoff", None) as report:
+        subject = _subject(source, speed_of(speed), timer)
+        result = measure(subject, budget=timer, seed=seed, progress=report)
+    if path is not None:
+        write_csv(path, result, by)
+    if plot_path is not None:
+        plots.write(plot_path, work_precision(result, by))
+    data: dict[str, Any] = result.as_dict(by)
+    for row in data["recommended"]:
+        point = result.choice(row["bound"], by)
+        row["advice"] = None if point is None else advice(point, source.model, subject.speed)
+    data |= {"seed": seed, "budget": timer.seconds, "output": output, "plot": plot}
+
+    def text() -> None:
+        _print(result, by)
+        _print_advice(result, by, source.model)
+
+    if timer.spent > (1.0 + BEYOND) * timer.seconds:
+        exit_codes.print_stderr(
+            f"mechsim: took {timer.spent:.2g} s, more than the budget of {timer.seconds:g} s: a short trial, "
+            "with what must be loaded and built for it, takes that long"
         )
+    return Result(data, text, files=[output, plot])  # pyright: ignore[reportArgumentType]
 
 
-def _clock(budget: str, *, drawn: bool) -> Budget:
-    """Return the clock of a budget, by which some time is kept for what is told and drawn."""
+def _timed_budget(budget: str, *, drawn: bool) -> Budget:
+    """Return the clock of a budget, of which some time is reserved for the table and the plot."""
     seconds = units.parse_time(budget, "the budget")
     if not 0.0 < seconds < float("inf"):
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
-    return Budget(seconds, exit_codes.typed_at, min(TOLD + (DRAWN if drawn else 0.0), 0.5 * seconds))
+    reserved = TABLE_TIME + (PLOT_TIME if drawn else 0.0)
+    return Budget(seconds, exit_codes.typed_at, min(reserved, 0.5 * seconds))
 
 
-def _subject(model: str, sets: list[str] | None, speed: float, clock: Budget) -> Subject:
-    path = Path(model)
+def _subject(source: ModelOptions, speed: float, timer: Budget) -> Subject:
+    path = Path(source.model)
     if path.suffix.lower() != ".xml":
-        return subject_of(form_of(model, sets), speed, clock)
-    if sets:
-        raise InputError(f"--set changes a mechanism of the catalogue; {model!r} is an MJCF file")
-    return subject_of_model(path, path.stem, speed, clock)
+        return subject_of(load_model(source.model, source.sets), speed, timer)
+    if source.sets:
+        raise InputError(f"--set changes a mechanism of the catalogue; {source.model!r} is an MJCF file")
+    return subject_of_model(path, path.stem, speed, timer)
 
 
-class _Percent:
-    """Turns parts of the budget into ticks of a bar of 100."""
-
-    def __init__(self, tick: Tick):
-        self.tick, self.shown = tick, 0
-
-    def __call__(self, done: str, part: float) -> None:
-        while self.shown < min(100, int(100.0 * part)):
-            self.shown += 1
-            self.tick(done)
-
-
-def _print(found: Tradeoff, by: str) -> None:
-    subject = found.subject
-    rows = [(f"{bound:.0e}", *_cells(found.choice(bound, by))) for bound in BOUNDS]
-    rows += [("(defaults)", *_cells(point)) for point in found.points if _worth(point, DEFAULTS)]
-    head = ("error within", "use", "steps a turn", "ms a turn", *found.points[0].errors)
-    print_table(f"{subject.name} against {subject.reference.what}: by {by}", head, rows)
-    typer.echo(
+def _print(result: Tradeoff, by: str) -> None:
+    """Print the cheapest setting for each limit, MuJoCo's defaults, and the errors of both."""
+    subject = result.subject
+    points = {f"{limit:.0e}": result.choice(limit, by) for limit in BOUNDS}
+    for point in result.points:
+        if point.method.name == DEFAULTS and point.settings.steps_per_turn in DEFAULTS_STEPS:
+            points[f"(defaults, {point.settings.steps_per_turn})"] = point
+    rows: list[tuple[Value, ...]] = []
+    errors: list[tuple[Value, ...]] = []
+    for name, point in points.items():
+        if point is None:
+            rows.append((name, "not reached", None, None))
+            continue
+        steps = str(point.settings.steps_per_turn)
+        rows.append((name, point.method.name, steps, number(1e3 * point.cost, 3)))
+        errors.append((name, *(f"{error:.1e}" for error in point.errors.values())))
+    title = f"{subject.name} against {subject.reference.what}: cheapest settings by {by} error"
+    print_table(title, ("error within", "use", "steps/turn", "ms/turn"), rows)
+    print_table("Errors of these settings", ("error within", *result.points[0].errors), errors)
+    print_text(
         "position and loop in strokes, velocity and acceleration in strokes and crank speed, "
-        f"angle and drive in rad; stroke {subject.stroke:.4g} m"
+        f"angle and drive in rad; stroke {number(subject.stroke)} m"
     )
     if subject.reference.bar:
         bars = ", ".join(f"{kind} {bar:.1e}" for kind, bar in subject.reference.bar.items())
-        typer.echo(f"error of the reference itself: {bars}")
-    for name, curve in found.best_curves(by).items():
-        order = found.order(curve, by)
+        print_text(f"error of the reference itself: {bars}")
+    for name, curve in result.best_curves(by).items():
+        order = result.order(curve, by)
         if order is not None:
-            typer.echo(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
-    typer.echo(_count(found))
+            print_text(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
+    print_text(_count(result))
 
 
-def _advised(told: dict[str, Any], found: Tradeoff, by: str, model: str) -> dict[str, Any]:
-    """Return what is told with what to do about each recommendation."""
-    for one in told["recommended"]:
-        point = found.choice(one["bound"], by)
-        one["advice"] = None if point is None else advice(point, model, found.subject.speed)
-    return told
-
-
-def _print_advice(found: Tradeoff, by: str, model: str) -> None:
-    """Say of each recommendation what to type, once for those that are alike."""
-    said: dict[str, list[float]] = {}
-    for bound in BOUNDS:
-        point = found.choice(bound, by)
+def _print_advice(result: Tradeoff, by: str, model: str) -> None:
+    """Print how to use each recommendation, once for those that are alike."""
+    bounds_of: dict[str, list[str]] = {}
+    for limit in BOUNDS:
+        point = result.choice(limit, by)
         if point is not None:
-            told = advice(point, model, found.subject.speed)
-            lines = [told["command"] or told["python"] or "", told["export"] or ""]
-            lines = [one for one in (*lines, *(told["xml"] or "").splitlines()) if one]
-            said.setdefault("\n  ".join(lines).strip(), []).append(bound)
-    for lines, bounds in said.items():
-        typer.echo(f"{', '.join(f'{bound:.0e}' for bound in bounds)}:\n  {lines}")
+            how = advice(point, model, result.subject.speed)
+            lines = [how["command"] or how["python"] or "", how["export"] or "", how["xml"] or ""]
+            bounds_of.setdefault("\n".join(filter(None, lines)), []).append(f"{limit:.0e}")
+    for text, bounds in bounds_of.items():
+        typer.echo(f"{', '.join(bounds)}:")
+        # text to copy: never broken
+        for line in filter(None, text.splitlines()):
+            typer.echo(f"  {line}")
 
 
-def _count(found: Tradeoff) -> str:
-    """Return how much of the ladder was measured, and what was not and why."""
-    said = [f"{len(found.points)} settings measured in {found.seconds:.3g} s"]
-    if found.unbuilt:
-        said.append(f"{found.unbuilt} do not assemble")
-    if found.left_out:
-        said.append(f"{found.left_out} left out for want of time")
-    if found.untried:
-        named = ", ".join(found.untried[:NAMED])
-        more = f" and {len(found.untried) - NAMED} more" if len(found.untried) > NAMED else ""
-        said.append(f"nothing was tried of {named}{more}")
-    return "; ".join(said)
+def _count(result: Tradeoff) -> str:
+    """Return how many settings were measured, and which were not and why."""
+    items = [f"{len(result.points)} settings measured in {number(result.seconds, 3)} s"]
+    if result.unbuilt:
+        items.append(f"{result.unbuilt} do not assemble")
+    if result.left_out:
+        items.append(f"{result.left_out} left out for lack of time")
+    if result.untried:
+        names = ", ".join(result.untried[:MOST_FAMILIES])
+        rest = len(result.untried) - MOST_FAMILIES
+        items.append(f"nothing tried of {names}{f' and {rest} more' if rest > 0 else ''}")
+    return "; ".join(items)
 
 
-def _worth(point: Any, defaults: str) -> bool:
-    return point.method.name == defaults and point.settings.steps_per_turn in (72, 720, 7200)
-
-
-def _cells(point: Point | None) -> tuple[str, ...]:
-    if point is None:
-        return ("nothing measured reaches it", "", "")
-    errors = (f"{error:.1e}" for error in point.errors.values())
-    return (point.method.name, str(point.settings.steps_per_turn), f"{1e3 * point.cost:.3g}", *errors)
-
-
-def print_costs(model: str, asked: SceneOptions, *, as_json: bool) -> None:
-    """Measure and print what each thing in a scene costs."""
-    scene = user_scene(model, asked)
-    with progress("costs", None) as tick:
-        found = scene_costs(scene, spec_of(scene), progress=tick)
-    if as_json:
-        print_json({"scene": model, "timestep": float(scene.model.opt.timestep), "costs": _rows(found)})
-        return
+def _costs(source: ModelOptions, controls: ControlOptions) -> Result[Any]:
+    """Measure what each element of a scene costs."""
+    scene = user_scene(source.model, source, controls)
+    with progress("costs", None) as report:
+        costs = scene_costs(scene, spec_of(scene), progress=report)
+    data = {
+        "scene": source.model,
+        "timestep": float(scene.model.opt.timestep),
+        "costs": [
+            {
+                "what": cost.what,
+                "freedoms": cost.dofs,
+                "rows": cost.rows,
+                "us_per_step": cost.step,
+                "time_ratio": cost.ratio,
+                "error": cost.error,
+            }
+            for cost in costs
+        ],
+    }
     rows = [
         (
-            one.what,
-            str(one.dofs),
-            str(one.rows),
-            f"{one.step:.3g}",
-            f"{one.ratio:.3g}",
-            f"{one.error:.1e}" if one.error < float("inf") else "diverges",
+            cost.what,
+            str(cost.dofs),
+            str(cost.rows),
+            number(cost.step, 3),
+            number(cost.ratio, 3),
+            f"{cost.error:.1e}" if cost.error < float("inf") else "diverges",
         )
-        for one in found
+        for cost in costs
     ]
-    head = ("scene", "freedoms", "rows", "us/step", "of the scene", "error [m]")
-    print_table(f"{model}: what each thing costs", head, rows)
-
-
-def _rows(found: list[SceneCost]) -> list[dict[str, object]]:
-    return [
-        {
-            "what": one.what,
-            "freedoms": one.dofs,
-            "rows": one.rows,
-            "us_per_step": one.step,
-            "time_ratio": one.ratio,
-            "error": one.error,
-        }
-        for one in found
-    ]
+    head = ("scene", "DOFs", "rows", "us/step", "of the scene", "error [m]")
+    return Result(data, lambda: print_table(f"{source.model}: cost of each element", head, rows))

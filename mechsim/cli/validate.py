@@ -1,11 +1,11 @@
-"""The command that checks everything against everything: validate."""
+"""Command `mechsim validate`: formulas, loop equations, MuJoCo and a user's own model against each other."""
 
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NotRequired, TypedDict
 
 import typer
 
@@ -13,34 +13,32 @@ from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
-from mechsim.cli.declared_options import spread
-from mechsim.cli.exit_codes import tell
+from mechsim.cli.command import JSON_OPTION, Result, command
+from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.options import (
     DriveOptions,
-    Json,
     Sets,
     Speed,
     Verbose,
-    family_of,
     folder_for,
-    read_family,
+    load_parametric,
     speed_of,
     writable,
 )
 from mechsim.cli.output import print_json
 from mechsim.cli.progress import progress
+from mechsim.cli.schema import CheckJson, Settings
 from mechsim.cli.verdict_text import (
-    agreement_lines,
-    attribution_lines,
-    found_in,
-    in_json,
+    findings_in_json,
+    print_agreement,
     print_cases,
-    print_verdict,
+    print_finding_lines,
     print_verdicts,
-    tell_findings,
+    scene_findings,
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.finding import Finding
+from mechsim.model.finding import Finding, Outcome
+from mechsim.model.masses import LinkMass
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import agreement_plot
@@ -56,11 +54,11 @@ from mechsim.verdict.checks import Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgainstOptions:
-    """Against what one model is held, and how that is told."""
+    """What one model is compared with."""
 
     against: str | None = option(
         None,
-        "Hold one model against a function of your own, which is run, or a table.",
+        "Compare one model with your own function, which is run, or a table.",
         metavar="FILE.py:FUNC|FILE.csv",
     )
     tolerance: str | None = option(
@@ -72,221 +70,303 @@ class AgainstOptions:
     plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
 
     @property
-    def bound(self) -> float | None:
+    def tolerance_in_metres(self) -> float | None:
         """The tolerance in [m]; None where none is given."""
         if self.tolerance is None:
             return None
-        bound = units.parse_length(self.tolerance, "the tolerance")
-        if not 0.0 < bound < math.inf:
+        tolerance = units.parse_length(self.tolerance, "the tolerance")
+        if not 0.0 < tolerance < math.inf:
             raise InputError(f"--tolerance is {self.tolerance}; give a length above 0, as in 1um")
-        return bound
+        return tolerance
 
 
-@spread
+class StatisticJson(TypedDict):
+    """A test of residuals as noise."""
+
+    squares: float
+    degrees: int
+    probability: float
+    worst: float
+    limit: float
+    passed: bool
+
+
+class QuantityNoise(TypedDict):
+    """Noise tests of a measured quantity."""
+
+    passed: bool
+    sigma: float
+    deviation: float
+    chi_squared: StatisticJson
+    smooth: StatisticJson
+    largest: StatisticJson
+
+
+class NoiseJson(TypedDict):
+    """Whether noise explains the residuals of a measured table."""
+
+    sigma: float
+    systematic: bool
+    chi_squared: float
+    degrees: int
+    probability: float
+    false_alarm: float
+    report: str
+    quantities: dict[str, QuantityNoise]
+
+
+class PublishedJson(TypedDict):
+    """A run of an MJCF file with its own settings."""
+
+    settings: Settings
+    driven: str
+    loop_closure: float
+    error: float
+    note: str
+
+
+class CaseJson(TypedDict):
+    """What was checked of a mechanism."""
+
+    passed: bool
+    outcome: Outcome
+    checks: list[CheckJson]
+    reason: NotRequired[str]
+    why: NotRequired[str]
+    against: NotRequired[str]
+    steps: NotRequired[int]
+    seconds: NotRequired[float]
+    compliance: NotRequired[float]
+    attribution: NotRequired[dict[str, Any]]
+    noise: NotRequired[NoiseJson]
+    published: NotRequired[PublishedJson]
+    findings: NotRequired[list[Finding]]
+    masses: NotRequired[list[LinkMass]]
+
+
+class ValidateJson(TypedDict):
+    """What `validate` prints."""
+
+    passed: bool
+    mechanisms: dict[str, CaseJson]
+
+
+@command
 def validate(
     models: Annotated[
         list[str] | None,
         typer.Argument(
             metavar="[MODEL]...",
-            help="Names, FILE.toml, .xml, FILE.py:OBJECT; none: the catalogue, and the gallery, not stepped.",
+            help="Names, FILE.toml, .xml, FILE.py:OBJECT. Default: the catalogue, and the gallery, not "
+            "stepped.",
         ),
     ] = None,
     *,
     whole_gallery: Annotated[
-        bool, typer.Option("--gallery", help="The gallery in full, beside what is named or the catalogue.")
+        bool,
+        typer.Option("--gallery", help="Validate the gallery, stepped, and the named models or catalogue."),
     ] = False,
     reference: Annotated[
         bool,
-        typer.Option("--reference", help="Judge both roads by the reference data instead: 30 digits."),
+        typer.Option("--reference", help="Compare both methods with the 30-digit reference data instead."),
     ] = False,
     report: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page here.")
+        str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page to a folder.")
     ] = None,
     speed: Speed = "600rpm",
     budget: Annotated[
         str,
-        typer.Option(
-            help="Processor time for the stepped runs of each mechanism; what they reach is reported."
-        ),
+        typer.Option(help="Processor time for the stepped runs of each mechanism; the result is reported."),
     ] = f"{BUDGET:g}s",
-    compare_model: AgainstOptions,
+    comparison: AgainstOptions,
     driven: DriveOptions,
     sets: Sets = None,
     verbose: Verbose = False,
-    as_json: Json = False,
-) -> None:
+    as_json: JSON_OPTION = False,
+) -> Result[ValidateJson]:
     """Check closed form, loop equations, formulas and MuJoCo against each other; the main job.
 
     The formula that a file names is code, and is run.
+
+    Examples:
+    mechsim validate four_bar
+    mechsim validate slider_crank --against my_kinematics.py:position
     """
+    driven_or_changed = driven != DriveOptions() or bool(sets)
     if reference:
-        if compare_model != AgainstOptions() or sets or report or whole_gallery or driven != DriveOptions():
-            raise InputError(
-                "--reference judges what the data describe; leave out all else but names and --json"
-            )
-        raise typer.Exit(0 if validate_by_reference(models or (), as_json, verbose=verbose) else 1)
-    if compare_model.against is not None:
+        if comparison != AgainstOptions() or driven_or_changed or report or whole_gallery:
+            raise InputError("--reference excludes all options but names and --json; leave them out")
+        return _by_reference(models or (), verbose)
+    folder = None if report is None else folder_for(report)
+    if comparison.against is not None:
         if models is None or len(models) != 1 or whole_gallery:
             raise InputError("--against is of one model; name it, and no others")
-        place = None if report is None else folder_for(report)
-        held_against(models[0], sets, driven, compare_model, (speed_of(speed), place, as_json, verbose))
-    if compare_model != AgainstOptions(tolerance=compare_model.tolerance):
+        design = load_parametric(models[0], sets, driven, moving=False)
+        return _against(design, comparison, speed_of(speed), folder, verbose)
+    if comparison.plot is not None:
         raise InputError("--plot goes with --against; name what the model is compared with")
-    shown = list(gallery.files())
-    wanted = list(models or catalog.DRIVES)
-    if whole_gallery or not models:
-        wanted += shown
-    if sets and len(wanted) != 1:
-        raise InputError("--set changes one mechanism; name it")
-    if driven != DriveOptions() and len(wanted) != 1:
-        raise InputError("--drive, --lock, --key and --track are of one mechanism; name it")
-    families = _told_apart({model: family_of(model, sets, driven) for model in wanted})
-    asked, tolerance = speed_of(speed), compare_model.bound
-    folder = None if report is None else folder_for(report)
-    tell_code([family.make({}) for family in families.values()])
-    quick = () if models or whole_gallery else shown
-    seconds = units.parse_time(budget, "the budget")
-    cases = _validated(families, (asked, tolerance, seconds), quick, as_json)
-    scenes = {name: _findings(case) for name, case in cases.items()}
-    passed = all(case.passed for case in cases.values())
-    results = {
-        "passed": passed,
-        "mechanisms": {name: case.as_dict() | in_json(scenes[name]) for name, case in cases.items()},
-    }
-    if folder is not None:
-        _write_report(folder, cases, results)
-    if as_json:
-        print_json(results)
-    else:
-        speed_text = f"{asked * 60.0 / REVOLUTION:.4g} rpm"
-        print_cases(cases, scenes, speed_text, verbose=verbose)
-        if folder is not None:
-            typer.echo(f"report: {folder / 'index.html'}")
-    raise typer.Exit(0 if passed else 1)
+    names = list(models or catalog.DRIVES)
+    names += list(gallery.files()) if whole_gallery or not models else []
+    if driven_or_changed and len(names) != 1:
+        options = "--set changes" if sets else "--drive, --lock, --key and --track change"
+        raise InputError(f"{options} one mechanism; name it")
+    designs = _by_name({model: load_parametric(model, sets, driven) for model in names})
+    report_code([design.make({}) for design in designs.values()])
+    task = ValidationTask(
+        speed=speed_of(speed),
+        quick=() if models or whole_gallery else list(gallery.files()),
+        tolerance=comparison.tolerance_in_metres,
+        budget=units.parse_time(budget, "the budget"),
+    )
+    return _validated(designs, task, folder, verbose=verbose, as_json=as_json)
 
 
-def _told_apart(families: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
-    """Return mechanisms by name; those of one name by what they were called on the command line."""
-    names = {model: family.make({}).name for model, family in families.items()}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidationTask:
+    """How mechanisms are validated.
+
+    Attributes:
+        speed: of a crank in [rad/s].
+        quick: names of mechanisms that are not stepped.
+        tolerance: on positions in [m]; None for the default.
+        budget: processor time for the stepped runs of each mechanism in [s].
+    """
+
+    speed: float
+    quick: Sequence[str]
+    tolerance: float | None
+    budget: float
+
+
+def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
+    """Return mechanisms by their names, or by the argument where several have one name."""
+    names = {model: design.make({}).name for model, design in designs.items()}
     count = Counter(names.values())
-    return {names[model] if count[names[model]] == 1 else model: family for model, family in families.items()}
+    return {names[model] if count[names[model]] == 1 else model: design for model, design in designs.items()}
 
 
 def _validated(
-    families: Mapping[str, DesignFamily],
-    asked: tuple[float, float | None, float],
-    quick: Sequence[str],
+    designs: Mapping[str, DesignFamily],
+    task: ValidationTask,
+    folder: Path | None,
+    *,
+    verbose: bool,
     as_json: bool,
-) -> dict[str, Case]:
-    """Return the cases; where one cannot be judged JSON says so before the command ends."""
+) -> Result[ValidateJson]:
+    """Validate mechanisms; JSON reports one that cannot be assembled before the error does."""
     try:
-        with progress("validate", None) as tick:
-            speed, tolerance, budget = asked
-            return validate_all(
-                families, speed=speed, quick=quick, tolerance=tolerance, budget=budget, watch=tick
+        with progress("validate", None) as report:
+            cases = validate_all(
+                designs,
+                speed=task.speed,
+                quick=task.quick,
+                tolerance=task.tolerance,
+                budget=task.budget,
+                watch=report,
             )
     except (AssemblyError, MobilityError) as error:
         if as_json:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
-            lost = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
-            told = {name: lost | in_json(found_in(one.make({}))) for name, one in families.items()}
-            print_json({"passed": False, "mechanisms": told})
+            failed = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
+            entries = {
+                name: failed | findings_in_json(scene_findings(design.make({})))
+                for name, design in designs.items()
+            }
+            print_json({"passed": False, "mechanisms": entries})
         raise
+    findings = {name: _findings(case) for name, case in cases.items()}
+    passed = all(case.passed for case in cases.values())
+    data: Any = {
+        "passed": passed,
+        "mechanisms": {
+            name: case.as_dict() | findings_in_json(findings[name]) for name, case in cases.items()
+        },
+    }
+    if folder is not None:
+        with progress("draw", len(cases)) as report:
+            descriptions = {name: gallery.description(path) for name, path in gallery.files().items()}
+            for note in write_validation_report(folder, cases, data, report, descriptions):
+                print_stderr(note)
+
+    def text() -> None:
+        print_cases(cases, findings, f"{task.speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
+        _print_report(folder)
+
+    return Result(data, text, passed)
 
 
 def _findings(case: Case) -> tuple[Finding, ...] | None:
-    """Return what is wrong with an MJCF file, and what it does with its own settings; None of others."""
-    found = found_in(case.drive)
-    if found is None or case.published is None:
-        return found
-    return (*found, case.published.finding())
+    """Return the findings in an MJCF file, and the result with its own settings; None for others."""
+    findings = scene_findings(case.drive)
+    if findings is None or case.published is None:
+        return findings
+    return (*findings, case.published.finding())
 
 
-def _write_report(folder: Path, cases: Mapping[str, Case], results: Mapping[str, Any]) -> None:
-    with progress("draw", len(cases)) as tick:
-        descriptions = {name: gallery.description(path) for name, path in gallery.files().items()}
-        notes = write_validation_report(folder, cases, results, tick, descriptions)
-    for note in notes:
-        tell(note)
+def _print_report(folder: Path | None) -> None:
+    if folder is not None:
+        typer.echo(f"report: {folder / 'index.html'}")
 
 
-def validate_by_reference(models: Sequence[str], as_json: bool, *, verbose: bool) -> bool:
-    """Judge the mechanisms named, or all of the reference data, and print it; return whether all are met.
-
-    Raises:
-        InputError: for a name of which there are no data, or data that are not what their checksum says.
-    """
-    where = reference_data.folder()
-    tables = [reference_data.read(where, name) for name in models or reference_data.names(where)]
-    cases: dict[str, Verdict] = {}
-    with progress("validate", len(tables)) as tick:
-        for table in tables:
-            closed = catalog.make(table.name) if table.name in catalog.DRIVES else None
-            cases[table.name] = by_reference(load(str(table.mechanism)), table, closed)
-            tick(table.name)
-    passed = all(case.passed for case in cases.values())
-    if as_json:
-        print_json({"passed": passed, "mechanisms": {name: case.as_dict() for name, case in cases.items()}})
-        return passed
-    print_verdicts(cases, verbose=verbose)
-    count = sum(case.passed for case in cases.values())
-    typer.echo(f"{count} of {len(cases)} mechanisms agree with the reference data in {where}")
-    return passed
-
-
-def held_against(
-    model: str,
-    sets: list[str] | None,
-    driven: DriveOptions,
-    asked: AgainstOptions,
-    output: tuple[float, Path | None, bool, bool],
-) -> NoReturn:
-    """Say whether a model agrees with a function or a table, and why not; ends the command.
-
-    Args:
-        model: as it was called.
-        sets: its changed parameters, as NAME=VALUE.
-        driven: how it is driven.
-        asked: against what it is held, and how that is told.
-        output: speed of a crank in [rad/s], folder for a page or None, whether JSON is printed, and whether
-            all checks are listed.
-    """
-    speed, report, as_json, verbose = output
-    source = asked.against or ""
-    place = None if asked.plot is None else writable(asked.plot)
-    if place is not None:
-        plots.format_of(place)
-    bound = asked.bound
+def _against(
+    design: DesignFamily, comparison: AgainstOptions, speed: float, folder: Path | None, verbose: bool
+) -> Result[ValidateJson]:
+    """Compare a model with a function or a table, and explain the difference."""
+    source = comparison.against or ""
+    plot_path = None if comparison.plot is None else writable(comparison.plot)
+    if plot_path is not None:
+        plots.format_of(plot_path)
+    tolerance = comparison.tolerance_in_metres
     if not source.lower().endswith(".csv"):
-        tell(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
-    found = compare_model(read_family(model, sets, driven), source, speed=speed, tolerance=bound)
-    name, scene = found.solver.name, found_in(found.solver) or ()
-    told_of = found.as_dict()
-    told_of["findings"] = [one.as_dict() for one in (*scene, *found.findings)]
-    results = {"passed": found.passed, "mechanisms": {name: told_of}}
-    if place is not None:
-        plots.write(place, agreement_plot(worst_first(found)[0]))
-    notes = [] if report is None else write_agreement_report(report, found, results)
-    for note in notes:
-        tell(note)
-    if as_json:
-        print_json(results)
-    else:
-        tell_findings(scene)
-        for line in agreement_lines(name, found):
-            typer.echo(line)
-        if verbose:
-            for line in attribution_lines(found):
-                typer.echo(line)
-            print_verdict(name, Verdict(found.outcome, found.checks, found.reason))
-        if report is not None:
-            typer.echo(f"report: {report / 'index.html'}")
-    raise typer.Exit(0 if found.passed else 1)
+        print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
+    agreement = compare_model(design, source, speed=speed, tolerance=tolerance)
+    name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
+    entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
+    data: Any = {"passed": agreement.passed, "mechanisms": {name: entry}}
+    if plot_path is not None:
+        plots.write(plot_path, agreement_plot(worst_first(agreement)[0]))
+    for note in () if folder is None else write_agreement_report(folder, agreement, data):
+        print_stderr(note)
+
+    def text() -> None:
+        print_finding_lines(findings)
+        print_agreement(name, agreement, verbose=verbose)
+        _print_report(folder)
+
+    return Result(data, text, agreement.passed)
 
 
-def tell_code(forms: Iterable[Form]) -> None:
-    """Say what code of the user's own is run for the formulas that files name."""
-    files = [form.formula.rpartition(":")[0] for form in forms]
+def report_code(solvers: Iterable[Form]) -> None:
+    """State on stderr which of the user's own code is run for the formulas that files name."""
+    files = [solver.formula.rpartition(":")[0] for solver in solvers]
     own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]
     if own:
-        tell(f"mechsim: runs {', '.join(own)}: a formula is code")
+        print_stderr(f"mechsim: runs {', '.join(own)}: a formula is code")
+
+
+def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
+    """Compare mechanisms with the reference data; all that there are data of where none is named.
+
+    Raises:
+        InputError: for a name without data, or data that differ from their checksum.
+    """
+    folder = reference_data.folder()
+    tables = [reference_data.read(folder, name) for name in models or reference_data.names(folder)]
+    verdicts: dict[str, Verdict] = {}
+    with progress("validate", len(tables)) as report:
+        for table in tables:
+            closed_form = catalog.make(table.name) if table.name in catalog.DRIVES else None
+            verdicts[table.name] = by_reference(load(str(table.mechanism)), table, closed_form)
+            report(table.name)
+    count = sum(verdict.passed for verdict in verdicts.values())
+
+    def text() -> None:
+        print_verdicts(verdicts, verbose=verbose)
+        typer.echo(f"{count} of {len(verdicts)} mechanisms agree with the reference data in {folder}")
+
+    passed = count == len(verdicts)
+    data: Any = {
+        "passed": passed,
+        "mechanisms": {name: verdict.as_dict() for name, verdict in verdicts.items()},
+    }
+    return Result(data, text, passed)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from mechsim.analytic.forms import Form
-from mechsim.cli.output import labelled, pass_or_fail, print_table, width, wrapped
+from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
 from mechsim.model.finding import Finding
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.masses import summary
-from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -44,8 +43,8 @@ def print_verdict(title: str, verdict: Verdict, *, reasons: bool = True) -> None
     """Print a verdict and a table of all its checks, with the reason for each tolerance."""
     head, rows = check_table(verdict.checks)
     columns = slice(None if reasons else -1)
-    heading = f"{title}: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else "")
-    print_table(heading, head[columns], [row[columns] for row in rows])
+    print_text(f"{title}: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else ""))
+    print_table("", head[columns], [row[columns] for row in rows])
 
 
 def print_verdicts(verdicts: Mapping[str, Verdict], *, verbose: bool) -> None:
@@ -54,10 +53,12 @@ def print_verdicts(verdicts: Mapping[str, Verdict], *, verbose: bool) -> None:
         if verbose:
             print_verdict(name, verdict)
         elif not verdict.passed:
-            typer.echo(headline(name, verdict.passed))
-            for line in failure_lines(verdict.checks, (), verdict.reason):
-                typer.echo(line)
-    for line in summary_lines(verdicts):
+            _echo([headline(name, verdict.passed), *failure_lines(verdict.checks, (), verdict.reason)])
+    _echo(summary_lines(verdicts))
+
+
+def _echo(lines: Sequence[str]) -> None:
+    for line in lines:
         typer.echo(line)
 
 
@@ -71,13 +72,13 @@ def summary_lines(verdicts: Mapping[str, Verdict]) -> list[str]:
     ]
 
 
-def headline(left: str, passed: bool, seconds: float | None = None) -> str:
+def headline(title: str, passed: bool, seconds: float | None = None) -> str:
     """Return a title with PASS or FAIL, and the time taken, at the right edge."""
     duration = "" if seconds is None else f"{seconds:.1f} s"
-    room = width() - len("PASS") - DURATION_WIDTH - 4
-    if len(left) > room:
-        left = f"{left[: room - 4].rsplit(' ', 1)[0]} ..."
-    return f"{left:<{room}}  {pass_or_fail(passed)}  {duration}".rstrip()
+    columns = width() - len("PASS") - DURATION_WIDTH - 4
+    if len(title) > columns:
+        title = f"{title[: columns - 4].rsplit(' ', 1)[0]} ..."
+    return f"{title:<{columns}}  {pass_or_fail(passed)}  {duration}".rstrip()
 
 
 def method_lines(checks: Sequence[Check], labels: Mapping[str, str]) -> list[str]:
@@ -89,27 +90,27 @@ def method_lines(checks: Sequence[Check], labels: Mapping[str, str]) -> list[str
     worst = {label: max(group, key=_severity) for label, group in groups.items()}
     names = _aligned([*groups])
     numbers = _aligned([str(len(group)) for group in groups.values()], right=True)
-    parts = _aligned([_part(check) for check in worst.values()], right=True)
+    fractions = _aligned([_fraction(check) for check in worst.values()], right=True)
     quantities = _aligned([_name(check) for check in worst.values()])
     errors = [f"{check.worst:.1e} {check.unit}" for check in worst.values()]
-    columns = list(zip(names, numbers, parts, quantities, errors, strict=True))
+    rows = list(zip(names, numbers, fractions, quantities, errors, strict=True))
     lines: list[str] = []
-    # the first form that fits
-    for form in (
+    # the first layout that fits
+    for layout in (
         "  {}  {} checks  worst {}  {}  {}",
         "  {}  {} checks  {}  {}  {}",
         "  {}  {} checks  {}  {}",
         "  {}  {}  {}  {}",
     ):
-        lines = [form.format(*cells).rstrip() for cells in columns]
+        lines = [layout.format(*row).rstrip() for row in rows]
         if all(len(line) <= width() for line in lines):
             break
     return lines
 
 
-def _aligned(cells: Sequence[str], *, right: bool = False) -> list[str]:
-    longest = max(map(len, cells), default=0)
-    return [cell.rjust(longest) if right else cell.ljust(longest) for cell in cells]
+def _aligned(texts: Sequence[str], *, right: bool = False) -> list[str]:
+    longest = max(map(len, texts), default=0)
+    return [text.rjust(longest) if right else text.ljust(longest) for text in texts]
 
 
 def failure_lines(checks: Sequence[Check], findings: Sequence[Finding], reason: str = "") -> list[str]:
@@ -141,7 +142,7 @@ def causes(findings: Sequence[Finding]) -> list[tuple[str, str]]:
 
 def percentage(checks: Sequence[Check]) -> str:
     """Return the largest error as a percentage of its tolerance."""
-    return _part(max(checks, key=_severity)) if checks else ""
+    return _fraction(max(checks, key=_severity)) if checks else ""
 
 
 def _explained(finding: Finding) -> str:
@@ -169,13 +170,13 @@ def _severity(check: Check) -> float:
     )
 
 
-def _part(check: Check) -> str:
-    part = _severity(check)
-    if not math.isfinite(part):
+def _fraction(check: Check) -> str:
+    fraction = _severity(check)
+    if not math.isfinite(fraction):
         return "inf"
-    if part > 10.0:
-        return f"{part:.2g} x"
-    return f"{100.0 * part:.1f} %" if part >= 1e-3 else "<0.1 %" if part > 0.0 else "0 %"
+    if fraction > 10.0:
+        return f"{fraction:.2g} x"
+    return f"{100.0 * fraction:.1f} %" if fraction >= 1e-3 else "<0.1 %" if fraction > 0.0 else "0 %"
 
 
 def _off_by(check: Check) -> str:
@@ -200,63 +201,62 @@ def readable(value: float, unit: str) -> str:
     return prefixed(value, unit)
 
 
-def found_in(form: Form, asked: MotionLaws | None = None) -> tuple[Finding, ...] | None:
-    """Return what is wrong with the scene of an MJCF file, the gravest first; None of anything else.
+def scene_findings(solver: Form, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
+    """Return the findings in an MJCF file, the most severe first; None for any other mechanism.
 
     Args:
-        form: what moves.
-        asked: programs of the drivers; None takes its own.
+        solver: the mechanism.
+        laws: motion laws of the drivers; None takes its own.
     """
-    if not isinstance(form, MjcfForm) or form.source is None:
+    if not isinstance(solver, MjcfForm) or solver.source is None:
         return None
-    # what is no scene needs no MuJoCo
+    # MuJoCo is loaded for MJCF files only
     from mechsim.simulation.findings import findings
     from mechsim.simulation.mjcf import quiet
 
     with quiet():
-        return findings(form.source, asked or form.motion_laws)
+        return findings(solver.source, laws or solver.motion_laws)
 
 
-def of_crank(form: Form, motion: CrankProfile) -> MotionLaws | None:
-    """Return the motion of the crank of an MJCF file as a program; None of anything else."""
-    if not isinstance(form, MjcfForm):
+def crank_law(solver: Form, motion: CrankProfile) -> MotionLaws | None:
+    """Return the motion of the crank of an MJCF file as a motion law; None for any other mechanism."""
+    if not isinstance(solver, MjcfForm):
         return None
-    return make_motion_laws(form.mechanism, {form.mechanism.drivers[0]: motion.state}, motion.duration)
+    return make_motion_laws(solver.mechanism, {solver.mechanism.drivers[0]: motion.state}, motion.duration)
 
 
-def in_json(found: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:
-    """Return findings as a JSON object has them; nothing where there is no scene."""
-    return {} if found is None else {"findings": [one.as_dict() for one in found]}
+def findings_in_json(findings: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:
+    """Return the entry of a JSON object; none where there is no MJCF file."""
+    return {} if findings is None else {"findings": [finding.as_dict() for finding in findings]}
 
 
-def print_findings(found: Sequence[Finding] | None) -> None:
-    """Print findings as a table; a line where there are none, nothing where there is no scene."""
-    if found is None:
-        return
-    if not found:
+def print_findings(findings: Sequence[Finding] | None) -> None:
+    """Print findings as a table, or that there are none; nothing where there is no MJCF file."""
+    if findings is not None and not findings:
         typer.echo("findings: none")
-        return
-    rows = [(one.kind, one.position.removeprefix("line "), one.advice) for one in found]
+    rows = [
+        (finding.kind, finding.position.removeprefix("line "), finding.advice) for finding in findings or ()
+    ]
     print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
 
 
-def tell_findings(found: Sequence[Finding] | None) -> None:
-    """Print findings at the head of a verdict, a line each."""
-    for one in found or ():
-        typer.echo(f"{one.kind}: {one.one_line}")
+def print_finding_lines(findings: Sequence[Finding] | None) -> None:
+    """Print findings before a verdict."""
+    for finding in findings or ():
+        _echo(wrapped(f"{finding.kind}: {finding.one_line}", "", "  "))
 
 
-def agreement_lines(name: str, agreement: "Agreement") -> list[str]:
-    """Return the result for one model: PASS or FAIL, what is off, and the likely cause."""
+def print_agreement(name: str, agreement: "Agreement", *, verbose: bool) -> None:
+    """Print the result for one model: PASS or FAIL, what is off, and the likely cause."""
     lines = [headline(f"{name} vs {agreement.source}", agreement.passed)]
     if agreement.passed:
         lines += method_lines(agreement.checks, {"": "compared"})
     else:
         lines += failure_lines(agreement.checks, agreement.findings, agreement.reason)
-    lines += wrapped(agreement.noise_report)
-    if agreement.masses:
-        lines += wrapped(summary(agreement.masses))
-    return lines
+    lines += [*wrapped(agreement.noise_report), *wrapped(summary(agreement.masses))]
+    _echo([*lines, *(attribution_lines(agreement) if verbose else ())])
+    if verbose:
+        print_verdict(name, Verdict(agreement.outcome, agreement.checks, agreement.reason))
 
 
 def attribution_lines(agreement: "Agreement") -> list[str]:
@@ -282,7 +282,7 @@ def print_cases(cases: Mapping[str, "Case"], scenes: Scenes, speed: str, *, verb
     """
     single = len(cases) == 1
     for name, case in cases.items():
-        tell_findings(scenes[name])
+        print_finding_lines(scenes[name])
         if verbose or single or not case.passed:
             _print_block(name, case, speed, verbose)
     if single:
@@ -301,26 +301,22 @@ def print_cases(cases: Mapping[str, "Case"], scenes: Scenes, speed: str, *, verb
 
 def _print_block(name: str, case: "Case", speed: str, verbose: bool) -> None:
     """Print what was compared of a mechanism, and what failed."""
-    typer.echo(headline(f"{name}  {_description(case)}", case.passed, case.seconds))
+    lines = [headline(f"{name}  {_description(case)}", case.passed, case.seconds)]
     if not case.passed:
         findings = () if case.formula is None else case.formula.findings
-        for line in failure_lines(case.verdict.checks, findings, case.verdict.reason):
-            typer.echo(line)
-    for line in method_lines(case.verdict.checks, METHODS | {"step": _stepped(case, speed)}):
-        typer.echo(line)
-    for note in _notes(case):
-        for line in wrapped(note):
-            typer.echo(line)
+        lines += failure_lines(case.verdict.checks, findings, case.verdict.reason)
+    lines += method_lines(case.verdict.checks, METHODS | {"step": _stepped(case, speed)})
+    lines += [line for note in _notes(case) for line in wrapped(note)]
+    if verbose and case.formula is not None:
+        lines += attribution_lines(case.formula)
+    _echo(lines)
     if verbose:
-        for line in () if case.formula is None else attribution_lines(case.formula):
-            typer.echo(line)
         print_verdict(name, case.verdict)
 
 
 def _print_summary(cases: Mapping[str, "Case"]) -> None:
     """Print a line for each mechanism, and how many passed."""
-    for line in summary_lines({name: case.verdict for name, case in cases.items()}):
-        typer.echo(line)
+    _echo(summary_lines({name: case.verdict for name, case in cases.items()}))
     passed = sum(case.passed for case in cases.values())
     seconds = sum(case.seconds for case in cases.values())
     typer.echo(f"  {passed} passed, {len(cases) - passed} failed in {seconds:.1f} s   (% = error/tolerance)")
@@ -330,17 +326,13 @@ def _description(case: "Case") -> str:
     """Return a mechanism in words: planar or spatial, links, degrees of freedom, range of the crank."""
     mechanism = case.drive.mechanism
     facts = [
-        "planar" if _is_planar(mechanism) else "spatial",
+        "spatial" if hinged_normals(mechanism) is None else "planar",
         f"{len(mechanism.links) + 1} links",
         f"{len(mechanism.drivers)} DOF",
     ]
     if case.drive.motion_laws is None and mechanism.has_crank:
         facts.append("full rotation" if case.drive.crank_range().full else "limited rotation")
     return ", ".join(facts)
-
-
-def _is_planar(mechanism: Mechanism) -> bool:
-    return hinged_normals(mechanism) is not None
 
 
 def _stepped(case: "Case", speed: str) -> str:

@@ -1,4 +1,4 @@
-"""Command `mechsim view`: a page in which a mechanism is turned by hand."""
+"""Command `mechsim view`: an interactive 3-D page of a mechanism."""
 
 import os
 import sys
@@ -11,73 +11,64 @@ from typing import Annotated
 
 import typer
 
-from mechsim.cli.declared_options import spread
-from mechsim.cli.options import (
-    SPEED,
-    DriveOptions,
-    Json,
-    Model,
-    Output,
-    Sets,
-    Speed,
-    form_of,
-    speed_of,
-    writable,
-)
-from mechsim.cli.output import print_json
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, speed_of, writable
+from mechsim.cli.schema import Written
 from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
-@spread
+class ViewJson(Written):
+    """A written page, and whether a browser showed it."""
+
+    opened: bool
+
+
+@command
 def view(
-    model: Model,
-    driven: DriveOptions,
+    source: ModelOptions,
     output: Output = None,
     speed: Speed = SPEED,
     up: Annotated[
         str | None,
         typer.Option(
-            metavar="AXIS",
-            help="Axis that points up: x, y, z, -x, -y, -z; against gravity, else y, if left out.",
+            metavar="AXIS", help="Axis that points up: x, y, z, -x, ... Default: against gravity, else y."
         ),
     ] = None,
-    sets: Sets = None,
-    as_json: Json = False,
-) -> None:
-    """Make a page to turn a mechanism by hand, offline; without -o the browser opens it."""
+) -> Result[ViewJson]:
+    """Write an interactive page that works offline; without -o the browser opens it.
+
+    Examples:
+    mechsim view rssr
+    mechsim view gripper.xml -o gripper.html
+    """
     from mechsim.pictures.view import page
     from mechsim.report.views import mechanism_view
 
     require_axis("--up", up)
-    place = None if output is None else writable(output, ".html")
-    form = form_of(model, sets, driven)
-    read = form.source if isinstance(form, MjcfForm) else None
-    shown = mechanism_view(form, speed_of(speed), read.limits if read else None)
-    text = page(replace(shown, up=up))
-    browser = None if place is not None else _browser()
-    if place is None:
-        stem = Path(model.split(".py:")[0]).stem
-        name = f"{stem}.view.html"
-        place = Path(tempfile.mkdtemp(prefix="mechsim-")) / name if browser else Path(name)
-    with atomic_path(place) as beside:
-        beside.write_text(text, encoding="utf-8")
-    opened = browser is not None and browser.open(place.resolve().as_uri())
-    if as_json:
-        print_json({"mechanism": form.name, "output": str(place), "opened": opened})
-        return
-    if opened:
-        typer.echo(f"opened {place}")
-        return
-    said = "" if output is not None else "no browser to open it in here; "
-    typer.echo(f"{said}wrote {place}")
+    path = None if output is None else writable(output, ".html")
+    solver = source.load()
+    mjcf = solver.source if isinstance(solver, MjcfForm) else None
+    contents = replace(mechanism_view(solver, speed_of(speed), mjcf.limits if mjcf else None), up=up)
+    browser = None
+    if path is None:
+        browser = _browser()
+        name = f"{Path(source.model.split('.py:')[0]).stem}.view.html"
+        path = Path(tempfile.mkdtemp(prefix="mechsim-")) / name if browser else Path(name)
+    with atomic_path(path) as unfinished:
+        unfinished.write_text(page(contents), encoding="utf-8")
+    opened = browser is not None and browser.open(path.resolve().as_uri())
+    prefix = "no browser on this machine; " if output is None else ""
+    text = f"opened {path}" if opened else f"{prefix}wrote {path}"
+    data: ViewJson = {"mechanism": solver.name, "output": str(path), "opened": opened}
+    return Result(data, lambda: typer.echo(text))
 
 
 def _browser() -> webbrowser.BaseBrowser | None:
-    """Return the browser of this machine; None where there is no screen to show it on."""
-    screenless = sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
-    if screenless and "BROWSER" not in os.environ:
+    """Return the browser of this machine; None where there is no screen for it."""
+    no_screen = sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
+    if no_screen and "BROWSER" not in os.environ:
         return None
     with suppress(webbrowser.Error):
         return webbrowser.get()

@@ -88,7 +88,7 @@ def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
             {
                 "component": i + 1,
                 "own": i == 0,
-                "found": curve.starts_ended,
+                "starts_ended": curve.starts_ended,
                 "length": curve.length,
                 "turns": curve.turns,
                 "dead_centres": curve.dead_centres,

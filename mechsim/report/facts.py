@@ -123,7 +123,7 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
             "determine the motion"
         )
     counts = {
-        "freedoms": determinacy.dofs,
+        "dofs": determinacy.dofs,
         "drivers": list(determinacy.drivers),
         "open": list(determinacy.undetermined),
         "redundant_drivers": list(determinacy.redundant_drivers),
@@ -135,7 +135,7 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
         "mobility": counts,
         "mobility_explained": lines,
         "outcome": determinacy.outcome,
-        "programs": law_texts,
+        "motion_laws": law_texts,
         "duration": None if motion_laws is None else motion_laws.duration,
     }
 

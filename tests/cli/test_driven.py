@@ -92,18 +92,18 @@ def test_show_answers_whatever_is_driven(mechsim):
         return json.loads(out)["mobility"]
 
     plain = told()
-    assert (plain["freedoms"], plain["drivers"], plain["open"], plain["redundant"]) == (
+    assert (plain["dofs"], plain["drivers"], plain["open"], plain["redundant"]) == (
         2,
         ["lift", "turn"],
         [],
         0,
     )
-    assert told("--lock", "lift")["freedoms"] == 1
+    assert told("--lock", "lift")["dofs"] == 1
 
 
 WRONG = {
-    "no programs": (["solve", "arm.toml"], ["lift, turn move", "--drive JOINT=PROGRAM"]),
-    "one program": (["solve", "arm.toml", *DRIVE[:2]], ["turn moves", "--drive JOINT=PROGRAM"]),
+    "no programs": (["solve", "arm.toml"], ["lift, turn have no motion law", "--drive JOINT=LAW"]),
+    "one program": (["solve", "arm.toml", *DRIVE[:2]], ["how turn moves", "--drive JOINT"]),
     "an angle for a slide": (["solve", "arm.toml", "--drive", "lift=3deg*t"], ["is an angle; give a length"]),
     "no equals sign": (["solve", "arm.toml", "--drive", "lift"], ["--drive NAME=VALUE"]),
     "twice": (["solve", "arm.toml", "--drive", "lift=1", "--drive", "lift=2"], ["lift twice"]),
@@ -114,7 +114,7 @@ WRONG = {
     "a keyframe": (["solve", "arm.toml", "--key", "home"], ["no keyframes"]),
     "a plot of a crank": (
         ["plot", "arm.toml", *DRIVE, "--kind", "transmission", "-o", "a.svg"],
-        ["under programs"],
+        ["with motion laws known are"],
     ),
 }
 

@@ -105,7 +105,7 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--gravity", "1,2"), "--gravity is '1,2', 2 numbers"),
         (("--method", "guess"), "there is no method 'guess'"),
         (("--spring", "P3:P2"), "--spring is 'P3:P2'; write A:B=STIFFNESS,REST"),
-        (("--spring", "P3:ground@1,2=5"), "has a place 'ground@1,2'; write LINK@X,Y,Z"),
+        (("--spring", "P3:ground@1,2=5"), "has a position 'ground@1,2'; write LINK@X,Y,Z"),
         (("--spring", "P3:P9=5"), "no point 'P9'"),
         (("--spring", "P3:ground@0,1,0=-5"), "stiffness of the spring"),
         (("--damper", "rocker=1,2"), "--damper is 'rocker=1,2'; write A:B=DAMPING"),
@@ -113,7 +113,7 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--gear", "0", "--motor", "constant:1"), "gear ratio of the motor is 0.0"),
         (("--turns", "0"), "0 turns of 360 instants"),
         (("--tolerance", "0"), "tolerance of torque is 0.0"),
-        (("--tolerance", "1", "--method", "none"), "--method none leaves them out"),
+        (("--tolerance", "1", "--method", "none"), "--method none omits them"),
         (("--density", "-1"), "density of the rods is -1.0"),
         (("--coefficient", "-1"), "coefficient of speed fluctuation is -1.0"),
         (("--flywheel", "-1"), "moment of inertia of the flywheel"),
@@ -184,7 +184,7 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
 
 def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_settings(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
-    told = json.loads(out)["promise"]
+    told = json.loads(out)["tolerance_report"]
     assert code == 0
     assert told["satisfied"]
     assert told["estimate"] <= 1e-5
@@ -198,7 +198,7 @@ def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_setting
     )
     told = json.loads(out)
     assert code == 0
-    assert (told["outcome"], told["promise"]["satisfied"]) == ("passed", True)
+    assert (told["outcome"], told["tolerance_report"]["satisfied"]) == ("passed", True)
     assert told["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)
 
 

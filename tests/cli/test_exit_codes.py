@@ -123,7 +123,7 @@ def command():
     for _ in range({times}):
         Held()
     time.sleep(60)
-code = exit_codes.ended(command)
+code = exit_codes.exit_code(command)
 time.sleep(10 * exit_codes.AGAIN)
 raise SystemExit(code)
 """
@@ -146,7 +146,7 @@ def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
     code = (
         "import signal, os; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
         "from mechsim.cli import exit_codes\n"
-        "raise SystemExit(exit_codes.ended(lambda: os.kill(os.getpid(), signal.SIGHUP)))"
+        "raise SystemExit(exit_codes.exit_code(lambda: os.kill(os.getpid(), signal.SIGHUP)))"
     )
     assert subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=False).returncode == 0
 

@@ -43,15 +43,15 @@ def test_a_fit_is_told_with_its_uncertainty_and_written(fit, table, tmp_path):
 def test_what_cannot_be_told_apart_ends_in_one(fit, table):
     code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,arm")
     assert code == 1, err
-    assert "nothing that was measured depends on arm" in out
-    assert "not told" in out
+    assert "no measured quantity depends on arm" in out
+    assert "unknown" in out
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["--vary", "coupler"], "no measured motion is given; name a table with --to"),
-        (["--to", "measured.csv"], "no dimension is to be found; name some"),
+        (["--to", "measured.csv"], "no dimension is to be identified; name some"),
         (["--to", "none.csv", "--vary", "coupler"], "there is no file none.csv"),
         (["--to", "measured.csv", "--vary", "cuopler"], "did you mean 'coupler'"),
     ],

@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 from mechsim.cli import COMMANDS, main
-from mechsim.cli.schema import OUTPUTS, output_schema
+from mechsim.cli.schema import output_schema, output_types
 
 ROOT = Path(__file__).parents[2]
 LINES = """
@@ -97,11 +97,13 @@ def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys, tmp_pa
 
 
 def test_every_command_with_json_has_a_schema(capsys, monkeypatch):
-    from mechsim.cli import loaded
+    from mechsim.cli import load_command
 
-    with_json = {name for name in COMMANDS if any("--json" in option.opts for option in loaded(name).params)}
-    assert with_json == set(OUTPUTS)
-    assert {line.split()[0] for line in LINES} | ELSEWHERE == set(OUTPUTS)
+    with_json = {
+        name for name in COMMANDS if any("--json" in option.opts for option in load_command(name).params)
+    }
+    assert with_json == set(output_types())
+    assert {line.split()[0] for line in LINES} | ELSEWHERE == set(output_types())
 
 
 def test_schema_prints_the_one_asked_for(monkeypatch, capsys):

@@ -84,7 +84,7 @@ def test_other_rods_are_named_by_their_density():
 
 def test_dynamics_says_which_masses_it_uses(mechsim, press):
     short = ("--samples", "4", "--method", "none")
-    line = mechsim("dynamics", press, *short).out
+    line = " ".join(mechsim("dynamics", press, *short).out.split())
     assert "masses: crank given, 0.5 kg; rod, slider computed as round steel rods of diameter" in line
     assert "-v lists them" in line
     table = mechsim("dynamics", press, *short, "-v", "--diameter", "10mm").out
@@ -131,7 +131,7 @@ def test_sweeps_sensitivities_and_arrows_of_efforts_say_which_masses_they_use(me
     swept = mechsim(
         "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "max:torque", "-o", "s.csv"
     )
-    assert "masses of the design as it stands: crank, coupler, rocker computed" in swept.out
+    assert "masses of the original design: crank, coupler, rocker computed" in swept.out
     assert (
         "masses"
         not in mechsim(

@@ -80,14 +80,14 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--fps", "20"), "--fps is of a film"),
-        (("--slow", "10"), "--slow is of a film"),
+        (("--fps", "20"), "--fps is of an animation"),
+        (("--slow", "10"), "--slow is of an animation"),
         (("--positions", "3", "--angle", "20deg"), "leave out --angle or --positions"),
         (
             ("--trace", "--speed", "5rpm"),
-            "--trace goes once round the curve of assemblies; leave out --speed",
+            "--trace follows the curve of assemblies; leave out --speed",
         ),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a program"),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
 def test_what_says_nothing_of_a_picture_is_refused_in_one_line(mechsim, tmp_path, words, says):
@@ -135,7 +135,7 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch
         (("--kind", "error", "--points", "A"), "takes no --points"),
         (("--kind", "torque", "--stopped", "crank1"), "takes no --stopped, which is of plan"),
         (("--kind", "torque", "--from", "posed"), "--from closed or simulated, not from posed"),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a program"),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
 def test_an_option_of_another_kind_of_plot_is_refused_in_one_line(mechsim, tmp_path, words, says):

@@ -11,7 +11,7 @@ import pytest
 from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.analytic.dynamics.free_motion import Runner
 from mechsim.cli import dynamics as cli_dynamics
-from mechsim.cli import progress, solve
+from mechsim.cli import options, progress, solve
 from mechsim.model.forces import Forces
 from mechsim.numerics import resources
 from mechsim.simulation.dynamics import free_motion
@@ -23,7 +23,7 @@ TOO_LARGE = {
     "simulate rssr --every 1e-5deg": ["3.6e+07 instants", "records farther apart"],
     "solve rssr --angles 0:360:1e-4deg -o a.npz": ["3,600,001 crank angles", "write .csv"],
     "solve rssr --angles 0:360:1e-4deg --json": ["3,600,001 crank angles", "write .csv"],
-    "dynamics rssr --samples 100000 --turns 100": ["10,000,000 instants", "both roads", "at the most"],
+    "dynamics rssr --samples 100000 --turns 100": ["10,000,000 instants", "both methods", "at the most"],
     "dynamics rssr --turns 9999 --method none": ["3,599,641 instants", "instants at the most"],
     "solve rssr --set crank=13m**9**9**9": ["crank", "not known"],
 }
@@ -121,7 +121,7 @@ def test_memory_that_mujoco_cannot_get_is_no_internal_error(
     def fails(*_: object, **__: object) -> None:
         raise mujoco.FatalError("Could not allocate memory")
 
-    monkeypatch.setattr(solve, "form_of", fails)
+    monkeypatch.setattr(options, "load", fails)
     assert "not enough memory" in one_line("solve four_bar", monkeypatch, capsys)
 
 
@@ -160,8 +160,8 @@ def test_a_solution_under_motion_laws_is_the_same_in_parts(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name, part in (("whole.csv", solve.PART), ("parts.csv", 10)):
-        monkeypatch.setattr(solve, "PART", part)
+    for name, part in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
+        monkeypatch.setattr(solve, "CHUNK", part)
         words = f"mechsim solve four_bar --drive crank=sin(3*t) --duration 2 -o {name}"
         monkeypatch.setattr("sys.argv", words.split())
         with pytest.raises(SystemExit) as ended:
@@ -178,8 +178,8 @@ def test_a_solution_is_the_same_in_parts(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name, part in (("whole.csv", solve.PART), ("parts.csv", 10)):
-        monkeypatch.setattr(solve, "PART", part)
+    for name, part in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
+        monkeypatch.setattr(solve, "CHUNK", part)
         monkeypatch.setattr("sys.argv", ["mechsim", "solve", "rrsrr", "-o", name])
         with pytest.raises(SystemExit) as ended:
             cli.main()
@@ -199,24 +199,24 @@ def test_long_work_says_how_long_it_goes_on(
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
 
     def lines(
-        work: Callable[[progress.Tick], None], total: int | None = None, at_least: bool = False
+        work: Callable[[progress.Progress], None], total: int | None = None, at_least: bool = False
     ) -> list[str]:
         now[0] = 0.0
         with progress.progress("work", total, at_least=at_least) as tick:
             work(tick)
         return capsys.readouterr().err.splitlines()
 
-    def counted(tick: progress.Tick) -> None:
+    def counted(tick: progress.Progress) -> None:
         for _ in range(20):
             now[0] += 4.0
             tick("piece")
 
-    def parted(tick: progress.Tick) -> None:
+    def parted(tick: progress.Progress) -> None:
         for i in range(1, 4):
             now[0] += 3600.0
             tick(f"{i} steps", i / 10_000)
 
-    def short(tick: progress.Tick) -> None:
+    def short(tick: progress.Progress) -> None:
         for i in range(1, 5):
             now[0] += 1.0
             tick("", i / 4)
@@ -249,7 +249,7 @@ def test_dynamics_say_on_every_road_how_far_they_have_come(
     told: list[tuple[str, float]] = []
 
     @contextmanager
-    def recorded_progress(*_: object) -> Iterator[progress.Tick]:
+    def recorded_progress(*_: object) -> Iterator[progress.Progress]:
         yield lambda done="", part=None: told.append((done.split(",")[0], part))
 
     monkeypatch.setattr(cli_dynamics, "progress", recorded_progress)

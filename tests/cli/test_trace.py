@@ -44,7 +44,7 @@ def test_json_counts_components_from_one_and_names_meetings(trace):
     told = json.loads(out)
     assert [one["component"] for one in told["components"]] == [1, 2]
     assert [one["own"] for one in told["components"]] == [True, False]
-    assert sum(one["found"] for one in told["components"]) == told["closed"] == told["starts"] == 20
+    assert sum(one["starts_ended"] for one in told["components"]) == told["closed"] == told["starts"] == 20
     assert sorted(round(one["angle"] / np.pi, 9) % 2.0 for one in told["branch_points"]) == [0.0, 1.0]
     assert all([place["component"] for place in one["places"]] == [1, 2] for one in told["branch_points"])
 

@@ -2,7 +2,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.cli import exit_codes
-from mechsim.cli.unit_warnings import asked_angle, asked_angles, asked_parameters
+from mechsim.cli.unit_warnings import warn_about_angle, warn_about_angles, warn_about_parameters
 
 
 @pytest.fixture(autouse=True)
@@ -16,20 +16,20 @@ def questions():
     ("text", "asks"), [("90", True), ("-45", True), ("1.57", False), ("90deg", False), ("", False)]
 )
 def test_an_angle_that_is_probably_in_degrees_is_asked_back(text, asks, questions):
-    asked_angle("--angle", text)
+    warn_about_angle("--angle", text)
     assert len(questions) == asks
     assert not asks or f"was {text}deg meant?" in questions[0]
 
 
 @pytest.mark.parametrize(("text", "asks"), [("0:360:5", True), ("0:6.28:0.1", False), ("0:360:5deg", False)])
 def test_a_range_of_angles_likewise(text, asks, questions):
-    asked_angles("--angles", text)
+    warn_about_angles("--angles", text)
     assert len(questions) == asks
 
 
 def test_parameters_far_from_what_is_usual_are_asked_back(questions):
     drive = catalog.make("four_bar")
-    asked_parameters(
+    warn_about_parameters(
         drive, {"arm_angle": "45", "crank": "40", "rocker": "60mm", "ground": "0.2", "branch": "-1"}
     )
     first, second = questions

@@ -21,7 +21,7 @@ def run(*words):
 
 def test_without_a_screen_the_page_is_written_here_and_that_is_said(place, capsys):
     run("four_bar")
-    assert capsys.readouterr().out == "no browser to open it in here; wrote four_bar.view.html\n"
+    assert capsys.readouterr().out == "no browser on this machine; wrote four_bar.view.html\n"
     assert [path.name for path in place.iterdir()] == ["four_bar.view.html"]
 
 

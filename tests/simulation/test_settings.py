@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from mechsim.cli.declared_options import spread
+from mechsim.cli.command import command as declare
 from mechsim.cli.simulate import simulate
 from mechsim.errors import InputError
 from mechsim.simulation import Settings, settings
@@ -58,7 +58,7 @@ def test_the_command_has_the_options_that_settings_declare_and_no_others() -> No
 def test_what_is_written_and_nothing_else_reaches_the_command(name) -> None:
     found = {}
 
-    @spread
+    @declare
     def asked_for(asked: Annotated[dict[str, Any], Settings]) -> None:
         found.update(asked)
 
@@ -78,7 +78,7 @@ def test_a_setting_that_is_declared_is_an_option_a_refusal_and_a_row() -> None:
     with pytest.raises(InputError, match=r"noise is -2\.0; give a finite number above 0"):
         More(noise=-2.0)
 
-    @spread
+    @declare
     def loud(asked: Annotated[dict[str, Any], More]) -> None:
         typer.echo(f"{More(**asked).noise:g}")
 

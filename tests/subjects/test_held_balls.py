@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mechsim import simulate
-from mechsim.cli.scene_options import LockOptions, SceneOptions, user_scene
+from mechsim.cli.options import DriveOptions
+from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.studies.scene.scene import spec_of
 from mechsim.studies.scene.settings import PlainSettings
@@ -75,8 +76,8 @@ def test_a_specification_holds_them_where_it_starts(key):
 
 
 def test_a_scene_and_its_tuned_text_lose_the_ball(boom):
-    held = LockOptions(lock=(("neck", None), ("loose", None)))
-    scene = user_scene(boom, SceneOptions(drive=(("crank", "0.5*t"),)), held)
+    driven = DriveOptions(lock=(("neck", None), ("loose", None)), drive=(("crank", "0.5*t"),))
+    scene = user_scene(boom, driven, ControlOptions())
     assert (scene.model.nq, spec_of(scene).compile().nq) == (3, 3)
     text = tuned_text(scene, PlainSettings(), [], Path(boom).parent).after
     assert "ball" not in text

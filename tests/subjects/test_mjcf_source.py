@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.cli import main
-from mechsim.cli.verdict_text import found_in
+from mechsim.cli.verdict_text import scene_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.report.facts import facts
@@ -221,7 +221,7 @@ def test_a_refusal_says_all_there_is_to_say(file, monkeypatch, capsys):
     said = capsys.readouterr().err
     assert ended.value.code == 2
     assert len(said.splitlines()) == 1
-    assert "no program says how left, right move" in said
+    assert "left, right have no motion law" in said
 
 
 def test_a_wheel_about_the_origin_has_an_extent(file):
@@ -247,10 +247,10 @@ def test_what_is_only_shown_needs_no_driver_and_what_moves_does(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     form = load(file(text), still=True)
     said = facts(form)
-    assert said["mobility"]["freedoms"] == 2
+    assert said["mobility"]["dofs"] == 2
     assert said["mobility"]["drivers"] == []
     assert len(said["mobility"]["open"]) == 2
-    assert found_in(form) is not None
+    assert scene_findings(form) is not None
     with pytest.raises(InputError, match="nothing is driven; name a driver"):
         form.solve([0.0])
 
@@ -258,8 +258,8 @@ def test_what_is_only_shown_needs_no_driver_and_what_moves_does(file):
 @pytest.mark.parametrize("body", ["", "<body><freejoint/><geom size='0.1'/></body>"])
 def test_scenes_without_joints_or_of_one_free_body_are_shown(file, body):
     form = load(file(f"<mujoco><worldbody>{body}</worldbody></mujoco>"), still=True)
-    assert facts(form)["mobility"]["freedoms"] == 6 * bool(body)
-    assert found_in(form) == ()
+    assert facts(form)["mobility"]["dofs"] == 6 * bool(body)
+    assert scene_findings(form) == ()
 
 
 def test_programs_are_bound_to_the_drivers_of_the_file(file):

@@ -256,7 +256,8 @@ def test_a_wave_that_no_rocker_can_make_deviates_by_what_it_says():
 def test_the_command_gives_the_papers_linkage_and_the_straightest(paper, capsys):
     from mechsim.cli import synthesize
 
-    synthesize.synthesize("looper", "12.8751,29.9574mm", "1.3905deg", "4mm", as_json=True)
+    line = {"through": "12.8751,29.9574mm", "tilt": "1.3905deg", "length": "4mm"}
+    synthesize.synthesize(model="looper", **line, as_json=True)
     said = json.loads(capsys.readouterr().out)
     best = said.pop("straightest")
     assert said["rocker"] == pytest.approx(paper.rocker, rel=1e-12)

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 from tuned_cases import scene_files
 
-from mechsim.cli.scene_options import SceneOptions, user_scene
+from mechsim.cli.options import DriveOptions
+from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
@@ -43,14 +44,14 @@ FALLING = ("four_bar", "rssr", "jansen")
 def scenes(work):
     """Yield name and scene."""
     for one in scene_files(None, work, set()):
-        yield one.name, user_scene(str(one.path), one.motion(1.0))
+        yield one.name, user_scene(str(one.path), *one.motion(1.0))
     for name in FALLING:
         mechanism = load(name).mechanism
         for said, friction in (("falls", ()), ("rubs", (Friction(joint=mechanism.crank.name, coulomb=0.1),))):
             forces = Forces(gravity=(0.0, -9.81, 0.0), friction=friction)
             path = work / f"{name}-{said}.xml"
             path.write_text(mjcf.to_xml(exported(mechanism, Scene(level="dynamics", forces=forces))))
-            yield f"{name} {said}", user_scene(str(path), SceneOptions())
+            yield f"{name} {said}", user_scene(str(path), DriveOptions(), ControlOptions())
 
 
 @quiet()

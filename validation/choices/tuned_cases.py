@@ -8,7 +8,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mechsim.cli.scene_options import SceneOptions
+from mechsim.cli.options import DriveOptions
+from mechsim.cli.scene_options import ControlOptions
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
@@ -66,14 +67,15 @@ class SceneFile:
     mechanism: Mechanism
     feed: dict[str, str]
 
-    def motion(self, rate: float) -> SceneOptions:
+    def motion(self, rate: float) -> tuple[DriveOptions, ControlOptions]:
         """Return what moves it: its actuators fed, a turn of the crank, or a swing of every driver."""
         if self.feed:
             pairs = tuple((name, said.replace("{rate}", f"{rate:g}")) for name, said in self.feed.items())
-            return SceneOptions(ctrl=pairs)
+            return DriveOptions(), ControlOptions(ctrl=pairs)
         if self.mechanism.drivers == ("crank",):
-            return SceneOptions(drive=(("crank", f"{60.0 * rate:g}rpm"),))
-        return SceneOptions(drive=tuple(_swing(self, name, rate) for name in self.mechanism.drivers))
+            return DriveOptions(drive=(("crank", f"{60.0 * rate:g}rpm"),)), ControlOptions()
+        swings = tuple(_swing(self, name, rate) for name in self.mechanism.drivers)
+        return DriveOptions(drive=swings), ControlOptions()
 
 
 def _swing(scene: SceneFile, name: str, rate: float) -> tuple[str, str]:

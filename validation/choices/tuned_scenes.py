@@ -24,7 +24,7 @@ from plain_judge import closure_error, script_of, trajectory_error
 from tuned_cases import CASES, SceneFile, scene_files
 from tuned_grid import quickest_kept
 
-from mechsim.cli.scene_options import expressions, user_scene
+from mechsim.cli.scene_options import python_laws, user_scene
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.budget import Budget
@@ -62,7 +62,7 @@ def outside(scene: UserScene, found: Tuned, best: SceneTrial, work: Path) -> tup
     read = written(scene, in_file, tuned_text(scene, in_file, [], work).after, file)
     stands = replace(read, model=best.settings.applied(read.model))
     changed = {} if best.settings.in_file else {"compliance": best.settings.compliance}
-    script.write_text(python_of(stands, file, expressions(scene), changed=changed))
+    script.write_text(python_of(stands, file, python_laws(scene), changed=changed))
     if found.by == "trajectory":
         return trajectory_error(script_of(script), scene.duration, scene.tracked)
     drivers = scene.closure.drivers
@@ -74,7 +74,7 @@ def judged(
 ) -> list[object]:
     """Tune one scene for one of its cases, run what was written from outside, count and return the row."""
     by, part, rate = CASES[number]
-    scene = user_scene(str(one.path), one.motion(rate))
+    scene = user_scene(str(one.path), *one.motion(rate))
     tolerance = float(f"{part * scene.characteristic_length:.2g}")
     if by == "closure" and start_error(scene) > AIM * tolerance:
         scene = with_assembled_start(scene)

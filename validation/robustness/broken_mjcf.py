@@ -159,7 +159,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="files with a word in what is wrong with them")
     only = parser.parse_args().only
     for name in cli.COMMANDS:
-        cli.loaded(name)
+        cli.load_command(name)
     faulty = 0
     for what, content in BROKEN.items():
         if only not in what:

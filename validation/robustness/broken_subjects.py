@@ -113,7 +113,7 @@ def main() -> int:
     # a page that is made to be opened is not
     os.environ["BROWSER"] = "true"
     for name in cli.COMMANDS:
-        cli.loaded(name)
+        cli.load_command(name)
     cases = drawn(random.Random(asked.seed), asked.count, asked.sound)
     ended: defaultdict[str, Counter[str]] = defaultdict(Counter)
     faulty, taken = 0, [0.0]

@@ -121,5 +121,5 @@ def options_of(command: str) -> list[str]:
     """Return the options of a command that take a value."""
     if command not in cli.COMMANDS:
         return ["--set"]
-    made = cli.loaded(command).params
+    made = cli.load_command(command).params
     return [one.opts[0] for one in made if one.opts[0].startswith("-") and not getattr(one, "is_flag", True)]

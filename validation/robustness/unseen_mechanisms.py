@@ -49,7 +49,7 @@ def main() -> int:
     parser.add_argument("--keep", default="", help="folder for the files of those that fall")
     asked = parser.parse_args()
     for name in cli.COMMANDS:
-        cli.loaded(name)
+        cli.load_command(name)
     table: defaultdict[str, Counter[str]] = defaultdict(Counter)
     number, done = 1000 * asked.seed if asked.case is None else asked.case, 0
     while done < asked.count and asked.case in (None, number):

@@ -7,7 +7,7 @@ import typer
 from typer.testing import CliRunner
 
 from mechsim import cli
-from mechsim.cli.declared_options import spread
+from mechsim.cli.command import command
 from mechsim.errors import InputError
 from mechsim.pictures.render import Look
 from mechsim.pictures.render.look import changed
@@ -28,12 +28,12 @@ def cut(*words):
     """Return what a command is given, and what it prints."""
     given = []
 
-    @spread
-    def command(name: str, how: Cut) -> None:
+    @command
+    def function(name: str, how: Cut) -> None:
         given.append((name, how))
 
     app = typer.Typer(rich_markup_mode=None)
-    app.command()(command)
+    app.command()(function)
     said = CliRunner().invoke(app, ["it", *words])
     if isinstance(said.exception, InputError):
         raise said.exception
@@ -62,7 +62,7 @@ def test_help_shows_every_declared_field_and_no_other():
 
 
 def test_every_field_of_a_look_that_people_may_set_is_an_option_of_render():
-    shown = {parameter.name for parameter in cli.loaded("render").params}
+    shown = {parameter.name for parameter in cli.load_command("render").params}
     assert {field.name for field in fields(Look) if "doc" in field.metadata} <= shown
 
 

@@ -1,0 +1,164 @@
+"""Commands are functions: dataclasses declare options, a `Result` gives text, JSON and the exit code."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from functools import wraps
+from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
+
+import typer
+
+from mechsim import units
+from mechsim.cli.output import print_json
+from mechsim.errors import InputError
+
+Data = TypeVar("Data")
+JSON_OPTION = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@dataclass(frozen=True, slots=True)
+class Result(Generic[Data]):
+    """What a command returns.
+
+    Attributes:
+        data: the object that --json prints; `mechsim schema` describes its type.
+        text: prints the result for people.
+        passed: whether the exit code is 0; otherwise it is 1.
+        files: paths of written files, listed after the text; None is skipped.
+    """
+
+    data: Data
+    text: Callable[[], object] = lambda: None
+    passed: bool = True
+    files: Sequence[str | None] = ()
+
+    def print(self, as_json: bool) -> None:
+        """Print the JSON object or the text, and end the command with exit code 1 if it failed."""
+        if as_json:
+            print_json(self.data)
+        else:
+            self.text()
+            for path in filter(None, self.files):
+                typer.echo(f"wrote {path}")
+        if not self.passed:
+            raise typer.Exit(1)
+
+
+def data_type(function: Callable[..., Any]) -> Any:
+    """Return the type of what a command prints with --json; None for a command without --json."""
+    returned = inspect.signature(inspect.unwrap(function), eval_str=True).return_annotation
+    for kind in (returned, *get_args(returned)):
+        if get_origin(kind) is Result:
+            return get_args(kind)[0]
+    return None
+
+
+def command(function: Callable[..., Any]) -> Callable[..., None]:
+    """Return a function whose parameters are options of the command line.
+
+    A parameter whose type is a dataclass becomes an option for each field that `units.option` declares or
+    whose type is `Annotated` with a typer option; other fields keep their defaults. A parameter of type
+    `Annotated[Mapping[str, Any], cls]` receives only the fields that are set. A function that returns a
+    `Result` gets the option --json.
+    """
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, tuple[Callable[..., Any], list[Field[Any]], bool]] = {}
+    for parameter in inspect.signature(function, eval_str=True).parameters.values():
+        cls, only_set = _option_class(parameter.annotation)
+        if cls is None:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+            continue
+        types = get_type_hints(cls, include_extras=True)
+        declared = [field for field in fields(cls) if "doc" in field.metadata or _is_typer(types[field.name])]
+        groups[parameter.name] = dict if only_set else cls, declared, only_set
+        parameters += [_parameter(field, types[field.name], only_set) for field in declared]
+    has_json = data_type(function) is not None and all(p.name != "as_json" for p in parameters)
+    if has_json:
+        kind = inspect.Parameter.KEYWORD_ONLY
+        parameters.append(inspect.Parameter("as_json", kind, default=False, annotation=JSON_OPTION))
+
+    def run(**values: Any) -> None:
+        as_json = values.pop("as_json", False) if has_json else values.get("as_json", False)
+        for name, (make, declared, only_set) in groups.items():
+            texts = {field: values.pop(field.name) for field in declared}
+            values[name] = make(
+                **{
+                    field.name: _value(field, text)
+                    for field, text in texts.items()
+                    if not (only_set and text is None)
+                }
+            )
+        result = function(**values)
+        if result is not None:
+            result.print(as_json)
+
+    wrapped: Any = wraps(function)(run)
+    wrapped.__signature__ = inspect.Signature(parameters)
+    wrapped.__annotations__ = {}
+    return wrapped
+
+
+def _option_class(annotation: Any) -> tuple[Any, bool]:
+    """Return the dataclass of a parameter or None, and whether only the fields that are set are passed."""
+    if is_dataclass(annotation):
+        return annotation, False
+    arguments = get_args(annotation)
+    if len(arguments) == 2 and is_dataclass(arguments[1]):
+        return arguments[1], True
+    return None, False
+
+
+def _is_typer(kind: Any) -> bool:
+    return get_origin(kind) is Annotated and not is_dataclass(get_args(kind)[1])
+
+
+def _parameter(field: Field[Any], kind: Any, only_set: bool) -> inspect.Parameter:
+    """Return the parameter that typer reads for a field."""
+    rule, default = field.metadata, field.default
+    if "doc" in rule:
+        kind, default = _declared(kind, default, rule)
+        if only_set:
+            kind, default = kind | None, None
+        names = (rule["name"],) if rule["name"] else ()
+        kind = Annotated[kind, typer.Option(*names, metavar=rule["metavar"], help=rule["doc"])]
+    default = inspect.Parameter.empty if default is MISSING else default
+    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+
+
+def _declared(kind: Any, default: Any, rule: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return type and default of an option as it is typed."""
+    if rule["many"]:
+        return list[str] | None, None
+    if rule["unit"] or rule["read"] or "count" in rule:
+        return (str, rule["text"]) if rule["text"] else (str | None, None)
+    return (bool if isinstance(default, bool) else kind), default
+
+
+def _value(field: Field[Any], text: Any) -> Any:
+    """Return the value of a field from its text; the default if there is none."""
+    rule = field.metadata
+    if "doc" not in rule:
+        return text
+    if text is None:
+        return field.default
+    if rule["many"]:
+        return tuple(rule["read"](item) for item in text)
+    if rule["read"]:
+        return rule["read"](text)
+    name = rule["name"] or f"--{field.name.replace('_', '-')}"
+    if "count" in rule:
+        return _numbers(name, text, field)
+    if rule["unit"]:
+        return units.parse(text, rule["unit"], name)
+    return text
+
+
+def _numbers(name: str, text: str, field: Field[Any]) -> tuple[float, ...]:
+    """Return numbers with commas; those left out at the end come from the default."""
+    values = units.parse_vector(text, "1", name)
+    least, most = field.metadata["fewest"], field.metadata["count"]
+    if not least <= len(values) <= most:
+        expected = str(least) if least == most else f"{least} to {most}"
+        raise InputError(f"{name} is {text!r}, {len(values)} numbers; give {expected}, with commas")
+    default: tuple[float, ...] = field.default if isinstance(field.default, tuple) else ()
+    return values + default[len(values) :]

@@ -1,0 +1,96 @@
+"""Help of the commands: options in panels, types with names, examples as they are typed."""
+
+import inspect
+from typing import Any, ClassVar
+
+from typer.core import TyperCommand, TyperGroup
+
+EXAMPLES = "\nExamples:\n"
+# panel -> its options, by their long names; options of a command itself come first, without a panel
+PANELS = {
+    "Model": "set lock lock-others fix-base key track gravity load motor gear friction spring damper "
+    "flywheel density diameter scene cut",
+    "Motion": "drive ctrl speed turns angles angle profile at every samples duration change-point free",
+    "Solver": "method tolerance timestep integrator steps-per-turn constant-steps solref solimp compliance "
+    "refsafe diagexact jacobian solver iterations ls-iterations residual eulerdamp island drive-inertia "
+    "budget seed",
+    "Output": "output units json verbose plot report csv help",
+}
+PANEL_OF = {name: panel for panel, names in PANELS.items() for name in names.split()}
+# what an option takes, where its declaration does not name it
+TYPES = {
+    "speed": "SPEED",
+    "angle": "ANGLE",
+    "angles": "ANGLE:ANGLE:ANGLE",
+    "every": "ANGLE",
+    "tilt": "ANGLE",
+    "tolerance": "LENGTH",
+    "length": "LENGTH",
+    "diameter": "LENGTH",
+    "timestep": "TIME",
+    "duration": "TIME",
+    "budget": "TIME",
+    "offset": "ANGLE",
+    "through": "X,Y",
+    "gravity": "X,Y,Z",
+    "cut": "JOINT,...",
+    "solref": "NUMBERS",
+    "solimp": "NUMBERS",
+    "size": "WIDTHxHEIGHT",
+    "scene": "LEVEL",
+    "kind": "KIND",
+    "by": "ERROR",
+    "points": "P,...",
+    "of": "X,Y[,Z]",
+}
+BY_CLASS = {"int": "N", "float": "NUMBER", "str": "NAME"}
+
+
+class PlainCommand(TyperCommand):
+    """A command whose help shows its options in panels and its examples."""
+
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:
+        """Write what the command does, without its examples."""
+        formatter.write_paragraph()
+        with formatter.indentation():
+            formatter.write_text(inspect.cleandoc(self.help or "").partition(EXAMPLES)[0])
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments, options and examples."""
+        panels: dict[str, list[Any]] = {"Arguments": [], "Options": [], **{panel: [] for panel in PANELS}}
+        parameters: list[Any] = self.get_params(ctx)
+        for parameter in parameters:
+            if parameter.param_type_name == "argument":
+                panels["Arguments"].append((parameter.metavar, parameter.help or ""))
+                continue
+            name = max(parameter.opts, key=len).lstrip("-")
+            if parameter.metavar is None and not getattr(parameter, "is_flag", False):
+                kind = parameter.display_type(ctx).strip("<>")
+                parameter.metavar = TYPES.get(name, BY_CLASS.get(kind, kind))
+            record = parameter.get_help_record(ctx)
+            if record is not None:
+                panels[PANEL_OF.get(name, "Options")].append(record)
+        for panel, records in panels.items():
+            if records:
+                with formatter.section(panel):
+                    formatter.write_dl(records, col_max=26)
+        with formatter.section("Examples"):
+            for line in examples(self.help):
+                formatter.write(f"  {line}\n")
+
+
+def examples(doc: str | None) -> list[str]:
+    """Return the lines of a docstring that show how a command is typed."""
+    return [line.strip() for line in inspect.cleandoc(doc or "").partition(EXAMPLES)[2].splitlines()]
+
+
+class GroupedCommands(TyperGroup):
+    """Commands whose list shows them in groups."""
+
+    groups: ClassVar[dict[str, tuple[str, ...]]] = {}
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a list of commands for each group."""
+        for group, names in self.groups.items():
+            with formatter.section(group):
+                formatter.write_dl([(name, (self.get_command(ctx, name) or self).help) for name in names])

@@ -1,0 +1,50 @@
+"""Help of the commands: groups, panels, named types, examples."""
+
+import re
+import shlex
+
+import pytest
+
+from mechsim import cli
+from mechsim.cli.help import PANEL_OF, PANELS, examples
+
+
+def help_of(name, mechsim):
+    return mechsim(name, "--help").out
+
+
+def test_commands_are_listed_in_groups(mechsim):
+    out = mechsim("--help").out
+    heads = [line.removesuffix(":") for line in out.splitlines() if re.fullmatch(r"\w.*:", line)]
+    assert heads == ["Options", *cli.GROUPS]
+    for commands in cli.GROUPS.values():
+        assert all(f"\n  {name} " in out for name in commands)
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_help_names_types_fits_eighty_columns_and_ends_with_two_examples(name, mechsim):
+    out = help_of(name, mechsim)
+    assert not re.search(r"<(str|int|float|text)>", out)
+    assert max(map(len, out.splitlines())) <= 80
+    lines = examples(cli.load_command(name).help)
+    assert len(lines) >= 2
+    assert out.splitlines()[-len(lines) :] == [f"  {line}" for line in lines]
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_options_of_examples_are_options_of_the_command(name):
+    command = cli.load_command(name)
+    for line in examples(command.help):
+        program, typed, *words = shlex.split(line)
+        assert (program, typed) == ("mechsim", name)
+        # raises for an unknown option or a missing argument
+        command.make_context(name, words)
+
+
+def test_options_stand_in_their_panels(mechsim):
+    out = help_of("simulate", mechsim)
+    sections = dict(re.findall(r"^(\w+):\n((?:  .*\n)+)", out, re.MULTILINE))
+    for option, panel in {"set": "Model", "drive": "Motion", "solver": "Solver", "json": "Output"}.items():
+        assert f"--{option}" in sections[panel]
+    assert set(PANELS) <= set(sections)
+    assert PANEL_OF["output"] == "Output"
