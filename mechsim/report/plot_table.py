@@ -133,7 +133,7 @@ class PlotKind:
     def figure(self, source: PlotSource) -> "Figure":
         """Return the plot, titled with mechanism and speed."""
         figure = self.draw(source)
-        figure.suptitle(source.title, x=0.01, ha="left", fontsize=9.0)
+        figure.suptitle(source.title, x=0.01, ha="left", fontsize=9.0, parse_math=False)
         return figure
 
 
