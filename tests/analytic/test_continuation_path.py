@@ -59,7 +59,7 @@ def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it(
     ((solver, which, rows),) = held.chunks(np.array([held.initial, held.initial]))
     assert solver is held.first
     assert which.tolist() == [0, 1]
-    assert np.array_equal(rows, held.flat(held.start).repeat(2, 0))
+    assert np.array_equal(rows, held.loops.flat(held.start).repeat(2, 0))
     blurred = crank_path(three_cranks((0.04, 0.0), start=0.02))
     blurred.extend(blurred.initial)
     assert blurred.change_points == pytest.approx([0.0], abs=1e-9)

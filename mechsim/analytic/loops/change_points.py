@@ -199,4 +199,4 @@ def _branch_tangent(path: PathStates, segment: Segment, change_point: float) -> 
     b = 0.5 * float(projected(displaced[0])[0] - projected(displaced[1])[0])
     if not abs(b) > MIN_CURVATURE * abs(a):
         return None
-    return -a / b * (path.flat(displaced[0]) - path.flat(displaced[1]))[0] / (2.0 * OFFSET)
+    return -a / b * (path.loops.flat(displaced[0]) - path.loops.flat(displaced[1]))[0] / (2.0 * OFFSET)

@@ -288,6 +288,20 @@ class TreeLoops:
             )
         return Coordinates(values, rotations)
 
+    def flat(self, q: Coordinates) -> Array:
+        """Return coordinates as rows of numbers free of units, (n, w)."""
+        return np.concatenate([(q.values / self.units[:, None]).T, q.turns.reshape(-1, len(q)).T], 1)
+
+    def unflat(self, rows: Array, driven: Array) -> Coordinates:
+        """Return coordinates from approximate rows of numbers, and the driven ones, (driven, n)."""
+        k = self.tree.count
+        rotations = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
+        if len(rotations):
+            rotations = np.stack([orthogonal(orthogonal(rotation)) for rotation in rotations])
+        values = rows[:, :k].T * self.units[:, None]
+        values[list(self.driven)] = driven
+        return Coordinates(values, rotations)
+
     def read(self, poses: Mapping[str, Pose], sides: Mapping[str, Sides] | None = None) -> Coordinates:
         """Return the coordinates of n poses of every moving link; angles in (-pi, pi].
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
 from mechsim.analytic.loops.design_motion import LinkRows, SharedLoops, record_of_rows, store_chunk
 from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
 from mechsim.analytic.loops.kinematics import Coordinates
@@ -22,14 +22,17 @@ from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import newton
+from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.rank import least_norm
 
 # arc length of a step in [rad] and parts of the size, and steps in one direction
 STEP, MOST_STEPS = 0.1, 400
 # how often a step that fails is halved
 HALVINGS = 4
-# corrector iterations, residual of a closed loop, and largest corrector displacement, as a part of the step
-ITERATIONS, CLOSED, MAX_CORRECTION = 5, 1e-12, 0.3
+# residual of a closed loop, and largest corrector displacement, as a fraction of the step
+CLOSED, MAX_CORRECTION = 1e-12, 0.3
+# corrector of least norm, perpendicular to the curve
+CORRECTOR = NewtonSettings(max_iterations=5, tolerance=CLOSED, max_step=1.0)
 # smallest singular value, as a part of the largest, of loops whose solution is a curve: at a branch point and
 # with undetermined degrees of freedom it vanishes
 REGULAR = 1e-6
@@ -110,31 +113,14 @@ class SwingTracer:
     def _end(self, curve: Curve) -> Array:
         return curve.values[curve.last, self.crank, np.arange(len(curve.last))]
 
-    def _matrix(self, rows: Rows, q: Coordinates, repeat: int = 1) -> tuple[Array, Array]:
-        """Return residuals (n, rows) and Jacobians by the free coordinates (n, rows, free)."""
-        residual, jacobian, _ = self.many.select(rows, repeat).linearise(q)
-        return residual.T, jacobian[:, self.free].transpose(2, 0, 1)
-
     def _corrected(
         self, rows: Rows, q: Coordinates, repeat: int = 1
     ) -> tuple[Coordinates, Array, Array, Bools]:
         """Return points on the curves, their tangents (free, n), displacements (n,), and which are valid."""
-        loops, displacement, rank = self.many.select(rows, repeat), np.zeros(len(q)), len(self.free) - 1
-        residual, matrix = self._matrix(rows, q, repeat)
-        u, values, vh = np.linalg.svd(matrix, full_matrices=True)
-        for _ in range(ITERATIONS):
-            if (np.abs(residual).max(1) < CLOSED).all():
-                break
-            projected = np.einsum("nrk,nr->nk", u[..., :rank], residual) / np.maximum(
-                values[:, :rank], 1e-300
-            )
-            step = -np.einsum("nku,nk->un", vh[:, :rank], projected)
-            displacement += np.abs(step).max(0)
-            q = self._moved(loops, q, step)
-            residual, matrix = self._matrix(rows, q, repeat)
-            u, values, vh = np.linalg.svd(matrix, full_matrices=True)
-        valid = (np.abs(residual).max(1) < CLOSED) & (values[:, rank - 1] > REGULAR * values[:, 0])
-        return q, vh[:, -1].T, displacement, valid
+        result = newton(LoopSystem(self.many.select(rows, repeat), self.free), q, CORRECTOR, least_norm)
+        _, values, vh = np.linalg.svd(result.linearised.matrix, full_matrices=True)
+        valid = (result.residual < CLOSED) & (values[:, len(self.free) - 2] > REGULAR * values[:, 0])
+        return result.q, vh[:, -1].T, result.displacement, valid
 
     def _moved(self, loops: TreeLoops, q: Coordinates, step: Array) -> Coordinates:
         whole = np.zeros((len(q.values), step.shape[1]))

@@ -199,7 +199,7 @@ class ManyPaths:
         s = np.tile(nodes, count)
         q = path.unflat(self._predicted(group, nodes).reshape(count * k, -1), s)
         result = newton(solver, q, NEARBY)
-        states = path.flat(result.q).reshape(count, k, -1)
+        states = path.loops.flat(result.q).reshape(count, k, -1)
         shape = (count, k)
         residual = np.abs(result.linearised.residual).max(0, initial=0.0).reshape(shape).max(1)
         displacement = result.displacement.reshape(shape).max(1)
@@ -243,7 +243,7 @@ class ManyPaths:
         rhs = np.zeros_like(linearised.rhs)
         rhs[:, : len(solver.rows)] = np.einsum("rkn,kn->nr", linearised.jacobian[solver.rows], step)
         moved = loops.displaced(start, step + solver.step(linearised.matrix, rhs))
-        return PathStates(loops, self._prescribed).flat(moved).reshape(count, k, -1)
+        return loops.flat(moved).reshape(count, k, -1)
 
     def _evaluate(self, group: Group, segment: Segment, angles: Array, indices: Rows, store: Store) -> None:
         """Close the poses asked for in a cell and hand them on."""

@@ -347,7 +347,7 @@ class ContinuationPath(PathStates):
         rhs = np.zeros((len(s), len(solver.loops.unknown)))
         rhs[:, : len(solver.rows)] = (linearised.jacobian[solver.rows, :, 0] @ step).T
         start = Coordinates(np.repeat(last.values, len(s), 1), np.repeat(last.turns, len(s), -1))
-        return self.flat(self.loops.displaced(start, step + solver.step(linearised.matrix, rhs)))
+        return self.loops.flat(self.loops.displaced(start, step + solver.step(linearised.matrix, rhs)))
 
     def chunks(self, s: Array) -> Iterator[tuple[LoopSolver, NDArray[np.intp], Array]]:
         """Yield by what poses at parameters (n,) are solved: solver, which they are, and rough states.
@@ -378,7 +378,7 @@ class ContinuationPath(PathStates):
 
     def interpolated(self, s: Array) -> Coordinates:
         """Return coordinates of the polynomials at parameters (n,)."""
-        states = np.empty((len(s), self.flat(self.start).shape[1]))
+        states = np.empty((len(s), self.loops.flat(self.start).shape[1]))
         for _, index, chunk in self.chunks(s):
             states[index] = chunk
         return self.unflat(states, s)
@@ -403,7 +403,7 @@ class ContinuationPath(PathStates):
     def _start_segment(self) -> Segment:
         """Return a segment of one node, the start of the path."""
         return Segment(
-            np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
+            np.array([self.initial]), self.loops.flat(self.start), np.ones(1), self._solver(self.initial, 1)
         )
 
 

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import TreeLoops, orthogonal
+from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.solver import Linearised, LoopSolver
 from mechsim.numerics.arrays import Array
@@ -52,20 +52,9 @@ class PathStates:
     def __init__(self, loops: TreeLoops, prescribed: PrescribedValues):
         self.loops, self.prescribed = loops, prescribed
 
-    def flat(self, q: Coordinates) -> Array:
-        """Return coordinates as rows of numbers, (n, w)."""
-        values = (q.values / self.loops.units[:, None]).T
-        return np.concatenate([values, q.turns.reshape(-1, len(q)).T], 1)
-
     def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Coordinates:
         """Return coordinates from approximate states at parameters (n,)."""
-        k = self.loops.tree.count
-        rotations = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
-        if len(rotations):
-            rotations = np.stack([orthogonal(orthogonal(rotation)) for rotation in rotations])
-        values = rows[:, :k].T * self.loops.units[:, None]
-        values[list(self.loops.driven)] = self.prescribed(s) if driven is None else driven
-        return Coordinates(values, rotations)
+        return self.loops.unflat(rows, self.prescribed(s) if driven is None else driven)
 
     def closed(
         self, solver: LoopSolver, s: Array, rows: Array, tolerance: float = 0.0
@@ -91,4 +80,4 @@ class PathStates:
         displacement = float(result.displacement.max())
         if not (residual <= max(CLOSED, tolerance) and displacement < CONTROL.max_correction):
             return None
-        return self.flat(result.q), linearised, displacement
+        return self.loops.flat(result.q), linearised, displacement

@@ -58,7 +58,7 @@ class Corrected:
 def corrected(mechanism: Mechanism) -> Corrected:
     """Return a mechanism with the digits of its dimensions made to agree; as it is where they do.
 
-    What would have to be moved by more than `FARTHEST` is left as it is.
+    What would have to be moved by more than `MAX_CORRECTION` is left as it is.
     """
     loops, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
     if not loops.rows or not _inconsistent(

@@ -1,4 +1,4 @@
-"""Solving linearised loops for many instants at once: independent rows, and a gauge for what is left open."""
+"""Linearised loops of many instants as square systems: independent rows, and a null-space basis."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +18,7 @@ from mechsim.numerics.rank import RANK_TOLERANCE, significant
 NEGLIGIBLE = 1e-14
 # Newton's method about a nearby configuration: beyond this displacement the linear model is invalid
 NEARBY = NewtonSettings(max_displacement=0.3)
-# part of the best that rows and gauge may tell before others are picked, by singular value and determinant;
+# ratio to the best rows below which others are selected, by smallest singular value and by determinant;
 # and the ratio to their value elsewhere below which these rows are singular, and not the pose
 MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
 
@@ -29,10 +29,10 @@ class Linearised:
 
     Attributes:
         residual: of all rows, (rows, n).
-        slope: by all coordinates in their units, (rows, count, n).
-        here: where the links are.
-        matrix: of independent rows and gauge by the unknowns, (n, u, u).
-        right: what the same rows stand open by, (n, u).
+        jacobian: by all coordinates in their units, (rows, count, n).
+        poses: of the links.
+        matrix: of independent rows and null-space rows by the unknowns, (n, u, u).
+        rhs: residuals of the same rows, (n, u).
         unknown: which coordinates these are, (u,).
         others: indices of the rows that are not solved.
     """
@@ -59,13 +59,13 @@ class Linearised:
         return np.asarray(np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False), dtype=np.float64)
 
     def _idle(self, jacobian: Array) -> bool:
-        """Say whether the rows that are not solved tell nothing, as those off a flat linkage's plane."""
+        """Return whether the rows that are not solved are zero, as those out of a planar linkage's plane."""
         return bool(np.abs(jacobian.take(self.others, 0)).max(initial=0.0) < NEGLIGIBLE)
 
     @cached_property
     def signed_distance(self) -> Array:
-        """The signed distance from a singular pose, (n,): two assemblies that meet differ in sign."""
-        if not self.matrix.size:  # the drivers alone say where everything is
+        """The signed distance from a singular pose, (n,): its sign differs in two assemblies that meet."""
+        if not self.matrix.size:  # the drivers alone determine all coordinates
             return np.ones(len(self.matrix))
         return self._determinant[0] * self.singular_values[:, -1]
 
@@ -83,13 +83,13 @@ class Linearised:
 
 @dataclass(frozen=True)
 class LoopSolver:
-    """Which rows are solved, and what keeps the freedoms they leave open.
+    """Which equations are solved, and the null-space basis that keeps undetermined coordinates in place.
 
     Attributes:
         loops: the equations.
         rows: indices of independent rows, (r,).
-        null_space: directions of the open freedoms over the unknowns, (open, unknowns).
-        reference: coordinates from which nothing moves along them, one set.
+        null_space: basis of the undetermined motion of the unknowns, (nullity, unknowns).
+        reference: coordinates without displacement along it, one set.
     """
 
     loops: TreeLoops
@@ -109,23 +109,23 @@ class LoopSolver:
 
     @cached_property
     def at_reference(self) -> Linearised:
-        """The loops about the pinned coordinates."""
+        """The loops about the reference."""
         return self.linearise(self.reference)
 
     @property
     def nullity(self) -> int:
-        """Freedoms that neither drivers nor loops determine."""
+        """Number of degrees of freedom that neither drivers nor loops determine."""
         return len(self.null_space)
 
     @property
     def uses_all_rows(self) -> bool:
-        """Whether all rows are solved and determine all there is."""
+        """Whether all equations are solved and determine all unknowns."""
         return not self.nullity and len(self.rows) == self.loops.rows
 
     def adequate(self, linearised: Linearised) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return at which poses the solved rows are about as well conditioned as all rows, (n,) each.
 
-        In the direction that is held least; and by the determinant, of which no choice of rows has more.
+        By the smallest singular value, and by the determinant.
         """
         if self._alone(linearised):
             everywhere = np.ones(len(linearised.matrix), dtype=np.bool_)
@@ -135,7 +135,7 @@ class LoopSolver:
         return by_smallest, linearised.singular_values.prod(1) > MIN_DETERMINANT_RATIO * all_poses.prod(1)
 
     def _alone(self, linearised: Linearised) -> bool:
-        """Say whether no other rows tell anything there, or none do."""
+        """Return whether the other rows are zero there, or none are solved."""
         return (
             self.uses_all_rows
             or not len(self.rows)
@@ -143,7 +143,7 @@ class LoopSolver:
         )
 
     def share(self, linearised: Linearised) -> Array:
-        """Return how much of what all rows tell it does where held least, (n,); 1 where none tell."""
+        """Return the ratio of the smallest singular values of the solved rows and of all rows, (n,)."""
         if self._alone(linearised):
             return np.ones(len(linearised.matrix))
         every = linearised.all_singular_values[:, len(self.rows) - 1]
@@ -162,7 +162,7 @@ class LoopSolver:
         return Linearised(residual, jacobian, poses, matrix, right, self.loops.unknown, self.others)
 
     def _pin(self, q: Coordinates, rows: Array, offsets: Array) -> None:
-        """Fill in the gauge: how far coordinates lie from the pinned ones along the open freedoms."""
+        """Fill in the null-space rows: displacement from the reference along the null-space basis."""
         loops = self.loops
         displacement = ((q.values - self.reference.values) / loops.units[:, None])[loops.unknown]
         offsets[:] = (self.null_space @ displacement).T
@@ -198,8 +198,8 @@ def loop_solver(
 
     Args:
         loops: the equations.
-        reference: one set of closed coordinates, where nothing that the solver must tell is singular.
-        previous: the gauge so far, which the new one follows.
+        reference: one set of closed coordinates, away from singular ones.
+        previous: null-space basis so far, to which the new one is aligned.
         jacobian: of all rows there, (rows, count, 1), where it is nonzero.
     """
     from scipy.linalg import qr

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import TreeLoops, orthogonal
+from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, cross, twists
 from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.analytic.loops.tree import SpanningTree
@@ -183,23 +183,12 @@ class FreeLoops:
     rank: int
     features: PoseFeatures
 
-    def flat(self, coordinates: Coordinates) -> Array:
-        """Return coordinates as rows of numbers, (n, w)."""
-        values = (coordinates.values / self.loops.units[:, None]).T
-        return np.concatenate([values, coordinates.turns.reshape(-1, len(coordinates)).T], 1)
-
     def unflat(self, rows: Array) -> Coordinates:
         """Return coordinates from approximate rows of numbers, with the exact values of locked coordinates.
 
         Extrapolation changes locked coordinates by rounding, and no equation would correct them.
         """
-        k = self.loops.tree.count
-        values = rows[:, :k].T * self.loops.units[:, None]
-        values[[*self.loops.driven]] = self.locked_values[:, None]
-        turns = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
-        if len(turns):
-            turns = np.stack([orthogonal(orthogonal(matrix)) for matrix in turns])
-        return Coordinates(values, turns)
+        return self.loops.unflat(rows, self.locked_values[:, None])
 
     def solver(self, coordinates: Coordinates, direction: Array | None) -> LoopSolver:
         """Return a solver about one set of coordinates; its first null-space vector is the tangent."""

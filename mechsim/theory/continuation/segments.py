@@ -123,7 +123,7 @@ class CurveSegment:
         A higher degree amplifies the rounding of the nodes, most of all in short segments.
         """
         degree = NODES // 2 if self.high - self.low > SHORT_LENGTH else LOW_DEGREE
-        fit = collocation.smoothed(self.scaled(self.nodes), loops.flat(self.coordinates), degree)
+        fit = collocation.smoothed(self.scaled(self.nodes), loops.loops.flat(self.coordinates), degree)
         return collocation.value(fit, self.scaled(arc))
 
     def scaled(self, arc: Array) -> Array:
@@ -270,14 +270,14 @@ def _accepted_segment(
         return None
     return replace(
         segment,
-        coefficients=segment.fitted(loops.flat(nodes.coordinates)),
+        coefficients=segment.fitted(loops.loops.flat(nodes.coordinates)),
         feature_coefficients=segment.fitted(nodes.features),
     )
 
 
 def _interpolation_error(loops: FreeLoops, segment: CurveSegment) -> float:
     """Return the error of interpolating the odd nodes from the even ones."""
-    states = loops.flat(segment.coordinates)
+    states = loops.loops.flat(segment.coordinates)
     fit = collocation.fitted(segment.scaled(segment.nodes[::2]), states[::2])
     return float(np.abs(collocation.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
 
