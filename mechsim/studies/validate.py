@@ -123,7 +123,7 @@ def case_of(
             reports what the file's own settings do.
         budget: processor time in [s] for stepped runs; where they do not converge within it the verdict
             is "failed", and its reason states the budget and the error that was reached.
-        watch: told what is being done, and as a part of the whole 0 until it is done.
+        watch: called with a text and the finished fraction, 0 until the end.
 
     Raises:
         AssemblyError: if the loops close nowhere.
@@ -288,7 +288,7 @@ def validate_all(
         tolerance: as in `case_of`.
         budget: as in `case_of`.
         done: called with each name.
-        watch: told what is being done, and what part of all mechanisms is done.
+        watch: called with a text and the finished fraction of all mechanisms.
     """
     cases: dict[str, Case] = {}
     for i, (name, model) in enumerate(models.items()):

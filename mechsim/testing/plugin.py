@@ -106,7 +106,7 @@ def _reports(config: pytest.Config) -> Path:
 
 @pytest.fixture
 def mechsim(request: pytest.FixtureRequest) -> "ModelFolder":
-    """Models beside the test's own file: `mechsim.load(FILE)`, `mechsim.assert_agrees(FILE, formula)`."""
+    """Models next to the test's own file: `mechsim.load(FILE)`, `mechsim.assert_agrees(FILE, formula)`."""
     module: Any = import_module("mechsim.testing.assertion")
     return module.ModelFolder(request.path.parent)
 
@@ -123,7 +123,7 @@ class FormulaItem(pytest.Item):
         assertion.assert_agrees(str(path))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
-        """Return a difference or a refusal as it is said, without the code that said it."""
+        """Return the message of a difference or an error, without a traceback."""
         errors: Any = import_module("mechsim.errors")
         if isinstance(excinfo.value, AssertionError | errors.MechsimError):
             return str(excinfo.value)

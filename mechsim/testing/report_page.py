@@ -14,7 +14,7 @@ from mechsim.studies.agreement.agreement import Agreement
 from mechsim.testing.running import RunningTest
 from mechsim.verdict.checks import Check
 
-# columns of a terminal, and quantities told of those that are missed
+# columns of a terminal, and failed quantities that a message lists
 WIDE, FEW = 78, 3
 
 
@@ -88,7 +88,7 @@ def write_page(agreement: Agreement, command: str, running: RunningTest) -> Path
 
 
 def page(agreement: Agreement, command: str) -> str:
-    """Return the page as HTML that needs nothing beside itself."""
+    """Return the page as HTML without other files."""
     title = html.escape(f"{agreement.solver.name} against {agreement.source}: {agreement.outcome}")
     rows = "".join(
         f"<tr><td>{html.escape(check.title)}</td><td>{check.worst:.3g}</td><td>{check.tolerance:.3g}</td>"

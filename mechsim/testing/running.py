@@ -1,4 +1,4 @@
-"""The test that runs: where its reports go and what it tells of itself; the plugin sets it."""
+"""The running test: where its reports go and what it records; the plugin sets it."""
 
 from collections.abc import Callable
 from contextvars import ContextVar

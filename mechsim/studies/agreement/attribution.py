@@ -1,4 +1,4 @@
-"""Where the distance between a run in time and a claim comes from: formula, softness, step, drive, rest."""
+"""Sources of the distance between a run in time and candidate values: formula, compliance, step, drive."""
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
@@ -59,20 +59,20 @@ class TwoRuns:
 
 
 def runs_of(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
-    """Return two runs of what moves, at the instants of a comparand.
+    """Return two runs of a mechanism at evaluation points.
 
     Raises:
         MechsimError: where it cannot be run; says why.
     """
     if evaluation.time is None:
-        raise InputError("no time is told, so that nothing is run in time")
+        raise InputError("the table has no times, so that nothing is run in time")
     if isinstance(evaluation.solver, MjcfForm) and evaluation.solver.source is not None:
         return _scene_runs(evaluation, quantity)
     return _own_runs(evaluation, quantity)
 
 
 def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
-    """Return runs of the model made of a mechanism, driven by flywheels."""
+    """Return runs of the model that mechsim makes of a mechanism, with a virtual drive inertia."""
     solver, samples = evaluation.solver, len(evaluation) - 1
     profile = _profile(evaluation)
     runs: list[RunAtInstants] = []
@@ -92,7 +92,7 @@ def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns
 
 
 def _profile(evaluation: EvaluationPoints) -> CrankProfile:
-    """Return the motion of the crank that a comparand was made of."""
+    """Return the motion of the crank from which evaluation points were taken."""
     solver, speed = evaluation.solver, float(evaluation.speed[0])
     if solver.motion_laws is not None:
         return profile_of(solver, 1.0, 1.0)
@@ -122,7 +122,7 @@ def _finer(scene: UserScene) -> mujoco.MjModel:
     model = copy.copy(scene.model)
     step = float(model.opt.timestep)
     if not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
-        # what the coarser step does to a time constant is softness
+        # the coarser step limits the time constant; that is compliance
         soft = model.eq_solref[:, 0] > 0.0
         model.eq_solref[soft, 0] = np.maximum(model.eq_solref[soft, 0], 2.0 * step)
     model.opt.timestep = step / FINER
@@ -132,7 +132,7 @@ def _finer(scene: UserScene) -> mujoco.MjModel:
 def _at_instants(
     scene: UserScene, run: SceneRun, evaluation: EvaluationPoints, quantity: list[Quantity]
 ) -> RunAtInstants:
-    """Return what a run of a scene had at the instants of a comparand, and what is exact there."""
+    """Return the values of a run of a scene at evaluation points, and the exact motion there."""
     solver, time = evaluation.solver, evaluation.time
     assert isinstance(solver, MjcfForm)
     assert time is not None
@@ -179,10 +179,10 @@ def _nearest_revolution(value: Array, reference: Array) -> Array:
     return value + TURN * np.round((reference - value) / TURN)
 
 
-COMPONENTS = ("formula", "softness", "time step", "drive", "rest")
+COMPONENTS = ("formula", "compliance", "time step", "drive", "rest")
 KINDS = ("position", "joint")
 
-# what is claimed where the drivers of another comparand are
+# candidate values at other evaluation points
 AskFunction = Callable[[EvaluationPoints], Sequence[Candidate]]
 
 
@@ -235,7 +235,7 @@ def attributions(
         evaluation: what moves, and when.
         candidates: what is said of it; places of points and coordinates of joints count.
         scales: by which distances of several kinds are compared.
-        ask: asks the same where the run's drivers were; None where only a table tells.
+        ask: evaluates the function at the drivers of the run; None for a table.
 
     Raises:
         MechsimError: where nothing can be run; says why.
@@ -272,7 +272,7 @@ def _of_one(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | Non
     soft = gap(finer, fine)
     components = {
         "formula": gap(requested, candidate.values) if at_run is None else gap(plain, at_run.values),
-        "softness": soft,
+        "compliance": soft,
         "time step": gap(gap(run, plain), soft),
         "drive": gap(plain, requested),
     }

@@ -54,7 +54,7 @@ def values_of_function(
     who: str,
     parameters: Mapping[str, float] | None = None,
 ) -> list[Candidate]:
-    """Return what a function of the drivers says at the instants of a comparand.
+    """Return the values of a function of the drivers at evaluation points.
 
     Args:
         function: of the crank's angles (n,), or the coordinates of several drivers by name; arguments called
@@ -197,7 +197,7 @@ def _copied(inputs: Array | Mapping[str, Array]) -> Array | dict[str, Array]:
 def _more(
     function: Callable[..., Any], evaluation: EvaluationPoints, parameters: Mapping[str, float] | None
 ) -> dict[str, Any]:
-    """Return the arguments a function takes beside the coordinates of the drivers."""
+    """Return the arguments that a function takes after the coordinates of the drivers."""
     try:
         optional = list(inspect.signature(function).parameters.values())[1:]
     except (TypeError, ValueError):
@@ -295,7 +295,7 @@ def _rows(path: str) -> tuple[list[str], list[list[float]]]:
     for number, texts in enumerate(lines[1:], 2):
         if len(texts) != len(heads):
             raise InputError(
-                f"row {number} of {path} has {len(texts)} values under {len(heads)} names; mend it"
+                f"row {number} of {path} has {len(texts)} values under {len(heads)} names; correct it"
             )
         rows.append([_number(path, number, head, text) for head, text in zip(heads, texts, strict=True)])
     return heads, rows
@@ -319,7 +319,7 @@ def points_of_table(
     Columns named like drivers, or `angle` for a crank, say where those stand; `t` says when.
 
     Raises:
-        InputError: for a table that tells neither of all drivers nor of the time.
+        InputError: for a table without columns of all drivers or of the time.
     """
     mechanism, laws = solver.mechanism, solver.motion_laws
     time_column = next((name for name in CLOCKS if name in table), None)
@@ -421,7 +421,7 @@ def values_of_table(
     candidates = [_together(columns) for columns in grouped.values()]
     if not candidates:
         raise InputError(
-            f"{reader.who} has no column beside {', '.join(used)}; give one to compare, as P.x or J.q"
+            f"{reader.who} has no column other than {', '.join(used)}; give one to compare, as P.x or J.q"
         )
     return candidates
 

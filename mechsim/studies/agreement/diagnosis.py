@@ -54,7 +54,7 @@ LEVEL = 1.5
 def diagnosis(misfit: Misfit) -> tuple[Finding, ...]:
     """Return what explains a miss, the likeliest first; one finding that says so where nothing does."""
     if not misfit.noisy and misfit.worst(misfit.exact) <= LEVEL:
-        return (_none("the difference is too near its bound for a cause to be told"),)
+        return (_none("the difference is too near its bound for a cause to be determined"),)
     tried = [cause for cause in _all(misfit) if cause.explains >= WORTH]
     if not tried:
         return (_none("none of the causes tried explains the difference"),)

@@ -158,12 +158,12 @@ def within(p: Array) -> None:
 
 
 def remade(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
-    """Return a comparand with what has other dimensions."""
+    """Return evaluation points of a mechanism with other dimensions."""
     return _anew(evaluation, solver) if isinstance(solver, ClosedForm) else evaluation.with_dimensions(solver)
 
 
 def _anew(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
-    """Return a comparand with what stands so far from it that nothing is solved from its motion."""
+    """Return evaluation points of a mechanism too different to be solved from the nominal motion."""
     return replace(evaluation, solver=solver, machine=evaluation.dynamic_model_of(solver), solved=None)
 
 
@@ -330,7 +330,7 @@ def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def others(misfit: Misfit) -> list[tuple[str, Form]]:
-    """Return the other assemblies, each with what tells it from the one meant."""
+    """Return the other assemblies, each with a description of the difference."""
     solver = misfit.evaluation.solver
     if isinstance(solver, ClosedForm):
         return list(_of_catalogue(solver, float(misfit.evaluation.angle[len(misfit.evaluation) // 3])))
@@ -406,7 +406,7 @@ def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopFor
 
 
 def _description(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, q: Coordinates) -> str:
-    """Return in words what tells two assemblies apart: the joint that differs most."""
+    """Describe the difference of two assemblies: the joint that differs most."""
     gap = q.values[:, 0] - own.values[:, 0]
     names = {place: name for name, place in tree.index_of.items()}
     turned = {

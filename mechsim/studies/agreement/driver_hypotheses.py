@@ -26,7 +26,7 @@ MAX_DISPLACEMENT = 2.5
 def _driven(
     evaluation: EvaluationPoints, changes: Mapping[str, Callable[[State], State]]
 ) -> EvaluationPoints:
-    """Return a comparand whose drivers go otherwise: name -> what makes a program of a program."""
+    """Return evaluation points with other motion laws: driver -> change of its law."""
     solver, motion_laws = evaluation.solver, evaluation.solver.motion_laws
     if motion_laws is None:
         crank = solver.mechanism.crank.name
@@ -78,7 +78,7 @@ def _linear(scale: float, offset: float) -> Callable[[State], State]:
 
 
 def _once(misfit: Misfit, driver: str, scale: float, offset: float) -> EvaluationPoints:
-    """Return a comparand with a driver that goes otherwise, solved once for all claims.
+    """Return evaluation points with a changed driver, solved once for all candidates.
 
     Raises:
         AssemblyError: where it cannot go so.
@@ -101,7 +101,7 @@ def _unit(misfit: Misfit, driver: str) -> str:
 
 
 def driver_senses(misfit: Misfit) -> Iterator[Hypothesis]:
-    """A driver counted the other way round, from nought or from where it starts."""
+    """A driver counted in the opposite direction, from zero or from its start."""
     for driver, state in misfit.evaluation.drivers().items():
         first = float(state[0][0])
         for about in dict.fromkeys((0.0, 2.0 * first)):

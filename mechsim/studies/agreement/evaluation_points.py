@@ -201,7 +201,7 @@ class EvaluationPoints:
         """Return the derivatives of the motion by a dimension of a family, those of all of it taken at once.
 
         Raises:
-            KeyError: for one that tears the loops, or beside which nothing can stand.
+            KeyError: for one that opens the loops, or where nothing near it can be assembled.
         """
         key = name.count(".at.") + name.count(".tilt.") > 0
         if (key, "") not in self._by_dimension:

@@ -147,9 +147,9 @@ def _jacobian(misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Arr
 
 
 def linearly_explains(misfit: Misfit, jacobian: Array) -> float:
-    """Return the part of a miss that goes with slopes (m, p), in the first order.
+    """Return the fraction of a misfit that derivatives (m, p) explain to first order.
 
-    Beside noise a cause counts in full whose fit is better than chance: by more than `ODDS` in chi squared.
+    With noise, a cause counts in full if its fit is better than chance: by more than `ODDS` in chi squared.
     """
     solution = np.linalg.lstsq(jacobian, misfit.before, rcond=1e-10)[0]
     remaining = rms(misfit.before - jacobian @ solution)

@@ -68,7 +68,7 @@ REQUESTED = "asked for"
 
 @dataclass(frozen=True)
 class Scales:
-    """By what errors of quantities are measured beside each other.
+    """Scales of errors of quantities.
 
     Attributes:
         length: largest coordinate of anything, in [m].
@@ -95,7 +95,7 @@ class Scales:
 
 
 def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> Scales:
-    """Return the scales of a comparand; those of efforts only where some are claimed."""
+    """Return the scales at evaluation points; those of forces only where forces are compared."""
     motion = evaluation.motion
     length, stroke = reach_of(motion), stroke_of(motion)
     rate = float(np.abs(evaluation.speed).max())
@@ -118,7 +118,7 @@ def formula_tolerance(
 
     Args:
         candidate: what is said.
-        scales: of the comparand.
+        scales: at the evaluation points.
         requested: bound on places in [m], other quantities in proportion; None takes the usual part.
         exact: whether the claim is a formula that is exact but for rounding.
     """

@@ -149,7 +149,7 @@ def _smooth_basis(rows: int) -> Array:
 
 
 def _chi_squared(what: str, values: Array, shift: float, tail: float) -> Statistic:
-    """Return the test of a sum of squares; `shift` is the norm of an error that is allowed beside noise."""
+    """Return the test of a sum of squares; `shift` is the norm of an allowed error."""
     degrees, norm = values.size, float(np.sqrt((values**2).sum()))
     beyond = max(0.0, norm - shift) if norm == norm else np.inf
     limit = float(np.sqrt(2.0 * special().gammainccinv(degrees / 2.0, tail))) + shift

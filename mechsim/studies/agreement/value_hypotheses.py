@@ -187,7 +187,7 @@ def frame(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
-    """The frame of places shifted or turned anyhow."""
+    """The frame of positions shifted or rotated in any direction."""
     indices, axes = _vectors(misfit)
     count, extent = len(axes), misfit.evaluation.solver.mechanism.size
     any_position = any(misfit.candidates[i].quantity.kind == "position" for i in indices)

@@ -21,7 +21,7 @@ from mechsim.subjects.readers import parametric_model
 
 # singular values of the scaled derivatives below this part of the largest tell nothing
 RANK_TOLERANCE = 1e-7
-# part of such a direction that makes a dimension one of those that cannot be told apart
+# component of such a direction from which a dimension counts as undetermined
 SHARE = 0.1
 # mechanisms tried at the most, and the relative change at which a fit has come to rest
 MAX_MECHANISMS, REST = 100, 1e-10
@@ -39,9 +39,9 @@ class Fit:
         start: dimension -> value from which it began, in SI.
         values: dimension -> value found.
         units: dimension -> its SI unit.
-        deviations: dimension -> standard deviation; none of those that cannot be told apart.
-        covariance: of the dimensions in their order, (p, p); of those that can be told from the others.
-        together: groups of dimensions that cannot be told apart: what was measured tells of each group one
+        deviations: dimension -> standard deviation; none of those that are undetermined.
+        covariance: of the dimensions in their order, (p, p); of those that are determined.
+        together: groups of undetermined dimensions: the measurement determines of each group one
             dimension fewer than it has.
         rms: quantity -> root mean square of what is left, in SI.
         spread: root of what is left by the numbers measured beyond those wanted, in the deviations that were
@@ -49,7 +49,7 @@ class Fit:
             mechanism's size and in [rad].
         weighed: whether deviations were given.
         free: how many numbers were measured beyond those that tell the dimensions.
-        condition: of the scaled derivatives: how much worse the worst combination is told than the best.
+        condition: of the scaled derivatives: the accuracy of the best combination relative to the worst.
         tried: mechanisms solved.
     """
 
@@ -111,7 +111,7 @@ def fit_dimensions(
         vary: names of dimensions, whole places by their parts.
         offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
             stood ahead of what was read.
-        progress: told now and then how far it has come.
+        progress: called with a text and the finished fraction.
 
     Raises:
         InputError: for an unknown dimension or quantity, fewer numbers than dimensions, or an offset of what

@@ -291,7 +291,7 @@ class _DimensionSearch:
 
 
 def _unit(limit: Limit) -> float:
-    """Return what a limit is counted in: its own bounds, or 1 where they are nought."""
+    """Return the scale of a limit: its bounds, or 1 where they are zero."""
     return max(abs(limit.low or 0.0), abs(limit.high or 0.0)) or 1.0
 
 

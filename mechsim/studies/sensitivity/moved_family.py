@@ -106,7 +106,7 @@ class MovedFamily:
 
     @cached_property
     def over(self) -> tuple[str, Array]:
-        """What tells the instants apart: crank angle in [rad], or t in [s] under programs."""
+        """The instants: crank angle in [rad], or t in [s] under motion laws."""
         motion_laws = self.solver.motion_laws
         return ("angle", self.angles) if motion_laws is None else ("t", self.angles / motion_laws.rate)
 

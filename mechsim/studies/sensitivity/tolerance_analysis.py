@@ -124,7 +124,7 @@ def tolerance_study(
         tolerances: dimension or JOINT.clearance -> bound, as text with a unit or in SI.
         samples: of Monte Carlo; 0 leaves it out.
         seed: of its random numbers.
-        progress: told now and then how far it has come, in words and as a part of the whole.
+        progress: called with a text and the finished fraction.
 
     Raises:
         InputError: for a name that is none, or tolerances that leave no assembly.

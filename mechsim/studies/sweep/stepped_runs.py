@@ -33,7 +33,7 @@ from mechsim.studies.sweep.task import Measured, SweepTask
 
 Rows = NDArray[np.intp]
 DIVERGED_REASON = (
-    "MuJoCo's state went bad, or the linkage turned its flywheel; take more steps, or softer constraints"
+    "MuJoCo's state went bad, or the linkage moved its drive; take more steps, or softer constraints"
 )
 
 

@@ -146,7 +146,7 @@ def test_the_command_says_that_it_runs_code_and_keeps_to_eighty_columns(monkeypa
 
 def test_the_distance_of_a_run_is_taken_apart_and_its_parts_add_up():
     found = ms.validate("slider_crank", against=lambda angle: {"B": 1.001 * slider(angle)["B"]}).attribution
-    parts = [found[name] for name in ("formula", "softness", "time step", "drive")]
+    parts = [found[name] for name in ("formula", "compliance", "time step", "drive")]
     assert found["unit"] == "m"
     assert sum(parts) == pytest.approx(found["whole"], rel=0.05)
     assert found["formula"] == pytest.approx(2.5e-4, rel=1e-3)
