@@ -146,17 +146,9 @@ class DrivenRun:
     def _note(self) -> str:
         """Return the notes on a stepped run; empty without any."""
         changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
-        notes = (
-            self.closed.note,
-            changed if self.closed.custom else "",
-            self._change_points_note(),
-            self.ending,
-        )
-        return "; ".join(text for text in notes if text)
-
-    def _change_points_note(self) -> str:
-        """Return the note on change points of the motion; empty without any."""
-        return undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
+        undecided = undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
+        notes = self.closed.note, changed if self.closed.custom else "", undecided, self.ending
+        return "; ".join(filter(None, notes))
 
     def require_decided(self) -> None:
         """Reject a motion whose start or continuation dynamics do not determine.
@@ -216,26 +208,19 @@ class DrivenRun:
         if steps.diverged:
             return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s, by {self._cause(steps)}"
         target = self.profile.state(steps.states.time)[0]
-        what: list[tuple[str, Array, Array, float, str]] = [
-            ("the crank", motion.angle, target, MAX_DRIVE_ERROR, "rad")
-        ]
-        loops = self.closed.loops
-        if loops.drivers is not None:
-            bounds = np.where(
-                loops.drivers.slides, MAX_DRIVE_ERROR * loops.characteristic_length, MAX_DRIVE_ERROR
-            )
-            driven = steps.states.qpos[:, loops.drivers.addresses].T
-            units = np.where(loops.drivers.slides, "m", "rad")
-            what = [
-                *zip(loops.drivers.names, driven, loops.drivers.law(target)[0], bounds, units, strict=True)
-            ]
-        for name, value, targets, tolerance, unit in what:
-            lost = np.abs(value - targets) > tolerance
+        names, values, targets, slides = ("the crank",), motion.angle[None], target[None], np.zeros(1)
+        loops, drivers = self.closed.loops, self.closed.loops.drivers
+        if drivers is not None:
+            values, slides = steps.states.qpos[:, drivers.addresses].T, drivers.slides
+            names, targets = drivers.names, drivers.law(target)[0]
+        for name, value, intended, slide in zip(names, values, targets, slides, strict=True):
+            unit, limit = ("m", loops.characteristic_length) if slide else ("rad", 1.0)
+            lost = np.abs(value - intended) > MAX_DRIVE_ERROR * limit
             if lost.any():
                 index = int(np.argmax(lost))
                 return (
                     f"after {steps.states.time[index]:.6g} s {name} stands at {value[index]:.6g} {unit} "
-                    f"instead of {targets[index]:.6g}: the linkage moves its virtual drive inertia"
+                    f"instead of {intended[index]:.6g}: the linkage moves its virtual drive inertia"
                 )
         return ""
 

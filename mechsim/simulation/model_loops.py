@@ -527,9 +527,9 @@ class _IndependentRows:
         """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
         if self.basis is None:
             # a model may have thousands of unconstrained DOFs, of which no basis is needed
-            left, values, right = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
+            u, values, vh = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-            self.basis = left[:, :rank], left[:, rank:], right[:rank]
+            self.basis = u[:, :rank], u[:, rank:], vh[:rank]
         rows, redundant, _ = self.basis
         ignored = np.abs(redundant.T @ matrix).max(initial=0.0)
         return None if ignored > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) else rows

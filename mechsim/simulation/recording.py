@@ -115,22 +115,11 @@ def evaluate(
     """
     n = len(states.time)
 
-    def part(values: Array | None, i: int) -> Array | None:
-        return None if values is None else values[i : i + CHUNK]
-
+    inputs = crank_acceleration, driver_acceleration, force
     chunks: list[Motion] = []
     for i in range(0, n, CHUNK):
-        chunks.append(
-            _evaluated(
-                loops,
-                track,
-                states.chunk(i),
-                source,
-                part(crank_acceleration, i),
-                part(driver_acceleration, i),
-                part(force, i),
-            )
-        )
+        chunk = (None if values is None else values[i : i + CHUNK] for values in inputs)
+        chunks.append(_evaluated(loops, track, states.chunk(i), source, *chunk))
         progress(f"{min(i + CHUNK, n):,} of {n:,} poses", min(i + CHUNK, n) / n)
     return join(chunks)
 

@@ -60,7 +60,7 @@ def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
     bodies: dict[str, list[Shape]] = {}
     for i in shown:
         carrier = carried[model.geom_bodyid[i]]
-        shape = _shape(model, i, shifted(carrier.at, model.geom_pos[i], model.geom_quat[i]))
+        shape = _shape(model, i, shifted(carrier.pose, model.geom_pos[i], model.geom_quat[i]))
         if shape is not None:
             bodies.setdefault(carrier.link, []).append(shape)
     moving = {link.name for link in read.mechanism.links}

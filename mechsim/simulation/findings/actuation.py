@@ -124,4 +124,4 @@ def _stiffness(scene: Inspected, actuator: int) -> float:
 
 
 def _lines(scene: Inspected) -> list[FilePosition]:
-    return [scene.place(actuator) for actuator in scene.read.spec.actuators]
+    return [scene.location(actuator) for actuator in scene.read.spec.actuators]

@@ -31,7 +31,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
     visible = [
         loop
         for loop in scene.loops
-        if widest.get(loop.number, 0.0) > VISIBLE_GAP * (scene.size if loop.closes else 1.0)
+        if widest.get(loop.number, 0.0) > VISIBLE_GAP * (scene.length if loop.closes else 1.0)
     ]
     if not visible:
         return
@@ -51,7 +51,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
             by=by,
             message=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
             remedy=f"{remedy}; mechsim tune finds what your tolerance needs",
-            **loop.place,
+            **loop.location,
         )
 
 
@@ -96,7 +96,7 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
             message=f"the time constant {constant:g} s of {names} is raised to {least:g} s, two steps: "
             f"gaps are {(least / constant) ** 2:.3g} times wider than the file asks for",
             remedy=f"take a step of {constant / MIN_STEPS:g} s, or a time constant of {least:g} s",
-            **loops[0].place,
+            **loops[0].location,
         )
 
 
@@ -127,7 +127,7 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
         by=step / stable,
         message=f"the step of {step:g} s is too long for the stiffest loop, {loop.name}: a gap {ends}",
         remedy=f"take a step of {stable:.2g} s, or make the loop {step / stable:.2g} times slower",
-        **loop.place,
+        **loop.location,
     )
 
 

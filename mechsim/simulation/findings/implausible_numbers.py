@@ -52,7 +52,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
                 by=abs(by),
                 message=f"body {name} {what}",
                 remedy=remedy,
-                **scene.place(element),
+                **scene.location(element),
             )
 
 
@@ -102,17 +102,17 @@ def _implausible_size(
 ) -> tuple[float, str, str] | None:
     """Say what of a body's mass and moments fits no body of the scene's size; None where all does."""
     radius = float(np.sqrt(moments[2] / mass))
-    length = max(scene.size, offset)
+    length = max(scene.length, offset)
     if radius > MAX_SPREAD * length:
         return (
             radius,
-            f"has its mass spread to a radius of {radius:.3g} m, in a scene of {scene.size:.3g} m",
+            f"has its mass spread to a radius of {radius:.3g} m, in a scene of {scene.length:.3g} m",
             "its inertia looks like kg mm2 or g mm2: write kg m2",
         )
-    if offset > MAX_SPREAD * 10.0 * scene.size:
+    if offset > MAX_SPREAD * 10.0 * scene.length:
         return (
             offset,
-            f"has its centre of mass {offset:.3g} m from its origin, in a scene of {scene.size:.3g} m",
+            f"has its centre of mass {offset:.3g} m from its origin, in a scene of {scene.length:.3g} m",
             "its place looks like mm: write m",
         )
     # the ball as wide as the widest moment allows: rods are thin, and none is wider
@@ -141,12 +141,12 @@ def mistaken_units(scene: Inspected) -> Iterator[Finding]:
 
 def _lengths(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
-    if scene.size > MAX_LENGTH:
+    if scene.length > MAX_LENGTH:
         yield Finding(
             kind="units",
             what="lengths",
-            by=scene.size,
-            message=f"the linkage is {scene.size:.3g} m large: its lengths look like mm",
+            by=scene.length,
+            message=f"the linkage is {scene.length:.3g} m large: its lengths look like mm",
             remedy="MuJoCo takes lengths as they stand and gravity as 9.81: write m",
         )
         return
@@ -163,7 +163,7 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
                 by=by,
                 message=f"body {name} is {by:.3g} m from its parent, others {middle:.2g} m: it looks like mm",
                 remedy="write m",
-                **scene.place(bodies[name]),
+                **scene.location(bodies[name]),
             )
 
 
@@ -187,7 +187,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             by=max(widths[j] for j in wide),
             message=f"{names} of a loop may turn from {low:g} to {high:g} rad: that looks like degrees",
             remedy='write rad, or angle="degree" for the whole file',
-            **scene.place(joints[str(model.joint(wide[0]).name)]),
+            **scene.location(joints[str(model.joint(wide[0]).name)]),
         )
     narrow = [j for j, width in widths.items() if 0.0 < np.rad2deg(width) <= NARROW_RANGE]
     if scene.read.spec.compiler.degree and len(narrow) == len(hinges) > 1:
@@ -199,7 +199,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             message=f"no hinge may turn by more than {np.rad2deg(widths[j]):.3g} deg: "
             "the ranges look like rad",
             remedy='angles are degrees unless the file says <compiler angle="radian"/>',
-            **scene.place(joints[str(model.joint(j).name)]),
+            **scene.location(joints[str(model.joint(j).name)]),
         )
 
 

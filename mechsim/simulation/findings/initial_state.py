@@ -30,7 +30,7 @@ def outside_limits(scene: Inspected) -> Iterator[Finding]:
         if kind not in DRIVABLE:  # a ball's limit is on how far it is turned
             value = 2.0 * float(np.arccos(min(1.0, abs(value))))
         unit = "m" if kind == SLIDE else "rad"
-        location, (low, high) = scene.place(joints[name]), model.jnt_range[j]
+        location, (low, high) = scene.location(joints[name]), model.jnt_range[j]
         yield from _outside(f"joint {name}", name, value, (low, high), unit, location)
         dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in DRIVABLE else 3))
         if low == high and value == low and free[:, dofs].max(initial=0.0) > SIGNIFICANT:
@@ -38,7 +38,7 @@ def outside_limits(scene: Inspected) -> Iterator[Finding]:
     tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
     for t in np.flatnonzero(model.tendon_limited):
         name, value = str(model.tendon(t).name), float(scene.started.ten_length[t])
-        location = scene.place(tendons[name]) if name in tendons else NO_POSITION
+        location = scene.location(tendons[name]) if name in tendons else NO_POSITION
         low, high = model.tendon_range[t]
         yield from _outside(f"tendon {name}", name, value, (low, high), "m or rad", location)
 
@@ -87,7 +87,7 @@ def collisions(scene: Inspected) -> Iterator[Finding]:
     for number, qpos in enumerate(states):
         for pair, geoms, depth in _contacts(model, qpos):
             unintended = pair in joined or (number == 0 and 0 not in pair)
-            if unintended and depth > MIN_DEPTH * scene.size and depth > deepest.get(pair, (0.0,))[0]:
+            if unintended and depth > MIN_DEPTH * scene.length and depth > deepest.get(pair, (0.0,))[0]:
                 deepest[pair] = depth, geoms
     for pair, (depth, geoms) in deepest.items():
         yield _collision(scene, geoms, depth, joined=pair in joined)
@@ -103,7 +103,7 @@ def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined
         by=depth,
         message=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
         remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
-        **scene.place(list(scene.read.spec.geoms)[geoms[0]]),
+        **scene.location(list(scene.read.spec.geoms)[geoms[0]]),
     )
 
 

@@ -52,14 +52,14 @@ class Loop:
         number: in the model.
         kind: of the constraint, as MuJoCo numbers it.
         bodies: that it joins, for connect and weld; else none.
-        place: in the file.
+        location: in the file.
     """
 
     name: str
     number: int
     kind: int
     bodies: tuple[int, ...]
-    place: FilePosition
+    location: FilePosition
 
     @property
     def closes(self) -> bool:
@@ -104,7 +104,7 @@ class Inspected:
         return data
 
     @cached_property
-    def size(self) -> float:
+    def length(self) -> float:
         """Characteristic length of the mechanism, in [m]."""
         return self.read.mechanism.size
 
@@ -120,7 +120,7 @@ class Inspected:
         if model.opt.disableflags & int(OFF.mjDSBL_EQUALITY):
             return ()
         kinds = (CONNECT, WELD, JOINT, TENDON)
-        lines = [self.place(equality) for equality in self.read.spec.equalities]
+        lines = [self.location(equality) for equality in self.read.spec.equalities]
         return tuple(
             Loop(model.equality(i).name, i, kind, _bodies(model, i), lines[i])
             for i in range(model.neq)
@@ -132,7 +132,7 @@ class Inspected:
         """Where the parts of included files stand, by kind and name."""
         return included_lines(self.read.path)
 
-    def place(self, element: Element) -> FilePosition:
+    def location(self, element: Element) -> FilePosition:
         """Return where a part stands in the file, or in one that it includes."""
         match = re.search(r"line (\d+)", str(element.info))
         number = int(match[1]) if match else None
@@ -160,7 +160,7 @@ class Inspected:
 
     def without_rounding(self, jacobian: Array) -> Array:
         """Return the Jacobian of the loops, (m, nv), zero where all of it is rounding of the file."""
-        return jacobian * (np.abs(jacobian).max(initial=0.0) > RANK_TOLERANCE * min(1.0, self.size))
+        return jacobian * (np.abs(jacobian).max(initial=0.0) > RANK_TOLERANCE * min(1.0, self.length))
 
     @cached_property
     def closed(self) -> Array | None:
@@ -172,7 +172,7 @@ class Inspected:
         qpos = qpos.copy()
         for _ in range(MAX_NEWTON_STEPS):
             gap, jacobian, _ = self.loop_residuals(qpos)
-            if np.abs(gap).max(initial=0.0) <= CLOSED_TOLERANCE * self.size:
+            if np.abs(gap).max(initial=0.0) <= CLOSED_TOLERANCE * self.length:
                 return qpos
             step = -np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ gap
             if not np.isfinite(step).all():
@@ -295,7 +295,7 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
     """Return by how much each driver swings, to where its limits leave room."""
     mechanism, result = scene.read.mechanism, dict[str, float]()
     for name in mechanism.drivers:
-        reach = fraction * (REACH if mechanism.unit(name) == "rad" else STROKE * scene.size)
+        reach = fraction * (REACH if mechanism.unit(name) == "rad" else STROKE * scene.length)
         low, high = scene.read.limits.get(name, (-np.inf, np.inf))
         up, down = high - mechanism.counted[name], mechanism.counted[name] - low
         result[name] = min(reach, up) if up >= min(reach, down) else -min(reach, down)

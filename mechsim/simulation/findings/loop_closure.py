@@ -29,7 +29,7 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
         distance = float(np.linalg.norm(rows[:3] if loop.closes else rows))
         rotation = float(np.linalg.norm(rows[3:])) if loop.kind == WELD else 0.0
         slides = loop.closes or _slides(scene, loop)
-        if distance > MAX_GAP * (scene.size if slides else 1.0):
+        if distance > MAX_GAP * (scene.length if slides else 1.0):
             yield _gap(loop, distance, "m" if slides else "rad", "its two sides")
         if rotation > MAX_GAP:
             # the rows of a weld are half the angle times its torque scale
@@ -51,7 +51,7 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
         by=by,
         message=f"{loop.name} stands open where the scene starts: {what} are {by:.3g} {unit} apart",
         remedy="MuJoCo snaps it shut in the first steps: move an anchor or start from a closed keyframe",
-        **loop.place,
+        **loop.location,
     )
 
 
@@ -63,7 +63,7 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
     for i, loop in enumerate(scene.loops):
         for other in scene.loops[:i]:
             alone, both = rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
-            coincident = loop.closes == other.closes and _apart(scene, loop, other) <= MAX_GAP * scene.size
+            coincident = loop.closes == other.closes and _apart(scene, loop, other) <= MAX_GAP * scene.length
             if not (alone and coincident) or other.number in reported or rank(both) != alone:
                 continue
             reported.add(loop.number)
@@ -74,7 +74,7 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
                 message=f"{loop.name} says what {other.name} says: the loop is closed twice over, "
                 f"and its {len(rows[loop.number])} rows add no rank",
                 remedy=f"leave out {loop.name}",
-                **loop.place,
+                **loop.location,
             )
             break
 

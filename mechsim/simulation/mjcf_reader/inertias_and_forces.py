@@ -71,7 +71,7 @@ def _combined(
         return 0.0, np.zeros(3), np.zeros((3, 3))
     centre, moments = masses @ centres / total, np.zeros((3, 3))
     for i, mass, body_centre in zip(bodies, masses, centres, strict=True):
-        axes = carriers[i].at.rotation @ rotation_matrix(model.body_iquat[i])
+        axes = carriers[i].pose.rotation @ rotation_matrix(model.body_iquat[i])
         arm = body_centre - centre
         moments += axes @ np.diag(model.body_inertia[i]) @ axes.T
         moments += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))

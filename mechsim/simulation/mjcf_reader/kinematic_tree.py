@@ -20,15 +20,15 @@ class Carrier:
     """The link that a body is part of, and where the body's frame is in the link's."""
 
     link: str
-    at: Pose
+    pose: Pose
 
     def point(self, local: Array) -> Vector:
         """Return the place of a body's point in the link's frame, in [m]."""
-        return vector(self.at.point(vector(local)))
+        return vector(self.pose.point(vector(local)))
 
     def direction(self, local: Array) -> Vector:
         """Return a body's direction in the link's frame."""
-        return vector(self.at.rotation @ local)
+        return vector(self.pose.rotation @ local)
 
 
 def carriers(model: mujoco.MjModel) -> list[Carrier]:
@@ -40,7 +40,7 @@ def carriers(model: mujoco.MjModel) -> list[Carrier]:
         else:
             parent = result[model.body_parentid[body]]
             result.append(
-                Carrier(parent.link, shifted(parent.at, model.body_pos[body], model.body_quat[body]))
+                Carrier(parent.link, shifted(parent.pose, model.body_pos[body], model.body_quat[body]))
             )
     return result
 
@@ -103,7 +103,7 @@ def kinematic_tree(model: mujoco.MjModel) -> KinematicTree:
     joints: list[Joint] = []
     for body in range(1, model.nbody):
         parent = body_carriers[model.body_parentid[body]]
-        end = Carrier(parent.link, shifted(parent.at, model.body_pos[body], model.body_quat[body]))
+        end = Carrier(parent.link, shifted(parent.pose, model.body_pos[body], model.body_quat[body]))
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         for j in range(first, first + count):
             last = j == first + count - 1

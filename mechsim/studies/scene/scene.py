@@ -264,7 +264,7 @@ def _all_points(mechanism: Mechanism, model: mujoco.MjModel) -> dict[str, tuple[
     """Return the origins of all moving bodies, and the points at which joints close the loops."""
     frames = carriers(model)
     points = {
-        model.body(b).name: (frames[b].link, vector(frames[b].at.position))
+        model.body(b).name: (frames[b].link, vector(frames[b].pose.position))
         for b in range(1, model.nbody)
         if frames[b].link != GROUND
     }
