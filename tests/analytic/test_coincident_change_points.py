@@ -7,9 +7,9 @@ import pytest
 from coupled_wheels import START, assert_all_turn_alike, coupled_wheels
 
 from mechsim import catalog, closure
-from mechsim.analytic.loops.change_points import even_change_point
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
+from mechsim.analytic.loops.path_segments import even_change_point
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End
 from mechsim.model.links import Link

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
 from mechsim.analytic.loops.design_motion import LinkRows, SharedLoops, record_of_rows, store_chunk
-from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
+from mechsim.analytic.loops.design_paths import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_rates import ClosedChunk, Instants
 from mechsim.analytic.loops.solver import NEARBY, LoopSolver

@@ -5,8 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.loops.design_paths import Law, ManyPaths
-from mechsim.analytic.loops.designs import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
+from mechsim.analytic.loops.design_paths import (
+    Bools,
+    Law,
+    ManyLoops,
+    ManyPaths,
+    Rows,
+    assemble_designs,
+    initial_coordinates,
+)
 from mechsim.analytic.loops.kinematics import Coordinates, cross
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates

@@ -13,18 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.change_points import (
-    branch_segment,
-    change_point_between,
-    even_change_point,
-    segment_through,
-)
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_segments import (
     CONTROL,
     PathStates,
     PrescribedValues,
     Segment,
+    branch_segment,
+    change_point_between,
+    even_change_point,
+    segment_through,
 )
 from mechsim.analytic.loops.solver import (
     MIN_DETERMINANT_RATIO,

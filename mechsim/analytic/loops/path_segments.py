@@ -1,4 +1,4 @@
-"""Segments of a path: coordinates closed at Chebyshev nodes, and the polynomial through them."""
+"""Segments of a path: coordinates closed at Chebyshev nodes; and segments that pass change points."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.loops.solver import Linearised, LoopSolver
+from mechsim.analytic.loops.solver import MIN_SHARE_RATIO, Linearised, LoopSolver
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.collocation import Interpolant
+from mechsim.numerics.collocation import Interpolant, interpolation_error, nodes_between
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.step_control import StepControl
 
@@ -81,3 +81,195 @@ class PathStates:
         if not (residual <= max(CLOSED, tolerance) and displacement < CONTROL.max_correction):
             return None
         return self.loops.flat(result.q), linearised, displacement
+
+
+# largest and smallest half length of a segment centred on a change point
+MAX_HALF_LENGTH, MIN_HALF_LENGTH = 0.1, 5e-4
+# pairs of assemblies that meet at once without a sign change of the determinant; and the interpolation error
+# after the sign is flipped, as a fraction of that before, below which a change point is assumed
+PAIRS, MAX_ERROR_RATIO = (2, 4), 0.3
+# nodes of such a segment; even, so that none lies at the change point, where the Jacobian is singular
+NODES = 24
+# largest truncation error of its polynomial, in radians or relative to the characteristic length
+MAX_TRUNCATION = 1e-11
+# spacing of the points at which the signed distance is sampled to locate a change point: first and last
+FIRST_SPACING, LAST_SPACING = 1e-3, 3e-7
+# step along the null direction for second differences; smallest curvature ratio at which the other branch
+# is driven by the crank; largest deviation of that branch from its prediction, relative to the distance
+# between the branches; and halvings of the segment
+OFFSET, MIN_CURVATURE, MAX_DEVIATION, HALVINGS = 1e-4, 1e-6, 0.3, 6
+
+
+def even_change_point(log_determinant: Array) -> int | None:
+    """Return the node before a change point at which an even number of pairs of assemblies meet; or None.
+
+    The determinant touches zero there without a sign change. Its root of that order is smooth only if its
+    sign is flipped beyond the change point.
+
+    Args:
+        log_determinant: logarithm of the determinant's size at the nodes, (k,).
+    """
+    signs = np.where(
+        np.arange(len(log_determinant)) > np.arange(len(log_determinant) - 1)[:, None], -1.0, 1.0
+    )
+    for pairs in PAIRS:
+        root = np.exp((log_determinant - log_determinant.max()) / pairs)
+        errors = interpolation_error((signs * root).T)
+        index = int(np.argmin(errors))
+        if errors[index] < MAX_ERROR_RATIO * interpolation_error(root[:, None])[0]:
+            return index
+    return None
+
+
+def change_point_between(path: PathStates, segment: Segment, a: float, b: float) -> float | None:
+    """Return the change point between two nodes; None where assemblies only come near each other.
+
+    None also where only the selected rows become dependent. With equal signs at both nodes the determinant
+    touches zero: two pairs of assemblies meet at once.
+    """
+
+    def linearised_at(s: Array) -> Linearised | None:
+        linearised = path.closed(segment.solver, s, segment.evaluate(s))
+        return None if linearised is None else linearised[1]
+
+    at_ends = linearised_at(np.array([a, b])) if abs(b - a) > LAST_SPACING else None
+    if at_ends is None:
+        return None
+    signed_distances = at_ends.signed_distance
+    same_side = bool(signed_distances[0] * signed_distances[1] > 0.0)
+
+    def signed(linearised: Linearised, s: Array) -> Array:
+        return np.where(
+            same_side & ((s - root) * (b - a) > 0.0), -linearised.signed_distance, linearised.signed_distance
+        )
+
+    signed_distances = signed_distances * np.array([1.0, -1.0 if same_side else 1.0])
+    root, rate = a - signed_distances[0] * (b - a) / (signed_distances[1] - signed_distances[0]), 0.0
+    for spacing in (min(0.1 * abs(b - a), FIRST_SPACING), 0.03 * FIRST_SPACING):
+        # a parabola through three points on either side of the estimated root
+        around = root + spacing * np.array([-2.0, -1.0, 1.0, 2.0])
+        linearised = linearised_at(around)
+        if linearised is None:
+            return None
+        distances = signed(linearised, around)
+        if not np.all(np.sign(distances[[0, 1]]) == -np.sign(distances[[2, 3]])):
+            return None
+        parabola = np.polynomial.Polynomial.fit((around - root) / spacing, distances, 2)
+        roots = parabola.roots()
+        real = roots[np.abs(roots.imag) < 1e-12].real
+        if not len(real):
+            return None
+        rate = float(parabola.deriv()(0.0)) / spacing
+        root += spacing * float(real[np.argmin(np.abs(real))])
+    nearest = root + LAST_SPACING * np.array([-2.0, -1.0, 1.0, 2.0])
+    linearised_near = linearised_at(nearest)
+    if (
+        linearised_near is None
+        or segment.solver.share(linearised_near).min() < MIN_SHARE_RATIO * segment.solver.share(at_ends).max()
+    ):
+        return None
+    expected = rate * (nearest - root)
+    return (
+        root
+        if np.abs(signed(linearised_near, nearest) - expected).max() < 0.2 * abs(rate) * LAST_SPACING
+        else None
+    )
+
+
+def segment_through(
+    path: PathStates, segment: Segment, change_point: float, direction: int
+) -> tuple[Segment, float] | None:
+    """Return the longest valid segment centred on a change point, and the refined change point; or None.
+
+    Args:
+        path: whose poses they are.
+        segment: extends to both sides of the change point.
+        change_point: parameter.
+        direction: of continuation, +1 or -1.
+    """
+    max_half_length, half_length = abs(float(segment.nodes[-1] - segment.nodes[0])), MAX_HALF_LENGTH
+    while half_length > MIN_HALF_LENGTH:
+        if half_length <= max_half_length:
+            nodes, weights = nodes_between(
+                change_point - direction * half_length, change_point + direction * half_length, NODES
+            )
+            solution = path.closed(segment.solver, nodes, segment.evaluate(nodes))
+            if solution is not None:
+                signs = np.sign(solution[1].signed_distance)
+                same_sign = abs(signs.sum()) == NODES
+                sign_change = abs((signs * np.sign(nodes - change_point)).sum()) == NODES
+                candidate = Segment(nodes, solution[0], weights, segment.solver)
+                if (same_sign or sign_change) and candidate.truncation_error() < MAX_TRUNCATION:
+                    determinants = replace(candidate, states=np.linalg.det(solution[1].matrix)[:, None])
+                    return candidate, _root_near(
+                        determinants.derivative() if same_sign else determinants, change_point
+                    )
+        half_length *= 0.5
+    return None
+
+
+def _root_near(determinants: Segment, guess: float) -> float:
+    """Return a root of a polynomial (k, 1) by Newton's method; the guess where the method leaves it."""
+    root, derivative = np.array([guess]), determinants.derivative()
+    for _ in range(3):
+        root = root - determinants.evaluate(root)[0] / derivative.evaluate(root)[0]
+    # with a null space of more than one dimension the derivative of the determinant vanishes
+    return float(root[0]) if abs(root[0] - guess) < LAST_SPACING else guess
+
+
+def branch_segment(path: PathStates, segment: Segment, change_point: float) -> Segment | None:
+    """Return the segment of the other assembly beyond a change point, with the same sign of the determinant.
+
+    None where the crank does not move the other assembly.
+
+    Args:
+        path: whose poses they are.
+        segment: centred on the change point.
+        change_point: parameter.
+    """
+    steepness = _branch_tangent(path, segment, change_point)
+    if steepness is None:
+        return None
+    half_length = float(segment.nodes[-1]) - change_point
+    for _ in range(HALVINGS):
+        nodes, weights = nodes_between(change_point - half_length, change_point + half_length, NODES)
+        offset = (nodes - change_point)[:, None] * steepness
+        same_branch = path.closed(segment.solver, nodes, segment.evaluate(nodes))
+        other_branch = path.closed(segment.solver, nodes, segment.evaluate(nodes) + offset)
+        if same_branch is not None and other_branch is not None:
+            candidate = Segment(nodes, other_branch[0], weights, segment.solver)
+            deviation = np.abs(other_branch[0] - segment.evaluate(nodes) - offset).max(1)
+            near_prediction = (deviation < MAX_DEVIATION * np.abs(offset).max(1)).all()
+            if (
+                near_prediction
+                and (same_branch[1].signed_distance * other_branch[1].signed_distance < 0.0).all()
+                and candidate.truncation_error() < MAX_TRUNCATION
+            ):
+                return candidate.restricted(change_point, change_point + half_length)
+        half_length *= 0.5
+    return None
+
+
+def _branch_tangent(path: PathStates, segment: Segment, change_point: float) -> Array | None:
+    """Return the difference of the derivatives of both branches at a change point, (w,); None if unbounded.
+
+    Projected on the null directions, the loop equations are z (a x + b z) = 0 for the distance x beyond the
+    change point and z along the null direction: z = 0 is this branch, z = -a x / b the other.
+    """
+    parameter = np.array([change_point])
+    q = path.unflat(segment.evaluate(parameter), parameter)
+    loops, solver = path.loops, segment.solver
+    u, _, vh = np.linalg.svd(solver.linearise(q).matrix[0])
+    left_null_vector, null_direction = u[:, -1], np.zeros((loops.tree.count, 1))
+    null_direction[loops.unknown, 0] = vh[-1]
+
+    def projected(rows: Coordinates) -> Array:
+        return solver.linearise(rows).matrix @ vh[-1] @ left_null_vector
+
+    displaced = [loops.displaced(q, sign * OFFSET * null_direction) for sign in (1.0, -1.0)]
+    beyond = parameter + OFFSET * np.array([1.0, -1.0])
+    a = float(np.diff(projected(path.unflat(segment.evaluate(beyond), beyond))[::-1])[0])
+    b = 0.5 * float(projected(displaced[0])[0] - projected(displaced[1])[0])
+    if not abs(b) > MIN_CURVATURE * abs(a):
+        return None
+    return -a / b * (path.loops.flat(displaced[0]) - path.loops.flat(displaced[1]))[0] / (2.0 * OFFSET)
