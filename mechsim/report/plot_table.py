@@ -14,7 +14,6 @@ import numpy as np
 from mechsim.analytic import catalog
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
-from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
@@ -157,11 +156,7 @@ def require_taken(kind: str, takes: Sequence[str], options: PlotOptions) -> None
 
 def _errors(source: PlotSource, method: str) -> "Figure":
     run = source.motion(method, ERROR_SAMPLES)
-    solver = source.solver
-    if isinstance(solver, LoopForm):
-        exact = solver.solve_as(run)
-    else:
-        exact = solver.solve_along(run.angle, run.speed, run.acceleration)
+    exact = source.solver.solve_as(run)
     errors, tolerance, timed = run.position_errors(exact), source.bounds.get(method), bool(run.drivers)
     abscissa = run.time if timed and run.time is not None else run.angle
     return plots.error_plot(abscissa, errors, unit="m", tolerance=tolerance, timed=timed)

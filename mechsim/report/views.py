@@ -11,7 +11,7 @@ from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import MechsimError
-from mechsim.model.motion import Motion, select_instants
+from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import constant, interval_around, within_range
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -148,13 +148,7 @@ def _ghost(solver: Form, speed: float) -> GhostTrack | None:
     if run.broken or len(run) < SAMPLES // 2:
         return None
     rows = slice(0, 1 + int(np.argmax(run.angle)))
-    return ghost_of("MuJoCo, stepped", solver.mechanism, _exact(solver, run), run, rows)
-
-
-def _exact(solver: Form, run: Motion) -> Motion:
-    if isinstance(solver, ClosedForm):
-        return solver.solve_along(run.angle, run.speed, run.acceleration)
-    return solver.solve_as(run)
+    return ghost_of("MuJoCo, stepped", solver.mechanism, solver.solve_as(run), run, rows)
 
 
 def _called(solver: ClosedForm) -> str:
@@ -298,10 +292,7 @@ def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:
     run = case.run.motion
     if case.quick or run.broken:
         return grid
-    if isinstance(case.drive, LoopForm):
-        exact = case.drive.solve_as(run)
-    else:
-        exact = case.drive.solve_along(run.angle, run.speed, run.acceleration)
+    exact = case.drive.solve_as(run)
     rows = slice(None) if run.drivers else slice(0, 1 + int(np.argmax(run.angle)))
     return replace(grid, ghost=ghost_of("MuJoCo, stepped", case.drive.mechanism, exact, run, rows))
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mechsim.model.links import Pose, Vector
 from mechsim.model.mechanism import Mechanism
@@ -81,7 +82,7 @@ def magnified(
     for link in mechanism.links:
         (shift, rotation_vector), pose = deviations[link.name], run[link.name]
         anchor: Vector = mechanism.ends(link.name)[0].point
-        rotation = rotation_matrices(by * rotation_vector) @ pose.rotation
+        rotation = Rotation.from_rotvec(by * rotation_vector).as_matrix() @ pose.rotation
         poses[link.name] = Pose(pose.point(anchor) + by * shift - rotation @ np.asarray(anchor), rotation)
     return poses
 
@@ -99,13 +100,3 @@ def rotation_vectors(rotation: Array) -> Array:
     sine = 0.5 * np.sqrt((twice**2).sum(1))
     angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0))
     return 0.5 * twice * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)[:, None]
-
-
-def rotation_matrices(vector: Array) -> Array:
-    """Return the rotations of vectors, (n, 3) -> (n, 3, 3)."""
-    angle = np.sqrt((vector**2).sum(1))
-    x, y, z = (vector / np.where(angle > 0.0, angle, 1.0)[:, None]).T
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(-1, 3, 3)
-    sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    return np.eye(3) + sine * cross + rest * (cross @ cross)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mechsim._version import __version__
 from mechsim.errors import MissingToolError, needs
@@ -112,19 +113,10 @@ def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Po
         step = max(1, len(positions) // MAX_POSES)
         positions, turns = positions[::step], turns[::step]
         stand = np.isfinite(positions).all(1)
-        poses[link.name] = Pose(positions[stand], _rotations(turns[stand]))
+        poses[link.name] = Pose(
+            positions[stand], Rotation.from_quat(turns[stand], scalar_first=True).as_matrix()
+        )
     return poses
-
-
-def _rotations(q: Array) -> Array:
-    """Return the rotations of unit quaternions, (n, 4) -> (n, 3, 3)."""
-    w, x, y, z = q.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def _solid(shape: Shape) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mechsim.model.link_poses import moved_links
 from mechsim.model.links import GROUND
@@ -146,26 +147,8 @@ STENCIL = 4
 
 def quaternions(rotation: Array) -> Array:
     """Return unit quaternions of rotations, (..., 3, 3) -> (..., 4), scalar first and not negative."""
-    m = rotation
-    trace = np.trace(m, axis1=-2, axis2=-1)
-    diagonal = np.diagonal(m, axis1=-2, axis2=-1)
-    # four times the square of each component; the largest is divided by
-    squares = np.concatenate([1.0 + trace[..., None], 1.0 - trace[..., None] + 2.0 * diagonal], -1)
-    table = np.empty((*m.shape[:-2], 4, 4))
-    table[..., range(4), range(4)] = squares
-    for (i, j), value in {
-        (0, 1): m[..., 2, 1] - m[..., 1, 2],
-        (0, 2): m[..., 0, 2] - m[..., 2, 0],
-        (0, 3): m[..., 1, 0] - m[..., 0, 1],
-        (1, 2): m[..., 0, 1] + m[..., 1, 0],
-        (1, 3): m[..., 0, 2] + m[..., 2, 0],
-        (2, 3): m[..., 1, 2] + m[..., 2, 1],
-    }.items():
-        table[..., i, j] = table[..., j, i] = value
-    row = np.argmax(squares, -1)[..., None, None]
-    q = np.take_along_axis(table, row, -2)[..., 0, :]
-    q = q / np.sqrt((q**2).sum(-1, keepdims=True))
-    return np.where(q[..., :1] < 0.0, -q, q)
+    flat = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    return flat.reshape(*rotation.shape[:-2], 4)
 
 
 def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:
