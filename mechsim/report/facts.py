@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
-from mechsim.analytic.forms import Form
+from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.errors import MechsimError
@@ -21,7 +21,7 @@ from mechsim.numerics.arrays import Array
 OWN = "a mechanism of one's own, by its loop equations"
 
 
-def facts(solver: Form, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
+def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
     """Return all that is known of a mechanism without simulating it, as plain data.
 
     Of one that no crank alone settles, what does not ask for a crank.
@@ -75,7 +75,7 @@ def facts(solver: Form, angle: float | None = None, driver: str | None = None) -
     }
 
 
-def _described(solver: Form) -> dict[str, Any]:
+def _described(solver: KinematicSolver) -> dict[str, Any]:
     """Return what a mechanism is made of."""
     mechanism = solver.mechanism
     return {
@@ -148,7 +148,7 @@ def _several(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _parameters(solver: Form) -> dict[str, dict[str, Any]]:
+def _parameters(solver: KinematicSolver) -> dict[str, dict[str, Any]]:
     if isinstance(solver, LoopForm):
         return {
             name: {"value": value, "unit": "as written", "doc": ""}
@@ -164,7 +164,7 @@ def _parameters(solver: Form) -> dict[str, dict[str, Any]]:
     }
 
 
-def assemblies(solver: Form, angle: float) -> list[dict[str, Any]]:
+def assemblies(solver: KinematicSolver, angle: float) -> list[dict[str, Any]]:
     """Return every real assembly at a crank angle: what selects it, and its points in [m]."""
     return [
         {**chosen, "points": {name: position.tolist() for name, position in points.items()}}
@@ -172,7 +172,7 @@ def assemblies(solver: Form, angle: float) -> list[dict[str, Any]]:
     ]
 
 
-def _least_transmission(solver: Form) -> dict[str, float] | None:
+def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     arcs = solver.crank_range().arcs
     if not arcs or not isinstance(solver, ClosedForm):
         return None

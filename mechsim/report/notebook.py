@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.numerics.angles import REVOLUTION
 
 if TYPE_CHECKING:
-    from mechsim.analytic.forms import Form
+    from mechsim.analytic.forms import KinematicSolver
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
     from mechsim.pictures.render import Look
@@ -62,7 +62,9 @@ class FramedPage:
 
 
 @overload
-def show(mechanism: "Form | Mechanism", *, speed: float | str = SPEED, height: int = 720) -> FramedPage: ...
+def show(
+    mechanism: "KinematicSolver | Mechanism", *, speed: float | str = SPEED, height: int = 720
+) -> FramedPage: ...
 @overload
 def show(
     mechanism: "Mechanism",
@@ -90,7 +92,7 @@ def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = N
 
 
 def interactive_view(
-    source: "Form | Mechanism", *, speed: float | str = SPEED, height: int = 720
+    source: "KinematicSolver | Mechanism", *, speed: float | str = SPEED, height: int = 720
 ) -> FramedPage:
     """Return a page to turn a mechanism by hand, its crank turning at a speed in [rad/s] or as "600rpm".
 

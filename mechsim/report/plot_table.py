@@ -13,7 +13,7 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.forms import Form, closed_form
+from mechsim.analytic.forms import KinematicSolver, closed_form
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
@@ -74,7 +74,7 @@ class PlotSource:
         masses: of the links, filled in by what is drawn from them.
     """
 
-    solver: Form
+    solver: KinematicSolver
     speed: float
     options: PlotOptions = field(default_factory=PlotOptions)
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import Form
+from mechsim.analytic.forms import KinematicSolver
 from mechsim.errors import MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
 from mechsim.model.motion import Motion
@@ -82,7 +82,7 @@ def write_validation_report(
     return notes
 
 
-def _picture(solver: Form, motion: Motion, notes: list[str]) -> bytes | None:
+def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes | None:
     """Return a picture of the clearest pose as WebP; None where it cannot be drawn, and a note says why."""
     from mechsim.pictures.render import Look, still
     from mechsim.pictures.render.file_bodies import drawn_as

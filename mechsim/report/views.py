@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
-from mechsim.analytic.forms import Form
+from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import MechsimError
@@ -41,7 +41,9 @@ PROBED = 60
 CRANK_ANGLES = 12
 
 
-def crank_grids(solver: Form, speed: float, limits: tuple[float, float] | None = None) -> list[PoseGrid]:
+def crank_grids(
+    solver: KinematicSolver, speed: float, limits: tuple[float, float] | None = None
+) -> list[PoseGrid]:
     """Return the grid of each assembly that is known without a search, the form's own first.
 
     Args:
@@ -58,7 +60,9 @@ def crank_grids(solver: Form, speed: float, limits: tuple[float, float] | None =
     return [crank_grid(assembly, _called(assembly), speed, limits) for assembly in (solver, *_others(solver))]
 
 
-def crank_grid(solver: Form, name: str, speed: float, limits: tuple[float, float] | None) -> PoseGrid:
+def crank_grid(
+    solver: KinematicSolver, name: str, speed: float, limits: tuple[float, float] | None
+) -> PoseGrid:
     """Return the poses of one assembly over the arc that its crank can turn through."""
     angles, middles = _angles(solver, limits)
     solver = solver.starting_at(angles)
@@ -95,7 +99,7 @@ def _others(solver: ClosedForm) -> list[ClosedForm]:
     return assemblies
 
 
-def _angles(solver: Form, limits: tuple[float, float] | None) -> tuple[Array, Array]:
+def _angles(solver: KinematicSolver, limits: tuple[float, float] | None) -> tuple[Array, Array]:
     """Return the crank angles that are solved, and some in the middle between them."""
     arcs, samples = solver.crank_range(), SAMPLES
     if arcs.full and limits is None:
@@ -122,7 +126,7 @@ def _angles(solver: Form, limits: tuple[float, float] | None) -> tuple[Array, Ar
     return angles, 0.5 * (angles[segments] + angles[segments + 1])
 
 
-def landmarks_of(solver: Form) -> list[Landmark]:
+def landmarks_of(solver: KinematicSolver) -> list[Landmark]:
     """Return the dead centres of a crank and where assemblies meet."""
     landmarks = [Landmark(angle, "dead centre", "dead") for angle in solver.dead_centres()]
     return landmarks + [Landmark(angle, "assemblies meet", "meets") for angle in solver.change_points()]
@@ -137,7 +141,7 @@ def repeated_landmarks(landmark: Landmark, angles: Array) -> list[Landmark]:
     return [replace(landmark, value=float(np.clip(value, low, high))) for value in values]
 
 
-def _ghost(solver: Form, speed: float) -> GhostTrack | None:
+def _ghost(solver: KinematicSolver, speed: float) -> GhostTrack | None:
     """Return where MuJoCo's stepped run puts the links, over rising angles; None where it cannot run."""
     try:
         arcs = solver.crank_range()
@@ -164,7 +168,7 @@ MOST_CURVES = 6
 NODES, MIDDLES, BACKWARDS = slice(None, None, 2), slice(1, None, 12), slice(None, None, -1)
 
 
-def curve_grids(solver: Form) -> tuple[list[PoseGrid], str]:
+def curve_grids(solver: KinematicSolver) -> tuple[list[PoseGrid], str]:
     """Return a grid for each curve of assemblies besides that which the crank's own slider shows whole.
 
     Returns:
@@ -190,7 +194,7 @@ def curve_grids(solver: Form) -> tuple[list[PoseGrid], str]:
     return grids, "" if own_alone else sentence
 
 
-def _turning(solver: Form, name: str, curve: AssemblyCurve) -> PoseGrid:
+def _turning(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGrid:
     """Return the poses of a curve over which the crank turns fully, over its angle."""
     motion = even_motion(curve, 2 * SAMPLES * abs(curve.turns), 1.0)
     if motion.angle[-1] < motion.angle[0]:
@@ -201,7 +205,7 @@ def _turning(solver: Form, name: str, curve: AssemblyCurve) -> PoseGrid:
     return replace(grid, error=between(grid, between_nodes, between_nodes.angle))
 
 
-def _round(solver: Form, name: str, curve: AssemblyCurve) -> PoseGrid:
+def _round(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGrid:
     """Return the poses of a curve over which the crank swings, over a slider that goes round it evenly."""
     motion = even_motion(curve, 2 * SAMPLES, 1.0)
     shown, between_nodes = select_instants(motion, NODES), select_instants(motion, MIDDLES)
@@ -230,7 +234,7 @@ NOT_SOUGHT = "Other assemblies than that in which the file starts were not sough
 
 
 def mechanism_view(
-    solver: Form, speed: float, limits: Mapping[str, tuple[float, float]] | None = None
+    solver: KinematicSolver, speed: float, limits: Mapping[str, tuple[float, float]] | None = None
 ) -> View:
     """Return what a page shows of a mechanism.
 
@@ -259,7 +263,7 @@ def mechanism_view(
     return _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
 
 
-def _view(solver: Form, grids: list[PoseGrid], facts: list[str]) -> View:
+def _view(solver: KinematicSolver, grids: list[PoseGrid], facts: list[str]) -> View:
     lines = [line for line in facts if line]
     return View(solver.mechanism, grids, solver.name.replace("_", "-"), lines, **drawn_as(solver))
 
