@@ -129,11 +129,11 @@ def case_of(
         AssemblyError: if the loops close nowhere.
         InputError: for a formula that cannot be used.
     """
-    family = model if isinstance(model, DesignFamily) else dimension_family(model)
-    drive = family.make({})
+    designs = model if isinstance(model, DesignFamily) else dimension_family(model)
+    solver = designs.make({})
     work = _Work(quick, tolerance, ProcessorBudget(budget), watch)
-    case = _validated(drive, family, speed, work)
-    for name, variant in drive.variants().items():
+    case = _validated(solver, designs, speed, work)
+    for name, variant in solver.variants().items():
         # a variant that cannot stand says nothing against the mechanism
         with suppress(AssemblyError):
             other = _validated(variant, dimension_family(variant), speed, work)
@@ -153,7 +153,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
-def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> Case:
+def _validated(drive: Form, designs: DesignFamily, speed: float, work: _Work) -> Case:
     begin, quick, tolerance, watch = clock.perf_counter(), work.quick, work.tolerance, work.watch
     profile = profile_of(drive, speed, drive.period / REVOLUTION)
     drive = drive.starting_at(profile.angles)
@@ -166,14 +166,14 @@ def _validated(drive: Form, family: DesignFamily, speed: float, work: _Work) -> 
         verdicts["closed form"] = against_loops(drive, exact)
     formula = None
     if drive.formula:
-        formula = compare_model(family, speed=speed, tolerance=tolerance, attribute=not quick)
+        formula = compare_model(designs, speed=speed, tolerance=tolerance, attribute=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
-    wanted = speed if profile.steady and drive.motion_laws is None else None
+    crank_speed = speed if profile.steady and drive.motion_laws is None else None
     published = None
     watch("poses", 0.0)
-    poses = run = simulated(drive, profile, method="pose", progress=lambda done, _: watch(done, 0.0))
-    verdicts["pose"] = crosscheck(poses.motion, drive, speed=wanted)
+    poses = run = simulated(drive, profile, method="pose", progress=lambda text, _: watch(text, 0.0))
+    verdicts["pose"] = crosscheck(poses.motion, drive, speed=crank_speed)
     if not quick:
         place = position_tolerance(exact, drive.mechanism, tolerance)
         try:
@@ -201,11 +201,13 @@ def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | N
     """Return the tolerance on positions of a stepped run: what is asked for, or 1e-8 of stroke or size."""
     if tolerance is not None:
         return Tolerance(tolerance, "m", "asked for")
-    stroke, size = stroke_of(exact), mechanism.size
-    if size <= stroke:
+    stroke, extent = stroke_of(exact), mechanism.size
+    if extent <= stroke:
         return Tolerance(STEP_PLACE * stroke, "m", f"{STEP_PLACE:.0e} of the stroke of {stroke:.4g} m")
-    if size <= SIZE_TO_STROKE * stroke:
-        return Tolerance(STEP_PLACE * size, "m", f"{STEP_PLACE:.0e} of the mechanism's size of {size:.4g} m")
+    if extent <= SIZE_TO_STROKE * stroke:
+        return Tolerance(
+            STEP_PLACE * extent, "m", f"{STEP_PLACE:.0e} of the mechanism's size of {extent:.4g} m"
+        )
     relative = STEP_PLACE * SIZE_TO_STROKE
     return Tolerance(relative * stroke, "m", f"{relative:.0e} of the stroke of {stroke:.4g} m")
 
@@ -228,23 +230,23 @@ def _stepped(
     drive: Form, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
 ) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
-    place = allowed.value
+    limit = allowed.value
     programmed = drive.motion_laws is not None
     decided = profile if programmed else _decided(drive, profile, speed)
     runs = 0
 
-    def counted(done: str, part: float) -> None:
+    def counted(text: str, fraction: float) -> None:
         nonlocal runs
-        runs += part == 1.0
-        work.watch(f"stepped run {runs + (part < 1.0)}: {done}", 0.0)
+        runs += fraction == 1.0
+        work.watch(f"stepped run {runs + (fraction < 1.0)}: {text}", 0.0)
 
     with_budget: dict[str, Any] = {"budget": work.budget, "progress": counted}
     run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS), **with_budget)
     # of a run that went bad the estimate is infinite
-    if not run.estimate <= place:
-        run = simulated(drive, decided, tolerance=place, **with_budget)
-    wanted = speed if decided.steady and not programmed else None
-    verdict = crosscheck(run.motion, drive, tolerance=place, speed=wanted, bounds={"position": allowed})
+    if not run.estimate <= limit:
+        run = simulated(drive, decided, tolerance=limit, **with_budget)
+    crank_speed = speed if decided.steady and not programmed else None
+    verdict = crosscheck(run.motion, drive, tolerance=limit, speed=crank_speed, bounds={"position": allowed})
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")
     elif not verdict.passed and run.tolerance_report is not None and run.tolerance_report.reason:

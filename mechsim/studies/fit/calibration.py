@@ -79,7 +79,7 @@ class Fit:
 
         share = 0.5 * (1.0 + part)
         factor = norm.ppf(share) if self.weighed else t.ppf(share, self.free) if self.free > 0 else np.inf
-        return {name: float(factor) * one for name, one in self.deviations.items()}
+        return {name: float(factor) * deviation for name, deviation in self.deviations.items()}
 
     @property
     def correlations(self) -> dict[tuple[str, str], float]:
@@ -135,7 +135,7 @@ def fit_dimensions(
     problem = _Problem(family, measured, named, names, progress)
     problem.residuals(np.zeros(len(names)))
     derivatives: Any = problem.derivatives
-    found: Any = least_squares(
+    solution: Any = least_squares(
         problem.tried,
         np.zeros(len(names)),
         derivatives,
@@ -145,7 +145,7 @@ def fit_dimensions(
         gtol=REST,
         max_nfev=MAX_MECHANISMS,
     )
-    return problem.told(found.x, found.status > 0)
+    return problem.told(solution.x, solution.status > 0)
 
 
 def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
@@ -187,9 +187,9 @@ class _Problem:
             for name, value in self.start.items()
         }
         self.scale = np.array([own[name] for name in names])
-        self.units = {one: moved.quantity(of).unit for one, of in named.items()}
+        self.units = {column: moved.quantity(of).unit for column, of in named.items()}
         self.weighed = bool(measured.deviations)
-        self.weights = {one: self._weight(one, mechanism.size) for one in named}
+        self.weights = {column: self._weight(column, mechanism.size) for column in named}
         self.count = 0
 
     def _weight(self, column: str, size: float) -> Array:
@@ -203,15 +203,15 @@ class _Problem:
                 f"it is said how well {known} is known, but not how well {column} is; add a column {column}±"
             )
         unit, values = self.units[column], self.measured.values
-        alike = [float(np.abs(values[one]).max()) for one in values if self.units[one] == unit]
+        alike = [float(np.abs(values[column]).max()) for column in values if self.units[column] == unit]
         counts = {"m": size, "rad": 1.0}.get(unit) or max(alike) or 1.0
         return np.full(len(self.measured.angles), counts)
 
     def dimensions(self, x: Array) -> dict[str, float]:
         """Return dimensions from parts of their scales."""
         return {
-            name: self.start[name] + float(part)
-            for name, part in zip(self.names, x * self.scale, strict=True)
+            name: self.start[name] + float(fraction)
+            for name, fraction in zip(self.names, x * self.scale, strict=True)
         }
 
     def residuals(self, x: Array) -> Array:
@@ -222,8 +222,8 @@ class _Problem:
         """
         self.count += 1
         self.watch(f"{self.count} mechanisms", 0.0)
-        found = self.moved.values(self.columns, self.dimensions(x))
-        off = [self._off(one, found[of]) / self.weights[one] for one, of in self.named.items()]
+        values = self.moved.values(self.columns, self.dimensions(x))
+        off = [self._off(column, values[of]) / self.weights[column] for column, of in self.named.items()]
         return np.concatenate(off)
 
     def _off(self, column: str, values: Array) -> Array:
@@ -242,30 +242,30 @@ class _Problem:
         """Return exact derivatives of what is left, (m, p)."""
         by = self.moved.derivatives(self.columns, self.names, self.dimensions(x)).by
         rows = [
-            np.concatenate([by[name][of] / self.weights[one] for one, of in self.named.items()])
+            np.concatenate([by[name][of] / self.weights[column] for column, of in self.named.items()])
             for name in self.names
         ]
         return np.array(rows).T * self.scale
 
     def told(self, x: Array, rested: bool) -> Fit:
         """Return what came of it."""
-        left, derivatives = self.residuals(x), self.derivatives(x)
+        residuals, derivatives = self.residuals(x), self.derivatives(x)
         _, singular, right = np.linalg.svd(derivatives, full_matrices=True)
         singular = np.pad(singular, (0, len(self.names) - len(singular)))
-        seen = singular > RANK_TOLERANCE * singular[0]
+        determined = singular > RANK_TOLERANCE * singular[0]
         # numbers that stay what they are, as places out of a flat linkage's plane, tell nothing of errors
-        free = int(((left != 0.0) | derivatives.any(1)).sum()) - int(seen.sum())
-        spread = float(np.sqrt((left**2).sum() / free)) if free > 0 else 0.0
+        free = int(((residuals != 0.0) | derivatives.any(1)).sum()) - int(determined.sum())
+        spread = float(np.sqrt((residuals**2).sum() / free)) if free > 0 else 0.0
         unit = 1.0 if self.weighed else spread
-        covariance = (right[seen].T / singular[seen] ** 2) @ right[seen] * unit**2
+        covariance = (right[determined].T / singular[determined] ** 2) @ right[determined] * unit**2
         covariance = covariance * np.outer(self.scale, self.scale)
-        together = tuple(_groups(right[~seen], self.names))
+        together = tuple(_groups(right[~determined], self.names))
         lost = {name for group in together for name in group}
         values = self.dimensions(x)
-        parts = np.split(left, len(self.named))
+        pieces = np.split(residuals, len(self.named))
         rms = {
-            one: float(np.sqrt(((part * self.weights[one]) ** 2).mean()))
-            for one, part in zip(self.named, parts, strict=True)
+            column: float(np.sqrt(((piece * self.weights[column]) ** 2).mean()))
+            for column, piece in zip(self.named, pieces, strict=True)
         }
         deviations = {
             name: float(np.sqrt(covariance[i, i])) for i, name in enumerate(self.names) if name not in lost
@@ -291,18 +291,18 @@ class _Problem:
         )
 
 
-def _groups(blind: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
+def _groups(undetermined: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Return groups of dimensions that directions (d, p) join, along which nothing measured changes."""
-    reach = np.sqrt((blind**2).sum(0))
-    joined = (np.abs(blind.T @ blind) > SHARE**2) & np.outer(reach > SHARE, reach > SHARE)
-    left = [i for i in range(len(names)) if reach[i] > SHARE]
+    reach = np.sqrt((undetermined**2).sum(0))
+    joined = (np.abs(undetermined.T @ undetermined) > SHARE**2) & np.outer(reach > SHARE, reach > SHARE)
+    remaining = [i for i in range(len(names)) if reach[i] > SHARE]
     groups: list[tuple[str, ...]] = []
-    while left:
-        group = {left[0]}
+    while remaining:
+        group = {remaining[0]}
         while more := {j for i in group for j in np.flatnonzero(joined[i]).tolist()} - group:
             group |= more
         groups.append(tuple(names[i] for i in sorted(group)))
-        left = [i for i in left if i not in group]
+        remaining = [i for i in remaining if i not in group]
     return groups
 
 
@@ -339,7 +339,7 @@ def fit(
         subject = moved_along(parametric_model(subject), np.zeros(1), crank_speed, forces)
     if isinstance(table, Mapping):
         columns: Mapping[str, Array] = {
-            name: np.asarray(one, dtype=np.float64) for name, one in table.items()
+            name: np.asarray(values, dtype=np.float64) for name, values in table.items()
         }
         where = "the table"
     else:

@@ -143,7 +143,7 @@ def with_closed_start(solver: Form) -> Form:
     return replace(solver, mechanism=with_closed_guess(solver.mechanism))
 
 
-def prescribed_motion(solver: Form, pace: float) -> dict[str, Any]:
+def prescribed_motion(solver: Form, speed: float) -> dict[str, Any]:
     """Return how a design moves, as `simulate` takes it: its laws, a speed in [rad/s], or a swing.
 
     Raises:
@@ -153,10 +153,10 @@ def prescribed_motion(solver: Form, pace: float) -> dict[str, Any]:
         return {"motion_laws": solver.motion_laws}
     arcs = solver.crank_range()
     if arcs.full:
-        return {"speed": pace}
+        return {"speed": speed}
     if not arcs.arcs:
         raise no_crank_range_error(solver.name)
-    return {"profile": within_range(solver.mechanism, arcs, pace)}
+    return {"profile": within_range(solver.mechanism, arcs, speed)}
 
 
 def too_far(estimate: float, tolerance: float) -> str:

@@ -226,9 +226,9 @@ def _read_csv(path: str | Path) -> "Dataset":
     with Path(path).open(encoding="utf-8", newline="") as file:
         head, *rows = list(csv.reader(file))
     columns_read: dict[str, Any] = {}
-    for name, cells in zip(head, zip(*rows, strict=True), strict=True):
+    for name, texts in zip(head, zip(*rows, strict=True), strict=True):
         columns_read[name] = (
-            np.array(cells, dtype=object) if name in TEXTS else np.array([*map(_number, cells)])
+            np.array(texts, dtype=object) if name in TEXTS else np.array([*map(_number, texts)])
         )
     return _from_columns(columns_read, {}, [], {})
 

@@ -100,10 +100,10 @@ class SweepTask:
             return np.zeros(0)
         motion_laws = self.subject.solver.motion_laws
         if motion_laws is None:
-            turn = REVOLUTION * np.arange(self.samples) / self.samples
+            path = REVOLUTION * np.arange(self.samples) / self.samples
         else:
-            turn = np.linspace(0.0, motion_laws.rate * motion_laws.duration, self.samples)
-        return np.concatenate([turn, [*self.angle_index]])
+            path = np.linspace(0.0, motion_laws.rate * motion_laws.duration, self.samples)
+        return np.concatenate([path, [*self.angle_index]])
 
     def within(self, low: ArrayLike, high: ArrayLike) -> CrankRows:
         """Return the crank motion over which designs that swing are measured.
@@ -131,7 +131,7 @@ class SweepTask:
             (speed, np.full_like(fixed, self.path_speed)),
             (acceleration, np.zeros_like(fixed)),
         )
-        return CrankRows(*(np.concatenate(parts, -1) for parts in rows))
+        return CrankRows(*(np.concatenate(pairs, -1) for pairs in rows))
 
     @property
     def rated(self) -> bool:
