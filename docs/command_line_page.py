@@ -1,5 +1,8 @@
 """The reference page of the command line, written from the application itself: every command, every option."""
 
+import inspect
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +38,7 @@ def commands() -> dict[str, Any]:
 def write(folder: Path) -> None:
     """Write command_line.md into a folder."""
     named = commands()
-    first = {name: (named[name].help or "").split("\n\n")[0] for name in named}
+    first = {name: (named[name].help or "").partition("\n\n")[0] for name in named}
     summary = "".join(f"| [`{name}`](#mechsim-{name}) | {_line(first[name])} |\n" for name in named)
     text = HEAD + "| command | does |\n|---|---|\n" + summary + "".join(map(_section, named, named.values()))
     page = folder / "command_line.md"
@@ -44,23 +47,49 @@ def write(folder: Path) -> None:
         page.write_text(text, encoding="utf-8")
 
 
+class Sections(click.HelpFormatter):
+    """Collect the tables and lines that a command writes into its help, each under its heading."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tables: dict[str, list[tuple[str, str]]] = {}
+        self.lines: list[str] = []
+        self.heading = ""
+
+    @contextmanager
+    def section(self, name: str) -> Iterator[None]:
+        """Set the heading of what follows."""
+        self.heading = name
+        yield
+
+    def write_dl(self, rows: Any, col_max: int = 30, col_spacing: int = 2) -> None:
+        """Collect the rows of a table."""
+        self.tables.setdefault(self.heading, []).extend(rows)
+
+    def write(self, string: str) -> None:
+        """Collect a line of the examples."""
+        self.lines.append(string.strip())
+
+
 def _section(name: str, command: Any) -> str:
-    """Return the section of a command: its text, usage, options and examples."""
+    """Return the section of a command: its text, usage, options in groups, and examples."""
     context = click.Context(command, info_name=f"mechsim {name}")
     usage = " ".join(command.collect_usage_pieces(context))
-    rows = [_row(parameter, context) for parameter in command.params]
+    text = _escaped(inspect.cleandoc(command.help or "").partition("\nExamples:\n")[0].strip())
+    sections = Sections()
+    command.format_options(context, sections)
+    rows = [
+        f"| **{heading}** | |\n" + "".join(_row(*row) for row in table)
+        for heading, table in sections.tables.items()
+    ]
     table = "| option | meaning |\n|---|---|\n" + "".join(rows)
-    examples = f"\n```text\n{command.epilog.strip()}\n```\n" if command.epilog else ""
-    help_text = _escaped(command.help or "")
-    return f"\n(mechsim-{name})=\n## {name}\n\n{help_text}\n\n```text\nmechsim {name} {usage}\n```\n\n{table}{examples}"
+    lines = "\n".join(line for line in sections.lines if line)
+    examples = f"\nExamples:\n\n```text\n{lines}\n```\n" if lines else ""
+    head = f"\n(mechsim-{name})=\n## {name}\n\n{text}\n\n```text\nmechsim {name} {usage}\n```\n"
+    return f"{head}{examples}\n{table}"
 
 
-def _row(parameter: Any, context: click.Context) -> str:
-    """Return a row of a parameter's name and meaning, or nothing for one without help."""
-    record = parameter.get_help_record(context)
-    if record is None:
-        return ""
-    name, meaning = record
+def _row(name: str, meaning: str) -> str:
     return f"| `{name.strip().replace('|', chr(92) + '|')}` | {_line(meaning)} |\n"
 
 
