@@ -52,7 +52,7 @@ def main() -> None:
             fresh, angles = replace(one.form), one.angles()
             for spent in (first, again):
                 begin = time.process_time()
-                fresh.solve(angles)
+                fresh.solve_along(angles)
                 spent.append(1e6 * (time.process_time() - begin) / one.poses)
     for one, first, again in zip(asked, whole, known, strict=True):
         print(
