@@ -153,7 +153,7 @@ def _hand_grid(mechanism: Mechanism, name: str, moved: Sequence[str], box: Box, 
 
 
 def _error(mechanism: Mechanism, grid: PoseGrid, box: Box) -> float:
-    """Return the largest error of a link's place at settings between nodes that stand, in [m]."""
+    """Return the largest position error of a link at settings between nodes that have poses, in [m]."""
     random, worst = np.random.default_rng(1), float("nan")
     *others, last = grid.sliders
     for _ in range(PROBED if others else 1):

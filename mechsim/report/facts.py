@@ -49,7 +49,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     mobility = structure.mobility(mechanism)
     groups: list[dict[str, Any]] = []
     explained: list[str] = []
-    # racks and polynomials have no place among Assur's groups
+    # racks and polynomial couplings belong to no Assur group
     if (mobility.planar and not mechanism.couplings) or driver is not None:
         try:
             apart = structure.assur_groups(mechanism, driver)
@@ -111,7 +111,7 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
         f"driven: {', '.join(determinacy.drivers) or 'nothing'}",
     ]
     if mechanism.locked:
-        lines.append(f"held: {', '.join(mechanism.locked)}")
+        lines.append(f"locked: {', '.join(mechanism.locked)}")
     if determinacy.undetermined:
         lines.append(
             f"underdetermined: {', '.join(determinacy.undetermined)} "

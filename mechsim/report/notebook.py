@@ -1,4 +1,4 @@
-"""How results show themselves in a notebook: tables, plots, a film that plays."""
+"""How results are shown in a notebook: tables, plots, videos, interactive pages."""
 
 import base64
 import tempfile
@@ -82,7 +82,7 @@ def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = N
 
     Args:
         mechanism: what moves, as `ms.load` returns it; for a film its description.
-        motion: how it moves, from either road; None for a page.
+        motion: how it moves, analytic or simulated; None for a page.
         look: as `film` takes it.
         options: `speed` of the crank in [rad/s] and `height` in pixels of a page; what else `film` takes.
     """
@@ -123,7 +123,7 @@ def video(
     exact: "Motion | None" = None,
     **options: Any,
 ) -> Video:
-    """Return a film of a motion, from either road; whole turns play in a loop without a seam.
+    """Return a video of a motion, analytic or simulated; whole turns play in a loop without a seam.
 
     Args:
         mechanism: what moves.

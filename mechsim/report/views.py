@@ -302,6 +302,6 @@ def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:
 
 
 def _error(case: Case, grid: PoseGrid, angles: Array) -> float:
-    """Return the largest error of a place in the middle between poses, in [m]."""
+    """Return the largest position error in the middle between poses, in [m]."""
     middles, nodes = 0.5 * (angles[1:] + angles[:-1]), grid.sliders[0].nodes
     return between(grid, case.drive.solve_along(middles), 0.5 * (nodes[1:] + nodes[:-1]))

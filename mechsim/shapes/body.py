@@ -1,4 +1,4 @@
-"""The body of a link: rods between the places where something happens, and how thick they are."""
+"""The body of a link: rods between its points, the room they take, and layers of planar links."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
@@ -36,7 +36,7 @@ def rod_radius(mechanism: Mechanism) -> float:
 
 
 def span(mechanism: Mechanism) -> float:
-    """Return the longest distance between two places of one link, outline included, in [m].
+    """Return the longest distance between two points of one link, outline included, in [m].
 
     Raises:
         InputError: for a mechanism whose links are all mere points.
@@ -51,7 +51,7 @@ def span(mechanism: Mechanism) -> float:
 
 
 def stations(mechanism: Mechanism, link: str) -> list[Array]:
-    """Return the places of a link that its body joins up: joints, outline, tracked points; no place twice."""
+    """Return the points that the body of a link connects: joints, outline, tracked points; none twice."""
     outline = next((candidate.outline for candidate in mechanism.links if candidate.name == link), ())
     tracked = [local for owner, local in mechanism.points.values() if owner == link]
     positions: list[Array] = []
@@ -64,7 +64,7 @@ def stations(mechanism: Mechanism, link: str) -> list[Array]:
 
 
 def edges(points: list[Array]) -> Iterable[tuple[Array, Array]]:
-    """Yield pairs of places that a rod joins into one piece, none through a third place.
+    """Yield pairs of points that a rod joins into one piece, none through a third point.
 
     These are all of two or three; of more a ring of the outer ones, with spokes to it from the innermost of
     those that lie inside; and what is apart then, by the shortest way.
@@ -81,7 +81,7 @@ def edges(points: list[Array]) -> Iterable[tuple[Array, Array]]:
 
 
 def _ring_and_spokes(points: Array) -> Iterable[tuple[int, int]]:
-    """Pairs of a ring around places in the plane that fits them best, and of spokes to the innermost."""
+    """Pairs of a ring around points in the plane that fits them best, and of spokes to the innermost."""
     flat = (points - points.mean(0)) @ np.linalg.svd(points - points.mean(0))[2][:2].T
     ring = _hull(flat)
     inside = [i for i in range(len(flat)) if i not in ring]
@@ -93,7 +93,7 @@ def _ring_and_spokes(points: Array) -> Iterable[tuple[int, int]]:
 
 
 def _hull(flat: Array) -> list[int]:
-    """The places around all others in a plane, in their order; those on its sides count too."""
+    """The points around all others in a plane, in their order; those on its sides count too."""
     slack = 1e-9 * float(np.ptp(flat, axis=0).max())
     order = [int(i) for i in np.lexsort((flat[:, 1], flat[:, 0]))]
     halves: list[list[int]] = []
@@ -108,7 +108,7 @@ def _hull(flat: Array) -> list[int]:
 
 
 def _offset_to_the_right(flat: Array, i: int, j: int, k: int) -> float:
-    """How far place j lies to the right of the way from i to k, negative to the left."""
+    """How far point j lies to the right of the line from i to k, negative to the left."""
     direction, off = flat[k] - flat[i], flat[j] - flat[i]
     return float(direction[1] * off[0] - direction[0] * off[1]) / max(float(np.hypot(*direction)), 1e-300)
 
@@ -118,7 +118,7 @@ def _length(points: list[Array], pair: tuple[int, int]) -> float:
 
 
 def _through(points: list[Array], pair: tuple[int, int]) -> bool:
-    """Whether the way between two places leads through a third."""
+    """Whether the line between two points leads through a third."""
     straight, (i, j) = _length(points, pair) * (1.0 + 1e-9), pair
     others = (k for k in range(len(points)) if k not in pair)
     return any(_length(points, (i, k)) + _length(points, (k, j)) < straight for k in others)
@@ -197,7 +197,7 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
 
 
 def _gap(points: Array, pose: Pose, rods: Array) -> float:
-    """The least distance between places, (k, 3), and points of rods in all poses of their link."""
+    """The least distance between points, (k, 3), and points of rods in all poses of their link."""
     local = rods.reshape(-1, 3)
     if not len(local):
         local = np.zeros((1, 3))

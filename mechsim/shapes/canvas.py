@@ -42,7 +42,7 @@ class Canvas:
         self.out: dict[str, list[Shape]] = {GROUND: [], **{link.name: [] for link in mechanism.links}}
 
     def add(self, link: str, kind: Kind, frm: ArrayLike, to: ArrayLike, radius: float, rgba: Rgba) -> None:
-        """Draw a round solid between two places of a link."""
+        """Draw a round solid between two points of a link."""
         self.out[link].append(Shape(kind, vector(frm), vector(to), (radius,), rgba))
 
     def disc(self, link: str, end: End, low: float, high: float, radius: float, rgba: Rgba) -> None:
@@ -68,7 +68,7 @@ class Canvas:
         self.out[GROUND][-1] = replace(self.out[GROUND][-1], role="bearing")
 
     def join(self, link: str, points: Sequence[ArrayLike]) -> None:
-        """Draw a rod of a link from place to place."""
+        """Draw a rod of a link from point to point."""
         for frm, to in pairwise(points):
             if float(np.linalg.norm(np.subtract(to, frm))) > 0.1 * self.r:
                 self.add(link, "capsule", frm, to, self.r, self.colours[link])

@@ -41,7 +41,7 @@ class Wheel:
         end: of the joint about whose axis it lies.
         radius: of the circle on which it meshes, in [m].
         teeth: how many it has.
-        first: angle of one of them from the joint's mark, in [rad].
+        first: angle of one of them from the joint's reference direction, in [rad].
         direction: +1, or -1 for the one of a pair that turns against the other, both about their own axes.
         hollow: whether it is a ring with teeth inside.
         cone: of a bevel gear, on what its teeth lie.
@@ -155,7 +155,7 @@ def teeth_on(radius: float, pitch: float) -> int:
 
 
 def angle_in(end: End, direction: Array) -> float:
-    """Return the angle of a direction about a joint's axis, from its mark."""
+    """Return the angle of a direction about a joint's axis, from its reference direction."""
     x, y, _ = end.frame.T @ direction
     return float(np.arctan2(y, x))
 

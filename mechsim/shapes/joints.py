@@ -181,7 +181,7 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
 
 
 def _rod_direction(canvas: Canvas, end: End) -> Array | None:
-    """The direction from a joint to the rest of its link, None where the link is only that place."""
+    """The direction from a joint to the rest of its link, None where the link is only that point."""
     rest = np.array(stations(canvas.mechanism, end.link)) - np.asarray(end.point)
     towards = rest.sum(0)
     length = float(np.linalg.norm(towards))
@@ -227,7 +227,7 @@ def link_shapes(
 
 
 def _body(canvas: Canvas, link: str) -> None:
-    """Rods between the places of a link where something happens, an eye where no joint is."""
+    """Rods between the points of a link, an eye where no joint is."""
     positions, colour = stations(canvas.mechanism, link), canvas.colours[link]
     lift = canvas.height(link) * canvas.normals[link] if canvas.normals else np.zeros(3)
     for a, b in edges(positions):

@@ -30,7 +30,7 @@ ACROSS, ROUNDING = 6, 1e-9
 
 
 class Prescribed(Protocol):
-    """A machine under a prescribed crank, by a road that knows what its drive torque is made of."""
+    """A mechanism under a prescribed crank, solved by a method that gives the parts of its drive torque."""
 
     @property
     def efforts(self) -> ForceRecord:
@@ -54,7 +54,7 @@ def torque_plot(study: Prescribed, simulated: ForceRecord | None = None) -> "Fig
 
     Args:
         study: the analytic side.
-        simulated: what the other road has, drawn as rings.
+        simulated: the result of the simulation, drawn as rings.
     """
     figure, axes = blank(1, 1, (5.8, 3.2))
     _driving(axes[0, 0], study, simulated)

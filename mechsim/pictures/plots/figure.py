@@ -73,7 +73,7 @@ def format_of(path: str | Path) -> Format:
 
 @contextmanager
 def styled() -> Generator[None]:
-    """Draw with the look of the house; no setting of matplotlib's stays changed."""
+    """Draw with the style of all plots; no setting of matplotlib's stays changed."""
     with needs("pictures"):
         from matplotlib import rc_context
 
@@ -94,7 +94,7 @@ def blank(
     figure = Figure(figsize=inches, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     for ax in axes.flat:
-        # marks on axes are made when they are first seen, which may be long after
+        # matplotlib makes the ticks of axes when they are first used
         ax.tick_params(
             labelsize=LOOK["font.size"], grid_color=LOOK["grid.color"], grid_linewidth=LOOK["grid.linewidth"]
         )
@@ -143,7 +143,7 @@ def label_of(name: str) -> str:
 
 
 def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
-    """Return the points to plot: those asked for, else all."""
+    """Return the points to plot: those requested, else all."""
     names = list(motion.points) if points is None else list(points)
     for name in names:
         if name not in motion.points:

@@ -78,7 +78,7 @@ def _unused(motion: Motion, names: Sequence[str], axis: int, rounding: float) ->
 
 
 def _scales(motion: Motion) -> list[float]:
-    """Return how large places, velocities and accelerations are where something moves, in SI.
+    """Return the scales of positions, velocities and accelerations where something moves, in SI.
 
     The rates are those of a point so far out that turns with the crank, where those of all points are less.
     """

@@ -154,7 +154,7 @@ def velocity_plan_plot(plan: DrawablePlan, title: str = "") -> "Figure":
 
 
 INK = "#222831"
-# a gap in the angles of all curves wider than this, in [rad], is a place to cut the turn
+# a gap in the angles of all curves wider than this, in [rad], is where a revolution is cut
 GAP = 0.2
 ROUNDING = 1e-9
 
@@ -166,7 +166,7 @@ class AssemblyTable:
     Attributes:
         curves: a table each.
         units: column -> "rad", "m", or "" of an arc.
-        dead_centres: a table of the places where the crank turns back.
+        dead_centres: a table of the positions where the crank turns back.
         branch_points: a table of those where curves meet.
     """
 

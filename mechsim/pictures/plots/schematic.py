@@ -39,12 +39,12 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
     frame = clearest_pose(mechanism, poses, (view[:, 0], view[:, 1]))
     shown = {link: pose if pose.position.ndim == 1 else pose.select(frame) for link, pose in poses.items()}
     figure, axes = blank(1, 1, (4.8, 3.6))
-    ax, size = axes[0, 0], span(mechanism)
+    ax, length_scale = axes[0, 0], span(mechanism)
     for link in mechanism.links:
         _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
     sliding = travels(mechanism, poses)
     for joint in mechanism.joints:
-        _draw_joint(ax, joint, shown, view, sliding, size)
+        _draw_joint(ax, joint, shown, view, sliding, length_scale)
     names = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
     grounded = {name: joint.a.point for name, joint in _ground_pivots(mechanism).items()}
     names |= {name: shown[GROUND].point(point) @ view for name, point in grounded.items()}
@@ -57,9 +57,11 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.1)
     ax.set_axis_off()
-    length = nice(size / 4.0)
+    length = nice(length_scale / 4.0)
     low = ax.dataLim.min
-    bar = np.array([[low[0], low[1] - 2.0 * FOOT * size], [low[0] + length, low[1] - 2.0 * FOOT * size]])
+    bar = np.array(
+        [[low[0], low[1] - 2.0 * FOOT * length_scale], [low[0] + length, low[1] - 2.0 * FOOT * length_scale]]
+    )
     ax.plot(*bar.T, color=INK, lw=2.5, solid_capstyle="butt")
     ax.annotate(prefixed(length, "m"), bar[1], (4, 0), textcoords="offset points", va="center")
     return figure
@@ -86,7 +88,7 @@ def _draw_joint(
     poses: dict[str, Pose],
     view: Array,
     sliding: dict[str, tuple[float, float]],
-    size: float,
+    length_scale: float,
 ) -> None:
     """Draw the symbol of a joint, and a foot where it is on the ground."""
     from matplotlib.patches import Circle
@@ -99,31 +101,33 @@ def _draw_joint(
     if joint.name in sliding and along > 0.1:
         axis, (low, high) = axis / along, sliding[joint.name]
         origin = poses[joint.a.link].point(joint.a.point) @ view
-        reach = np.array([low * along - BLOCK * size, high * along + BLOCK * size])
+        reach = np.array([low * along - BLOCK * length_scale, high * along + BLOCK * length_scale])
         rail = origin + reach[:, None] * axis
         ax.plot(*rail.T, color=INK, lw=1.0, zorder=1)
         if grounded:
-            _hatch(ax, rail - 0.6 * BLOCK * size * np.array([-axis[1], axis[0]]), size)
-        sides = BLOCK * size * np.array([[-1.0, -0.6], [1.0, -0.6], [1.0, 0.6], [-1.0, 0.6]])
+            _hatch(ax, rail - 0.6 * BLOCK * length_scale * np.array([-axis[1], axis[0]]), length_scale)
+        sides = BLOCK * length_scale * np.array([[-1.0, -0.6], [1.0, -0.6], [1.0, 0.6], [-1.0, 0.6]])
         corners = centre + sides @ np.array([axis, [-axis[1], axis[0]]])
         ax.fill(*corners.T, facecolor=PAPER, edgecolor=INK, lw=1.2, zorder=3)
         return
     if grounded:
-        foot = centre + FOOT * size * np.array([[-0.6, -1.0], [0.6, -1.0]])
+        foot = centre + FOOT * length_scale * np.array([[-0.6, -1.0], [0.6, -1.0]])
         ax.fill(*np.vstack([centre, foot]).T, facecolor=PAPER, edgecolor=INK, lw=1.0, zorder=3)
-        _hatch(ax, foot, size)
+        _hatch(ax, foot, length_scale)
     face = INK if kind.ball or not kind.hinge else PAPER
-    ax.add_patch(Circle(tuple(centre), RADIUS * size, facecolor=face, edgecolor=INK, lw=1.2, zorder=4))
+    ax.add_patch(
+        Circle(tuple(centre), RADIUS * length_scale, facecolor=face, edgecolor=INK, lw=1.2, zorder=4)
+    )
 
 
-def _hatch(ax: "Axes", line: Array, size: float) -> None:
+def _hatch(ax: "Axes", line: Array, length_scale: float) -> None:
     """Draw a line of the ground with its hatching below or to the right."""
     ax.plot(*line.T, color=INK, lw=1.2, zorder=2)
     along = line[1] - line[0]
     length = float(np.linalg.norm(along))
     along = along / length
     below = np.array([along[1], -along[0]])
-    for share in np.linspace(0.1, 1.0, max(4, round(length / (0.02 * size)))):
+    for share in np.linspace(0.1, 1.0, max(4, round(length / (0.02 * length_scale)))):
         start = line[0] + share * length * along
-        stroke = np.array([start, start + 0.35 * FOOT * size * (below - along)])
+        stroke = np.array([start, start + 0.35 * FOOT * length_scale * (below - along)])
         ax.plot(*stroke.T, color=INK, lw=0.7, zorder=2)

@@ -39,7 +39,7 @@ def frames(
 
     Args:
         mechanism: what moves.
-        motion: how it moves, from either road; a frame per sample.
+        motion: how it moves, analytic or simulated; a frame per sample.
         look: what the pictures show; None is the usual.
         angles: crank angles of the frames in [rad], inside the motion; None draws every sample.
         exact: the same motion by the closed form, sample by sample; drawn as a ghost over `motion`,

@@ -27,7 +27,7 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled
 
 CAMERA = "view"
 GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
-# parallel projection shows a thing in the same place however deep it lies: a ghost stands this many rod
+# parallel projection shows a thing at the same pixel however deep it lies: a ghost stands this many rod
 # radii behind the solid links, so that it shows only where it differs; see also `overlays.BEFORE`
 BEHIND = 1.5
 
@@ -44,7 +44,7 @@ class DrawnModel:
         forward: whether the crank turns in the positive direction.
         up: unit vector that points up, (3,).
         normals: of links that all move in one plane; None where they do not.
-        arrows: arrows of each kind asked for.
+        arrows: arrows of each requested kind.
         distant: the paths that go far beyond the links, which are cut.
     """
 

@@ -1,4 +1,4 @@
-"""Where every link stands in every frame, taken from a motion of either road."""
+"""Poses of every link in every frame, from an analytic or simulated motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class FramePoses:
     Attributes:
         angle: crank angle of each frame, (n,) in [rad].
         poses: link -> poses, ground included.
-        points: tracked point -> place in each frame, (n, 3) in [m].
+        points: tracked point -> position in each frame, (n, 3) in [m].
         paths: tracked point -> its path over the whole motion, (m, 3) in [m].
         passed: how many points of its path each tracked point has passed, (n,).
         vectors: "velocity", "acceleration" and, if given, "force" and "moment" -> point or joint ->

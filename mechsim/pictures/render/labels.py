@@ -89,7 +89,7 @@ def placed(
     occupied: Sequence[Rectangle] = (),
     before: Sequence[Placement | None] = (),
 ) -> list[tuple[Rectangle, Placement]]:
-    """Return where labels stand, each off the middle of all points where nothing else is in its place.
+    """Return where labels stand, each off the middle of all points, where nothing else is written.
 
     Args:
         points: that they name, (2,) in pixels each.
@@ -180,7 +180,7 @@ def written(
     Args:
         picture: (height, width, 3).
         camera: that took it.
-        labels: name of a point -> its place, (3,) in [m].
+        labels: name of a point -> its position, (3,) in [m].
         clear: how far labels keep off their points, in [m].
         notes: what stands at the edges; None for nothing.
         instant: that it shows, in words; empty where it shows many.

@@ -101,7 +101,7 @@ class Look:
         return "grow" if self.paths else None
 
     def check(self, mechanism: Mechanism) -> None:
-        """Raise InputError where a point is asked for that the mechanism does not track."""
+        """Raise InputError for a requested point that the mechanism does not track."""
         for name in self.projections:
             if name not in mechanism.points:
                 raise InputError(

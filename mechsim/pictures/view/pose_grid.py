@@ -1,4 +1,4 @@
-"""What a page shows, as plain records: sliders, poses on the grid of their nodes, read-outs, marks."""
+"""Records of an interactive page: sliders, poses on the grid of their nodes, read-outs, landmarks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ SliderUnit = Literal["rad", "m", "s", "%"]
 
 @dataclass(frozen=True, slots=True)
 class Landmark:
-    """A place on a slider that has a name: a dead centre, the least transmission angle.
+    """A named position on a slider: a dead centre, the least transmission angle.
 
     Attributes:
         at: in the unit of the slider.
@@ -45,7 +45,7 @@ class Slider:
         nodes: rising values at which poses are known, (k,) in SI.
         ring: whether the last node is the first again, a period later.
         start: where it stands at first.
-        marks: places with a name.
+        landmarks: named positions.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Slider:
 
 @dataclass(frozen=True, slots=True)
 class Readout:
-    """A quantity over the grid, of one or several parts: a point's place, a joint's coordinate.
+    """A quantity over the grid, with one or several components: a point's position, a joint's coordinate.
 
     Attributes:
         name: of what.
@@ -73,10 +73,10 @@ class Readout:
 
 @dataclass(frozen=True, slots=True)
 class GhostTrack:
-    """Where another road puts the links, as differences along the one slider.
+    """The links by another method, as differences along the one slider.
 
     Attributes:
-        name: of the road.
+        name: of the method.
         nodes: rising values of the slider, (k,).
         shift: link -> displacement of its first joint, (k, 3) in [m].
         rotation: link -> turn as a vector, (k, 3) in [rad].
@@ -92,16 +92,16 @@ class GhostTrack:
 
 @dataclass(frozen=True, slots=True)
 class PoseGrid:
-    """One assembly, or one road: poses of all moving links at every node of its sliders.
+    """One assembly, or one method: poses of all moving links at every node of its sliders.
 
     Attributes:
         name: as the page offers it.
         sliders: one for each driver; the grid is the product of their nodes.
-        position: link -> place of its origin, (*shape, 3) in [m]; NaN where it cannot stand.
+        position: link -> position of its origin, (*shape, 3) in [m]; NaN where it cannot stand.
         quaternion: link -> its orientation, (*shape, 4), scalar first.
         readouts: quantities shown as numbers and as curves.
-        ghost: of another road; None where there is none.
-        error: largest error of a place between the nodes in [m], measured; NaN where it was not.
+        ghost: of another method; None where there is none.
+        error: largest position error between the nodes in [m], measured; NaN where it was not.
         note: more on where it comes from.
     """
 
@@ -220,9 +220,9 @@ def motion_grid(
         driver: what the slider is called.
         unit: of its values.
         nodes: its values, (n,); None takes the crank angles.
-        landmarks: places with a name.
-        extra: quantities besides places, speeds and joints, (n,) each.
-        ghost: of another road.
+        landmarks: named positions.
+        extra: quantities besides positions, speeds and joints, (n,) each.
+        ghost: of another method.
         speeds: whether the motion's rates are shown.
     """
     nodes = motion.angle if nodes is None else nodes
@@ -237,12 +237,12 @@ def motion_grid(
 def ghost_of(
     name: str, mechanism: Mechanism, shown: Motion, other: Motion, rows: slice = slice(None)
 ) -> GhostTrack:
-    """Return where another road puts the links, given both motions at the same drivers.
+    """Return the links by another method, given both motions at the same drivers.
 
     Args:
-        name: of the road.
+        name: of the method.
         mechanism: what moves.
-        shown: the motion of the page's own road.
+        shown: the motion of the page's own method.
         other: that of the other.
         rows: instants over which the slider rises: all of a crank that turns, half of a swing.
     """
@@ -255,7 +255,7 @@ def ghost_of(
 
 
 def between(grid: PoseGrid, exact: Motion, values: Array) -> float:
-    """Return the largest error of a tracked or joint place between the nodes of a slider, in [m].
+    """Return the largest position error between the nodes of a slider, in [m].
 
     Args:
         grid: with one slider.
@@ -271,7 +271,7 @@ def between(grid: PoseGrid, exact: Motion, values: Array) -> float:
 
 
 def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readout]:
-    """Return places and speeds of the points that move, and the joints' coordinates."""
+    """Return positions and speeds of the points that move, and the joints' coordinates."""
     readouts: list[Readout] = []
     for name, point in motion.points.items():
         if name in mechanism.points and mechanism.points[name][0] == GROUND:
