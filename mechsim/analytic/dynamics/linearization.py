@@ -24,6 +24,9 @@ from mechsim.numerics.rank import significant
 WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
 # its step in [rad] or sizes of the mechanism: the truncation error is about STEP**8, rounding 1e-15 / STEP
 STEP = 0.01
+# eigenvalues below this fraction of the largest are zero: motions that nothing restores; differences of the
+# accelerations leave 1e-10 of the largest stiffness
+NEUTRAL = 3e-5
 # corrections of Newton's method to close the loops at a displaced configuration
 CORRECTIONS = 8
 
@@ -72,11 +75,12 @@ class LinearModel:
     def stable(self) -> bool:
         """Whether no eigenvalue has a positive real part beyond rounding."""
         values = np.linalg.eigvals(self.matrix)
-        return bool(values.real.max(initial=-np.inf) <= 1e-6 * np.abs(values).max(initial=0.0))
+        return bool(values.real.max(initial=-np.inf) <= NEUTRAL * np.abs(values).max(initial=0.0))
 
     def modes(self) -> tuple[Mode, ...]:
         """Return the modes by rising frequency; a complex pair of eigenvalues is one mode."""
         values, vectors = np.linalg.eig(self.matrix)
+        values = np.where(np.abs(values) < NEUTRAL * np.abs(values).max(initial=0.0), 0.0, values)
         dof = self.basis.shape[1]
         modes: list[Mode] = []
         for value, vector in sorted(zip(values, vectors.T, strict=True), key=lambda pair: abs(pair[0])):

@@ -36,6 +36,9 @@ NEWTON_STEPS, MAX_STEP = 60, 0.3
 CONVERGED = 1e-12
 # of the largest acceleration on the way: what is left at an equilibrium
 BALANCED = 1e-8
+# stiffnesses below this fraction of the largest are zero: passive degrees of freedom, as the spin of a rod
+# between two balls; differences leave 1e-9
+SINGULAR = 1e-6
 # two equilibria whose coordinates differ by less are one, in [rad] or sizes
 SAME_EQUILIBRIUM = 1e-6
 # step of the central difference for Newton's method
@@ -243,9 +246,9 @@ def _newton(equations: EquationsOfMotion, q: Coordinates, *, downhill: bool = Fa
 def _newton_step(jacobian: Array, value: Array, downhill: bool) -> Array:
     """Return -jacobian^-1 value; downhill with the real parts of all eigenvalues taken as negative."""
     if not downhill:
-        return -np.asarray(np.linalg.lstsq(jacobian, value, rcond=1e-12)[0], np.float64)
+        return -np.asarray(np.linalg.lstsq(jacobian, value, rcond=SINGULAR)[0], np.float64)
     values, vectors = np.linalg.eig(jacobian)
-    steep = -np.maximum(np.abs(values), 1e-6 * np.abs(values).max(initial=1e-300))
+    steep = -np.maximum(np.abs(values), SINGULAR * np.abs(values).max(initial=1e-300))
     return np.real(-vectors @ (np.linalg.solve(vectors, value.astype(np.complex128)) / steep))
 
 

@@ -72,6 +72,8 @@ def stepped_run(
     times: Array,
     substeps: int,
     settings: Settings = FREE,
+    *,
+    kept: set[str] | None = None,
 ) -> SteppedRun:
     """Step a mechanism from an initial state.
 
@@ -83,13 +85,19 @@ def stepped_run(
         times: instants to record, evenly spaced from 0, (n,) in [s].
         substeps: steps from one recorded instant to the next.
         settings: of the integrator and the constraints.
+        kept: coordinates at which no loop is cut; values of others count only where no loop is cut. None
+            keeps all that have a value.
 
     Raises:
         InputError: for a coordinate that the model does not have.
         AssemblyError: where the loops do not close at the initial values.
     """
-    model = free_model(mechanism, forces, {*coordinates, *rates})
-    qpos = _moved(model, coordinates)
+    model = free_model(mechanism, forces, {*coordinates, *rates} if kept is None else kept)
+    if kept is not None:
+        coordinates, rates = (_without_cuts(model, values) for values in (coordinates, rates))
+    independent = {*mechanism.drivers, *(coordinates if kept is None else kept)}
+    qpos = _moved(model, {name: value for name, value in coordinates.items() if name in independent})
+    qpos = _closed(model, model.loops, qpos, *_dofs(model, coordinates), np.array([*coordinates.values()]))
     qvel = _rates(model, qpos, rates)
     timestep = float(times[1] - times[0]) / substeps
     loops = replace(model.loops, model=_prepared(model, settings, timestep))
@@ -178,8 +186,18 @@ def _dofs(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], li
     return addresses, dofs
 
 
+def _without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of those coordinates at which no loop is cut."""
+    called = model_names(model.mechanism)
+    joints = {model.model.joint(i).name for i in range(model.model.njnt)}
+    crank = model.mechanism.crank.name if model.mechanism.has_crank else None
+    return {
+        name: value for name, value in values.items() if name == crank or called.get(name, name) in joints
+    }
+
+
 def _moved(model: LoadedModel, coordinates: Mapping[str, float]) -> Array:
-    """Return the closed state at initial coordinates, (nq,), by short steps from the reference."""
+    """Return the closed state at independent coordinates, (nq,), by short steps from the reference."""
     addresses, dofs = _dofs(model, coordinates)
     loops, qpos = model.loops, model.qpos.copy()
     target, begin = np.array([*coordinates.values()]), qpos[addresses].copy()
