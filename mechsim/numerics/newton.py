@@ -139,7 +139,8 @@ def newton(
 
 def square_solution(matrix: Array, right: Array) -> Array:
     """Return the solutions (n, k) of square systems (n, k, k) x = (n, k)."""
-    return np.linalg.solve(matrix, right[..., None])[..., 0]
+    solutions: Any = np.linalg.solve(matrix, right[..., None])
+    return solutions[..., 0]
 
 
 def root(function: Callable[[float], float], low: float, high: float) -> float:

@@ -486,7 +486,7 @@ class TwoBranchForm(ClosedForm):
         # every subclass declares it where its own parameters say
         branch: Sign
 
-    change_point: ChangePointPolicy = choice(
+    change_point: ChangePointPolicy = choice(  # pyright: ignore[reportIncompatibleMethodOverride]
         "smooth", ("smooth", "branch"), "how it goes on where both assemblies meet"
     )
 
