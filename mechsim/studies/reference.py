@@ -38,7 +38,7 @@ class ReferenceData(Protocol):
     def points(self) -> Mapping[str, PointMotion]: ...
 
     @property
-    def efforts(self) -> Mapping[str, Array]: ...
+    def drive_forces(self) -> Mapping[str, Array]: ...
 
 
 def by_reference(solver: Form, reference: ReferenceData, closed: Form | None = None) -> Verdict:
@@ -150,8 +150,8 @@ def _quickest(motion: Motion) -> float:
 
 def _effort_checks(motion: Motion, reference: ReferenceData, efforts: ForceRecord) -> Iterator[Check]:
     """Yield checks of drive forces, relative to the largest root mean square."""
-    largest = max(float(np.sqrt(np.mean(values**2))) for values in reference.efforts.values())
-    for name, exact in reference.efforts.items():
+    largest = max(float(np.sqrt(np.mean(values**2))) for values in reference.drive_forces.values())
+    for name, exact in reference.drive_forces.items():
         kind = "driver effort" if efforts.drives else "drive torque"
         mine = efforts.drives[name] if efforts.drives else efforts.torque
         unit = "N" if name in efforts.straight else QUANTITIES[kind].unit

@@ -28,7 +28,7 @@ class ReferenceTable:
         speed: of the crank in [rad/s]; None where drivers follow programs.
         first: crank angle in [rad], or under programs time in [s], (n,).
         points: tracked point -> its motion.
-        efforts: driver -> torque in [N m] or force in [N], (n,).
+        drive_forces: driver -> torque in [N m] or force in [N], (n,).
     """
 
     name: str
