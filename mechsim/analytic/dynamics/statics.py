@@ -34,7 +34,8 @@ RANDOM_STEP = 0.7
 NEWTON_STEPS, MAX_STEP = 60, 0.3
 # a step this short has converged
 CONVERGED = 1e-12
-# of the largest acceleration on the way: what is left at an equilibrium
+# what is left of the acceleration at an equilibrium, as a fraction of the largest on the way there, or of the
+# largest change per radian
 BALANCED = 1e-8
 # stiffnesses below this fraction of the largest are zero: passive degrees of freedom, as the spin of a rod
 # between two balls; differences leave 1e-9
@@ -230,14 +231,15 @@ def _newton(equations: EquationsOfMotion, q: Coordinates, *, downhill: bool = Fa
                 - _static_acceleration(equations, q, basis, -STEP * axis)
                 for axis in np.eye(dof)
             ]
-            step = _newton_step(np.stack(columns, 1) / (2.0 * STEP), value, downhill)
+            stiffness = np.stack(columns, 1) / (2.0 * STEP)
+            step = _newton_step(stiffness, value, downhill)
             length = float(np.abs(step).max())
             if not np.isfinite(length):
                 return None
             q = displaced(equations, q, basis, step * min(1.0, MAX_STEP / max(length, MAX_STEP)), zero).q
         except (AssemblyError, np.linalg.LinAlgError):
             return None
-        largest = max(largest, float(np.abs(value).max()))
+        largest = max(largest, float(np.abs(value).max()), float(np.abs(stiffness).max()))
         if length < CONVERGED:
             return q if np.abs(value).max() <= BALANCED * largest else None
     return None
