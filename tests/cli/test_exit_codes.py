@@ -124,7 +124,7 @@ def command():
         Held()
     time.sleep(60)
 code = exit_codes.exit_code(command)
-time.sleep(10 * exit_codes.AGAIN)
+time.sleep(10 * exit_codes.RESEND_AFTER)
 raise SystemExit(code)
 """
     return subprocess.run(

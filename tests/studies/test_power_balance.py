@@ -90,7 +90,7 @@ def taken(mechanism, forces, motion):
         line = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
         power += one.damping * (line * (b_speed - a_speed)).sum(1) ** 2
     for one in forces.loads:
-        power -= placed(mechanism, motion, one.place)[1] @ np.array(PUSH)
+        power -= placed(mechanism, motion, one.location)[1] @ np.array(PUSH)
     for one in forces.couples:
         power -= motion.links[one.link].angular_velocity @ np.array(TWIST)
     return power

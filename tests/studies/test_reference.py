@@ -40,7 +40,7 @@ def test_a_wrong_digit_far_behind_is_missed_on_every_road():
 
 def test_a_mechanism_whose_mass_or_length_is_off_is_missed():
     table = table_of("slider_crank")
-    heavy = replace(table, efforts={"crank": table.drive_forces["crank"] * (1.0 + 1e-9)})
+    heavy = replace(table, drive_forces={"crank": table.drive_forces["crank"] * (1.0 + 1e-9)})
     case = by_reference(ms.load(str(table.mechanism)), heavy)
     assert {check.kind for check in case.checks if not check.passed} == {"drive torque"}
     long = ms.load(str(table.mechanism), set={"rod": "200.0001mm"})
@@ -53,4 +53,4 @@ def test_a_mechanism_whose_mass_or_length_is_off_is_missed():
 def test_data_that_are_no_numbers_are_not_met():
     table = table_of("four_bar")
     lost = {"crank": np.full(72, np.nan)}
-    assert by_reference(ms.load(str(table.mechanism)), replace(table, efforts=lost)).outcome != "passed"
+    assert by_reference(ms.load(str(table.mechanism)), replace(table, drive_forces=lost)).outcome != "passed"

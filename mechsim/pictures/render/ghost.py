@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mechsim.model.links import Pose, Vector
 from mechsim.model.mechanism import Mechanism
@@ -78,6 +77,8 @@ def magnified(
 
     To first order in the error the ghost's joints hold together as the closed form's do.
     """
+    from scipy.spatial.transform import Rotation
+
     poses: dict[str, Pose] = {}
     for link in mechanism.links:
         (shift, rotation_vector), pose = deviations[link.name], run[link.name]

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mechsim._version import __version__
 from mechsim.errors import MissingToolError, needs
@@ -106,6 +105,8 @@ def _data(view: View) -> dict[str, Any]:
 
 def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:
     """Return poses of every link over all grids, as many as tell how much room they take."""
+    from scipy.spatial.transform import Rotation
+
     poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
     for link in mechanism.links:
         positions = np.concatenate([grid.position[link.name].reshape(-1, 3) for grid in grids])

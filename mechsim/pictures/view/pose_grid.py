@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mechsim.model.link_poses import moved_links
 from mechsim.model.links import GROUND
@@ -147,6 +146,8 @@ STENCIL = 4
 
 def quaternions(rotation: Array) -> Array:
     """Return unit quaternions of rotations, (..., 3, 3) -> (..., 4), scalar first and not negative."""
+    from scipy.spatial.transform import Rotation
+
     flat = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
     return flat.reshape(*rotation.shape[:-2], 4)
 
