@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.dynamics import InverseDynamics, Machine, fluctuation, flywheel_for, free_run
+from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, fluctuation, flywheel_for, free_run
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
 from mechsim.cli.forward_dynamics import ForwardOptions, forward_dynamics
@@ -253,7 +253,7 @@ def dynamics(
     return Result({"mechanism": model.mechanism.name, "masses": masses, **data}, whole_text, passed)
 
 
-def _prescribed(model: Machine, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
+def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
     """Return data, text and success of a prescribed motion."""
     laws, method = model.drive.motion_laws, options.mujoco_method
     profile = profile_of(model.drive, options.speed, options.turns)
@@ -310,7 +310,9 @@ def _passed(verdict: Verdict | None, tolerance: dict[str, Any] | None) -> bool:
     return (verdict is None or verdict.passed) and (tolerance is None or tolerance["satisfied"])
 
 
-def _steady_turns(model: Machine, options: DynamicsOptions) -> tuple[Fluctuation | None, Fluctuation | None]:
+def _steady_turns(
+    model: DynamicModel, options: DynamicsOptions
+) -> tuple[Fluctuation | None, Fluctuation | None]:
     """Return a turn under a constant torque, and one with the flywheel; None where there is none."""
     if model.drive.motion_laws is not None or not model.drive.crank_range().full:
         return None, None
@@ -322,7 +324,7 @@ def _steady_turns(model: Machine, options: DynamicsOptions) -> tuple[Fluctuation
     return steady, None if target is None else flywheel_for(model, options.speed, target)
 
 
-def _require_memory(model: Machine, instants: int) -> None:
+def _require_memory(model: DynamicModel, instants: int) -> None:
     """Raise InputError for more instants than memory has room for by both methods and the check."""
     mechanism = model.mechanism
     links, joints, points = len(mechanism.links), len(mechanism.joints), len(mechanism.points)
@@ -340,7 +342,7 @@ def _sections(report: Progress, names: Sequence[str]) -> list[Any]:
     return [section(i, name) for i, name in enumerate(names)]
 
 
-def _free(model: Machine, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
+def _free(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
     """Return data, text and success of a free motion."""
     speed = options.speed if options.free else 0.0
     run = free_run(model, speed=speed, turns=options.turns, samples=options.instants + 1)

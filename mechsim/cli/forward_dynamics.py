@@ -8,9 +8,9 @@ import numpy as np
 
 from mechsim import files
 from mechsim.analytic.dynamics import (
+    DynamicModel,
     DynamicRun,
     Equilibrium,
-    Machine,
     Mode,
     equilibria,
     holding,
@@ -101,7 +101,7 @@ def forward_dynamics(
 
 
 def _verdict(
-    model: Machine, result: DynamicRun, initial: Mapping[str, str], method: str | None
+    model: DynamicModel, result: DynamicRun, initial: Mapping[str, str], method: str | None
 ) -> Verdict | None:
     """Return the comparison with MuJoCo; None where it is left out."""
     if method == "none" or result.events or result.outcome not in ("done", "stopped"):
@@ -109,7 +109,7 @@ def _verdict(
     return crosscheck_forward(result, model, initial_values(model.mechanism, initial))
 
 
-def _run(model: Machine, result: DynamicRun, verdict: Verdict | None) -> Result[Any]:
+def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None) -> Result[Any]:
     """Return a run from an initial state."""
     name = model.mechanism.name
     data: dict[str, Any] = {
@@ -161,7 +161,7 @@ def _final(result: DynamicRun) -> dict[str, float]:
     return final
 
 
-def _statics(model: Machine, initial: Mapping[str, str]) -> Result[Any]:
+def _statics(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
     """Return the equilibria, and what holds the initial configuration."""
     mechanism, solutions = model.mechanism, equilibria(model, initial=initial)
     efforts = holding(model, initial=initial) if initial else {}
@@ -205,7 +205,7 @@ def _mode_facts(mode: Mode) -> dict[str, Any]:
     return {"frequency": mode.frequency, "damping_ratio": mode.damping_ratio, "shape": shape}
 
 
-def _modes(model: Machine, initial: Mapping[str, str]) -> Result[Any]:
+def _modes(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
     """Return frequencies, damping ratios and shapes of the modes about the nearest equilibrium."""
     equilibrium, name = nearest_equilibrium(model, initial=initial), model.mechanism.name
 
@@ -222,7 +222,9 @@ def _modes(model: Machine, initial: Mapping[str, str]) -> Result[Any]:
     return Result({"mechanism": name, **_equilibrium_facts(equilibrium)}, text, equilibrium.stable)
 
 
-def _response(model: Machine, requested: str, initial: Mapping[str, str], csv: str | None) -> Result[Any]:
+def _response(
+    model: DynamicModel, requested: str, initial: Mapping[str, str], csv: str | None
+) -> Result[Any]:
     """Return the frequency response from a load to a quantity."""
     load, colon, quantity = requested.partition(":")
     if not colon:

@@ -200,9 +200,11 @@ class LoadOptions:
             **loads,
         )
 
-    def dynamic_model(self, solver: Form) -> dynamics.Machine:
+    def dynamic_model(self, solver: Form) -> dynamics.DynamicModel:
         """Return the dynamic model of a mechanism."""
-        return dynamics.machine(solver, self.forces(solver), density=self.density, diameter=self.diameter)
+        return dynamics.dynamic_model(
+            solver, self.forces(solver), density=self.density, diameter=self.diameter
+        )
 
 
 def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:

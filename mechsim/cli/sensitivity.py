@@ -161,7 +161,7 @@ def sensitivity(
         files.write(path, table if study is None else _Both(table, study))
     if plot_path is not None:
         plots.write(plot_path, _drawn(table, study))
-    masses = loading.machine(solver).masses if table.moved.loaded(table.values) else ()
+    masses = loading.dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
 
     def text() -> None:
         if study is None:

@@ -241,7 +241,7 @@ def _coupling_facts(
     study: InverseDynamics, peak: Callable[[Array], dict[str, float]]
 ) -> dict[str, dict[str, Any]]:
     """Return each coupling's effort on its driven coordinate, and what carries it."""
-    result, mechanism = study.efforts, study.machine.mechanism
+    result, mechanism = study.efforts, study.model.mechanism
     threads, facts = threads_of(mechanism), dict[str, dict[str, Any]]()
     for name, law in mechanism.named_laws.items():
         own: dict[str, Any] = {"effort": peak(result.gears[name])}

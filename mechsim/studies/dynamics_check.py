@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from mechsim.analytic.dynamics import DynamicRun, Machine, free_run, prescribed
+from mechsim.analytic.dynamics import DynamicModel, DynamicRun, free_run, prescribed
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -27,7 +27,7 @@ FLOOR, FRICTION_FLOOR = 1e-9, 1e-4
 
 def crosscheck_driven(
     run: Driven,
-    model: Machine,
+    model: DynamicModel,
     *,
     bounds: Mapping[str, Tolerance] | None = None,
     progress: Callable[[str, float], None] = lambda _, __: None,
@@ -59,7 +59,7 @@ def crosscheck_driven(
 
 
 def crosscheck_free(
-    run: SteppedFreeRun, model: Machine, *, bounds: Mapping[str, Tolerance] | None = None
+    run: SteppedFreeRun, model: DynamicModel, *, bounds: Mapping[str, Tolerance] | None = None
 ) -> Verdict:
     """Compare a free run with the reduced equation from the same start, at the same instants.
 
@@ -76,7 +76,7 @@ def crosscheck_free(
     return judge_free_run(record, exact, tolerance=tolerance, bounds=bounds)
 
 
-def crosscheck_forward(run: DynamicRun, machine: Machine, initial: InitialValues) -> Verdict:
+def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: InitialValues) -> Verdict:
     """Compare a run of forward dynamics with MuJoCo, stepped from the same initial values.
 
     All joints start in MuJoCo where they start in the run: the given values may leave some of them open.
@@ -85,7 +85,7 @@ def crosscheck_forward(run: DynamicRun, machine: Machine, initial: InitialValues
 
     Args:
         run: of the analytic side.
-        machine: whose run it is.
+        dynamic_model: the model of the run.
         initial: its initial values.
     """
     times, intervals = run.time, len(run.time) - 1
@@ -95,12 +95,14 @@ def crosscheck_forward(run: DynamicRun, machine: Machine, initial: InitialValues
     rates = {name: float(joint.rate[0]) for name, joint in joints.items()}
     kept = {*initial.coordinates, *initial.rates}
     coarse, fine = (
-        stepped_run(machine.mechanism, machine.forces, coordinates, rates, times, count, kept=kept)
+        stepped_run(
+            dynamic_model.mechanism, dynamic_model.forces, coordinates, rates, times, count, kept=kept
+        )
         for count in (substeps, 2 * substeps)
     )
     if fine.diverged or coarse.diverged:
         return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
-    floor = FRICTION_FLOOR if any(friction.dry for friction in machine.forces.friction) else FLOOR
+    floor = FRICTION_FLOOR if any(friction.dry for friction in dynamic_model.forces.friction) else FLOOR
     compared = [*_compared(run.motion, coarse.motion, fine.motion)]
     # of all points together, and of all joints: one of them may rest
     largest: dict[str, float] = {}

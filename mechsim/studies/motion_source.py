@@ -62,9 +62,9 @@ def motion_of(solver: Form, method: str, profile: CrankProfile, samples: float) 
     return simulated(solver, profile, samples=count, method=method).motion
 
 
-def weighing(solver: Form) -> dynamics.Machine:
+def weighing(solver: Form) -> dynamics.DynamicModel:
     """Return a mechanism under what its file says acts on it; else links of steel that weigh."""
-    return dynamics.machine(solver, solver.forces or WEIGHT)
+    return dynamics.dynamic_model(solver, solver.forces or WEIGHT)
 
 
 def joint_loads(solver: Form, method: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:

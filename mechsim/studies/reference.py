@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mechsim.analytic.dynamics import Machine, machine
+from mechsim.analytic.dynamics import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
@@ -67,8 +67,8 @@ def _solved(solver: Form, reference: ReferenceData) -> Motion:
     return solver.solve(t=reference.first)
 
 
-def _dynamic_model(solver: Form) -> Machine:
-    return machine(solver, solver.forces)
+def _dynamic_model(solver: Form) -> DynamicModel:
+    return dynamic_model(solver, solver.forces)
 
 
 def _by_equations(solver: Form, reference: ReferenceData) -> Verdict:

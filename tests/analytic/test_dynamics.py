@@ -50,14 +50,14 @@ def drive(request):
 
 
 def test_drive_torque_by_virtual_power_is_that_of_newton_and_euler(drive):
-    study = dynamics.prescribed(dynamics.machine(drive, busy(drive)), ANGLES, 80.0, 900.0)
+    study = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), ANGLES, 80.0, 900.0)
     size = np.abs(study.efforts.torque).max()
     assert np.abs(study.second_torque - study.efforts.torque).max() <= 1e-12 * size
     assert study.efforts.residual.max() <= 1e-12
 
 
 def test_powers_balance_and_kinetic_energy_is_the_sum_over_the_links(drive):
-    machine = dynamics.machine(drive, busy(drive))
+    machine = dynamics.dynamic_model(drive, busy(drive))
     study = dynamics.prescribed(machine, ANGLES, 80.0, 900.0)
     parts = study.efforts.power_in + study.efforts.power_loads - study.efforts.power_lost - study.power_stored
     assert np.abs(parts).max() <= 1e-12 * np.abs(study.efforts.power_in).max()
@@ -66,7 +66,7 @@ def test_powers_balance_and_kinetic_energy_is_the_sum_over_the_links(drive):
 
 
 def test_derivatives_of_inertia_and_energy_are_those_of_their_fourier_series(drive):
-    machine = dynamics.machine(drive, Forces(gravity=GRAVITY, springs=busy(drive).springs))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY, springs=busy(drive).springs))
     part = dynamics.reduced(machine, np.arange(256) * (TURN / 256))
 
     def slope(values):
@@ -82,8 +82,8 @@ def test_derivatives_of_inertia_and_energy_are_those_of_their_fourier_series(dri
 def test_closed_form_and_loop_equations_give_the_same_forces(name):
     drive = catalog.make(name)
     angles = np.linspace(0.2, 2.0, 7)
-    closed = dynamics.prescribed(dynamics.machine(drive, busy(drive)), angles, 80.0).efforts
-    loops = dynamics.prescribed(dynamics.machine(drive.mechanism, busy(drive)), angles, 80.0).efforts
+    closed = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), angles, 80.0).efforts
+    loops = dynamics.prescribed(dynamics.dynamic_model(drive.mechanism, busy(drive)), angles, 80.0).efforts
     assert np.abs(closed.torque - loops.torque).max() <= 1e-11 * np.abs(closed.torque).max()
     most = max(np.abs(one.force).max() for one in closed.reactions.values())
     for joint, one in closed.reactions.items():
@@ -118,7 +118,7 @@ RODS = {
 def test_inertia_of_thin_rods_is_that_of_their_end_points_to_50_digits(name, tip):
     """J = m (u.u + u.v + v.v) / 3 for a thin rod whose ends move at u, v: no centre, no angular velocity."""
     drive, (m1, m2, m3) = catalog.make(name), (0.3, 0.7, 0.5)
-    machine = dynamics.machine(drive, mechanism=slender(drive, (m1, m2, m3)))
+    machine = dynamics.dynamic_model(drive, mechanism=slender(drive, (m1, m2, m3)))
     for f in (0.3, 1.9, 4.4):
         part, c = dynamics.reduced(machine, [f]), drive.crank
         _, v, a = tip(drive, f)
@@ -191,7 +191,7 @@ def loop_acceleration(drive, f, w, torque, gravity):
 
 def test_reduced_equation_gives_the_acceleration_of_the_loop_equations_with_50_digits():
     drive = catalog.make("slider_crank")
-    machine = dynamics.machine(drive, Forces(gravity=GRAVITY))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
     for f, w in ((0.4, 12.0), (2.7, -35.0), (5.1, 0.0)):
         part = dynamics.reduced(machine, [f])
         found = (part.force(w) + 0.7 - 0.5 * part.slope * w**2) / part.inertia
@@ -208,7 +208,7 @@ def test_slider_crank_with_a_heavy_slider_has_the_torque_and_side_force_of_textb
     block = Inertia(2.0, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
     mechanism = with_inertias(drive.mechanism, crank=tiny, rod=tiny, slider=block)
     pressure = course.function(lambda x: np.stack([-30.0 + 5.0 * np.cos(x), 0.0 * x, 0.0 * x], 1), width=3)
-    machine = dynamics.machine(drive, Forces(loads=(Load("B", pressure),)), mechanism=mechanism)
+    machine = dynamics.dynamic_model(drive, Forces(loads=(Load("B", pressure),)), mechanism=mechanism)
     f = np.linspace(0.2, 6.0, 30)
     study = dynamics.prescribed(machine, f, 40.0)
     r, rod = drive.crank, drive.rod
@@ -226,7 +226,7 @@ def test_slider_crank_with_a_heavy_slider_has_the_torque_and_side_force_of_textb
 
 def test_frame_feels_what_the_links_lose_in_momentum(drive):
     """Shaking force and moment about the origin from linear and angular momentum, differenced."""
-    machine = dynamics.machine(drive, Forces(gravity=GRAVITY))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
     f, w, h = np.array([0.7, 2.3]), 30.0, 1e-4
     study = dynamics.prescribed(machine, f, w)
 
@@ -251,7 +251,7 @@ def test_frame_feels_what_the_links_lose_in_momentum(drive):
 
 
 def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
-    machine = dynamics.machine(drive, Forces(gravity=GRAVITY))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
     study = dynamics.prescribed(machine, ANGLES, 50.0, 100.0)
     force, moment = np.zeros((2, len(ANGLES), 3))
     for joint in machine.mechanism.joints:
@@ -266,11 +266,11 @@ def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
 
 
 def test_a_planar_mechanism_leaves_forces_across_its_plane_open_and_a_spatial_one_nothing():
-    planar = dynamics.prescribed(dynamics.machine(catalog.make("four_bar")), [0.5], 10.0)
+    planar = dynamics.prescribed(dynamics.dynamic_model(catalog.make("four_bar")), [0.5], 10.0)
     assert planar.indeterminacy == 3
     assert all(one.undetermined == ("fz", "mx", "my") for one in planar.efforts.reactions.values())
     for name in ("rssr", "rrsrr", "looper"):
-        spatial = dynamics.prescribed(dynamics.machine(catalog.make(name)), [0.5], 10.0)
+        spatial = dynamics.prescribed(dynamics.dynamic_model(catalog.make(name)), [0.5], 10.0)
         assert spatial.indeterminacy == 0
         assert all(one.undetermined == () for one in spatial.efforts.reactions.values())
 
@@ -281,7 +281,9 @@ def test_a_coupler_that_spins_by_itself_carries_what_a_guided_one_does_at_both_e
     guided = replace(free, guide=True)
     thin = {}
     for drive in (free, guided):
-        machine = dynamics.machine(drive, Forces(gravity=GRAVITY), mechanism=slender(drive, (0.3, 0.7, 0.5)))
+        machine = dynamics.dynamic_model(
+            drive, Forces(gravity=GRAVITY), mechanism=slender(drive, (0.3, 0.7, 0.5))
+        )
         thin[drive.guide] = dynamics.prescribed(machine, ANGLES, 30.0).efforts
     assert np.allclose(
         thin[True].torque,
@@ -298,12 +300,12 @@ def test_a_spinning_coupler_that_is_not_round_or_that_friction_turns_is_refused(
     flat = Inertia(0.1, (-0.02, 0.0, 0.0), (1e-6, 2e-5, 2.05e-5))
     with pytest.raises(InputError, match=r"spin of link 'coupler'.*not round about its line"):
         dynamics.prescribed(
-            dynamics.machine(drive, mechanism=with_inertias(drive.mechanism, coupler=flat)), [0.5], 1.0
+            dynamics.dynamic_model(drive, mechanism=with_inertias(drive.mechanism, coupler=flat)), [0.5], 1.0
         )
-    rubbing = dynamics.machine(drive, Forces(friction=(Friction("P2", 1e-3),)))
+    rubbing = dynamics.dynamic_model(drive, Forces(friction=(Friction("P2", 1e-3),)))
     with pytest.raises(InputError, match="would spin a link whose spin nothing determines"):
         dynamics.prescribed(rubbing, [0.5], 1.0)
-    aside = dynamics.machine(
+    aside = dynamics.dynamic_model(
         drive, Forces(loads=(Load(("coupler", (0.0, 0.01, 0.0)), course.constant((1.0, 2.0, 3.0))),))
     )
     with pytest.raises(InputError, match="a load would spin"):
@@ -312,7 +314,7 @@ def test_a_spinning_coupler_that_is_not_round_or_that_friction_turns_is_refused(
 
 def test_viscous_friction_in_a_universal_joint_takes_the_power_of_both_its_angles():
     drive = catalog.make("rssr", guide=True)
-    machine = dynamics.machine(drive, Forces(friction=(Friction("P2", 1e-3),)))
+    machine = dynamics.dynamic_model(drive, Forces(friction=(Friction("P2", 1e-3),)))
     f, w, h = np.array([0.6, 3.1]), 20.0, 1e-4
     study = dynamics.prescribed(machine, f, w)
     from mechsim.model.joints import joint_coordinate
@@ -327,7 +329,7 @@ def test_viscous_friction_in_a_universal_joint_takes_the_power_of_both_its_angle
 
 def test_a_flywheel_takes_torque_only_where_the_crank_gains_speed():
     drive = catalog.make("four_bar")
-    bare, heavy = (dynamics.machine(drive, Forces(flywheel=j)) for j in (0.0, 0.01))
+    bare, heavy = (dynamics.dynamic_model(drive, Forces(flywheel=j)) for j in (0.0, 0.01))
     steady = [dynamics.prescribed(machine, ANGLES, 10.0).efforts.torque for machine in (bare, heavy)]
     assert np.allclose(*steady, atol=1e-15)
     gaining = [dynamics.prescribed(machine, ANGLES, 10.0, 5.0).efforts.torque for machine in (bare, heavy)]
@@ -335,7 +337,7 @@ def test_a_flywheel_takes_torque_only_where_the_crank_gains_speed():
 
 
 def test_flywheel_found_keeps_the_speed_as_even_as_asked_and_agrees_with_the_rule_of_excess_energy():
-    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     even = dynamics.flywheel_for(machine, 20.0, 1e-3)
     kept = dynamics.fluctuation(machine.with_forces(replace(machine.forces, flywheel=even.flywheel)), 20.0)
     assert kept.coefficient == pytest.approx(1e-3, rel=1e-10)
@@ -353,7 +355,7 @@ def machine_mean_inertia(machine):
 
 
 def test_speed_fluctuation_is_that_of_a_free_run_under_the_constant_torque():
-    machine = dynamics.machine(catalog.make("slider_crank"), Forces(gravity=GRAVITY))
+    machine = dynamics.dynamic_model(catalog.make("slider_crank"), Forces(gravity=GRAVITY))
     turn = dynamics.fluctuation(machine, 25.0)
     assert turn.torque == pytest.approx(0.0, abs=1e-12)
     run = dynamics.free_run(machine, angle=0.0, speed=float(turn.speed[0]), turns=1.0, samples=101)
@@ -374,7 +376,7 @@ def test_speed_fluctuation_is_that_of_a_free_run_under_the_constant_torque():
     ],
 )
 def test_numbers_that_cannot_be_used_are_refused(call, said):
-    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     with pytest.raises(InputError, match=said):
         call(machine)
 
@@ -387,11 +389,11 @@ def test_a_flywheel_needs_a_crank_on_the_frame_and_a_crank_that_turns_fully_has_
     )
     loose = Mechanism("loose", links, joints, "crank", {"tip": ("hand", (0.1, 0.0, 0.0))})
     with pytest.raises(InputError, match="first link is 'arm', not the frame"):
-        dynamics.machine(loose, Forces(flywheel=1.0))
+        dynamics.dynamic_model(loose, Forces(flywheel=1.0))
     rocking = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
     assert not rocking.crank_range().full
     with pytest.raises(AssemblyError):
-        dynamics.fluctuation(dynamics.machine(rocking), 10.0)
+        dynamics.fluctuation(dynamics.dynamic_model(rocking), 10.0)
 
 
 def test_everything_that_acts_is_looked_up_once_for_one_answer(monkeypatch):
@@ -409,7 +411,7 @@ def test_everything_that_acts_is_looked_up_once_for_one_answer(monkeypatch):
     asked = []
     monkeypatch.setattr(applied_forces, "add_friction", lambda *args: asked.append(args[-1].joint) or [])
     drive = catalog.make("rssr")
-    machine = dynamics.machine(drive, busy(drive))
+    machine = dynamics.dynamic_model(drive, busy(drive))
     dynamics.prescribed(machine, ANGLES, 80.0)
     assert set(counted.values()) == {1}
     assert sorted(asked) == sorted(one.joint for one in machine.forces.friction)
@@ -423,7 +425,7 @@ def put_together(study):
 def test_many_instants_solved_in_parts_are_what_they_are_in_one_go(name, monkeypatch):
     drive = catalog.make("four_bar" if name == "loop equations" else name)
     source = drive.mechanism if name == "loop equations" else drive
-    machine = dynamics.machine(source, replace(busy(drive), loads=()))
+    machine = dynamics.dynamic_model(source, replace(busy(drive), loads=()))
     # from rest, so that the threshold below which a crank stands is that of all instants
     time = np.linspace(0.0, 1.0, len(ANGLES))
     asked = machine, drive.mechanism.start + 3.0 * time**2, 6.0 * time, 6.0

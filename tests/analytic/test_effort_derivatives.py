@@ -42,7 +42,7 @@ def test_derivatives_of_efforts_are_those_of_the_machines_beside(name, forces, d
     family = catalog_family(catalog.make(name))
 
     def machine(values):
-        return dynamics.machine(family.make(values), forces, diameter=0.004)
+        return dynamics.dynamic_model(family.make(values), forces, diameter=0.004)
 
     def numbers(values):
         return machine_numbers(with_inertia(family.describe(values), diameter=0.004), forces)
@@ -74,7 +74,7 @@ def test_a_springs_place_and_stiffness_have_derivatives_too():
     def numbers(values):
         return machine_numbers(with_inertia(family.describe({}), diameter=0.004), forces(values))
 
-    machine = dynamics.machine(family.make({}), forces({}), diameter=0.004)
+    machine = dynamics.dynamic_model(family.make({}), forces({}), diameter=0.004)
     found = effort_derivatives(machine, changes(family, ["crank"], numbers))
     near = [
         dynamics.prescribed(machine.with_forces(forces({"crank": 0.032 + step})), ANGLES, 1.0).efforts.torque

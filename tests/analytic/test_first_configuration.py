@@ -97,10 +97,10 @@ def test_a_mechanism_without_change_points_is_the_same_from_anywhere():
 def test_the_torque_is_that_of_the_assembly_at_the_first_configuration():
     drive = catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
     angles = np.deg2rad(np.linspace(195.0, 255.0, 7))
-    machine = dynamics.machine(drive, Forces(gravity=(0.0, -9.81, 0.0)))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0)))
     own = dynamics.prescribed(machine, angles, 1e-6).efforts.torque
     # of a parallelogram crank, rocker and coupler rise alike: torque is the weight times one cosine
     assert np.abs(own / np.cos(angles) - own[0] / np.cos(angles[0])).max() <= 1e-9 * np.abs(own).max()
-    other = dynamics.machine(replace(drive, branch=1), machine.forces)
+    other = dynamics.dynamic_model(replace(drive, branch=1), machine.forces)
     found = dynamics.prescribed(other, angles, 1e-6).efforts.torque
     assert np.abs(found / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()

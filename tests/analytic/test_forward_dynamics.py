@@ -117,7 +117,7 @@ def test_bricards_overconstrained_linkage_keeps_its_energy():
 def test_a_crank_runs_as_by_the_reduced_equation():
     form = ms.catalog.make("four_bar")
     run = ms.dynamics.run(form, WEIGHT, initial={"crank.q": "30deg"}, duration=0.5, samples=25)
-    machine = ms.dynamics.machine(form, WEIGHT)
+    machine = ms.dynamics.dynamic_model(form, WEIGHT)
     reduced = ms.dynamics.free_run(machine, angle=np.deg2rad(30.0), duration=0.5, times=run.time)
     assert np.abs(reduced.angle - run.motion.joints["crank"].value).max() <= 1e-9
 

@@ -29,7 +29,7 @@ def pendulum(**forces):
         "crank",
         {"B": ("bob", (1.0, 0.0, 0.0))},
     )
-    return dynamics.machine(arm, Forces(**forces))
+    return dynamics.dynamic_model(arm, Forces(**forces))
 
 
 def test_pendulum_released_level_swings_as_elliptic_functions_say():
@@ -59,7 +59,7 @@ def test_pendulum_carries_three_times_its_weight_at_the_bottom():
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter")))
 def test_a_machine_without_losses_keeps_its_energy_over_eight_turns(name):
-    machine = dynamics.machine(catalog.make(name), Forces(gravity=DOWN))
+    machine = dynamics.dynamic_model(catalog.make(name), Forces(gravity=DOWN))
     run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=8.0, samples=81)
     assert run.outcome == "done"
     assert run.energy_error <= 1e-10
@@ -67,7 +67,7 @@ def test_a_machine_without_losses_keeps_its_energy_over_eight_turns(name):
 
 
 def test_without_forces_the_time_of_a_turn_is_the_integral_of_the_root_of_inertia():
-    machine = dynamics.machine(catalog.make("rrsrr"))
+    machine = dynamics.dynamic_model(catalog.make("rrsrr"))
     angle = np.arange(512) * (2.0 * np.pi / 512)
     inertia = dynamics.reduced(machine, angle).inertia
     run = dynamics.free_run(machine, angle=0.0, speed=30.0, turns=2.0, samples=3)
@@ -81,7 +81,7 @@ def test_closed_form_and_loop_equations_run_freely_alike():
     forces = Forces(gravity=DOWN, motor=motors.TorqueSpeedLine(0.01, 50.0), friction=(Friction("B", 1e-5),))
     times = np.linspace(0.0, 0.1, 5)
     closed, loops = (
-        dynamics.free_run(dynamics.machine(source, forces), angle=drive.mechanism.start, times=times)
+        dynamics.free_run(dynamics.dynamic_model(source, forces), angle=drive.mechanism.start, times=times)
         for source in (drive, drive.mechanism)
     )
     assert np.abs(closed.angle - loops.angle).max() <= 1e-9
@@ -144,7 +144,7 @@ def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
     ],
 )
 def test_a_motor_that_cannot_start_its_machine_is_told_so(forces, said):
-    run = dynamics.free_run(dynamics.machine(catalog.make("four_bar"), forces), turns=3.0)
+    run = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), forces), turns=3.0)
     assert run.outcome == "cannot start"
     assert said in run.reason
 
@@ -170,7 +170,7 @@ def test_runs_that_do_not_make_their_turns_say_how_they_end():
 def test_a_crank_that_runs_into_its_dead_centre_ends_there():
     drive = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
     start = drive.mechanism.start
-    run = dynamics.free_run(dynamics.machine(drive), angle=start, speed=5.0, turns=1.0, samples=5)
+    run = dynamics.free_run(dynamics.dynamic_model(drive), angle=start, speed=5.0, turns=1.0, samples=5)
     assert run.outcome == "dead centre"
     ahead = min((end - start) % (2.0 * np.pi) for end in drive.dead_centres())
     assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-3)
@@ -217,7 +217,7 @@ def test_a_crank_passes_a_dead_centre_that_lies_a_hair_beside_its_path():
     drive = catalog.make(
         "four_bar", **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True))
     )
-    machine = dynamics.machine(drive)
+    machine = dynamics.dynamic_model(drive)
     run = dynamics.free_run(machine, angle=2.0, speed=60.0, turns=1.0, samples=3)
     assert run.outcome == "done"
     nodes, weights = np.polynomial.legendre.leggauss(60)
@@ -245,7 +245,7 @@ def test_a_load_over_time_wakes_a_machine_that_friction_held():
 def test_a_load_on_a_point_does_the_work_it_should():
     drive = catalog.make("slider_crank")
     against = course.constant((-3.0, 0.0, 0.0))
-    machine = dynamics.machine(drive, Forces(loads=(Load("B", against),)))
+    machine = dynamics.dynamic_model(drive, Forces(loads=(Load("B", against),)))
     run = dynamics.free_run(machine, angle=0.2, speed=30.0, turns=1.3, samples=50)
     path = drive.solve(run.angle).points["B"].position[:, 0]
     assert run.work == pytest.approx(-3.0 * (path - path[0]), abs=1e-10)
@@ -254,7 +254,7 @@ def test_a_load_on_a_point_does_the_work_it_should():
 
 def test_the_chart_of_coefficients_is_exact_to_rounding_between_its_points():
     drive = catalog.make("looper")
-    machine = dynamics.machine(drive, Forces(gravity=DOWN, friction=(Friction("rocker", 1e-3, 1e-3),)))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=DOWN, friction=(Friction("rocker", 1e-3, 1e-3),)))
     chart, angles = CrankTable(machine), np.random.default_rng(3).uniform(-7.0, 7.0, 60)
     found, exact = np.array([chart.at(angle) for angle in angles]), columns(machine, angles)
     assert (np.abs(found - exact).max(0) <= 1e-12 * np.abs(exact).max(0)).all()
@@ -278,7 +278,7 @@ def test_a_mechanism_of_ones_own_runs_freely_under_a_load_on_its_slider(force):
     friction = (Friction("crank", 1e-4, 1e-3), Friction("B", 1e-3))
     forces = Forces(loads=loads, couples=(couple,), friction=friction, gravity=(0.0, 0.0, -9.81))
     own, known = (
-        dynamics.free_run(dynamics.machine(one, forces), speed=60.0, duration=0.05)
+        dynamics.free_run(dynamics.dynamic_model(one, forces), speed=60.0, duration=0.05)
         for one in (drive.mechanism, drive)
     )
     assert own.outcome == "done"

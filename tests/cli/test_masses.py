@@ -54,7 +54,7 @@ def press(tmp_path):
 
 
 def test_masses_are_listed_with_their_source(press):
-    machine = ms.dynamics.machine(ms.load(press), diameter=0.01)
+    machine = ms.dynamics.dynamic_model(ms.load(press), diameter=0.01)
     found = {one.link: one for one in machine.masses}
     assert (found["crank"].mass, found["crank"].source) == (0.5, "given")
     rod = found["rod"]
@@ -112,7 +112,9 @@ def test_plots_of_efforts_say_which_masses_they_use(mechsim, press, kind):
 
 def test_comparisons_of_torques_say_which_masses_they_use(mechsim, press, tmp_path):
     mechanism = ms.load(press)
-    torque = ms.dynamics.prescribed(ms.dynamics.machine(mechanism), [0.5, 1.0, 1.5], 10.0).efforts.torque
+    torque = ms.dynamics.prescribed(
+        ms.dynamics.dynamic_model(mechanism), [0.5, 1.0, 1.5], 10.0
+    ).efforts.torque
     table = tmp_path / "torque.csv"
     rows = "\n".join(
         f"{angle},{value!r}" for angle, value in zip((0.5, 1.0, 1.5), torque.tolist(), strict=True)

@@ -141,7 +141,7 @@ def test_a_motor_too_stiff_for_explicit_steps_is_rejected_before_any_is_taken(
 def test_a_crank_under_a_stiff_motor_is_solved_by_few_evaluations() -> None:
     # 579,000 evaluations did not suffice where Radau's method overflowed
     motor = motors.TorqueSpeedLine(1e6, units.rpm(600))
-    machine, looked = dynamics.machine(catalog.make("four_bar"), Forces(motor=motor)), 0
+    machine, looked = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor)), 0
 
     class Counting(Runner):
         def parts(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
@@ -273,7 +273,7 @@ def test_dynamics_say_on_every_road_how_far_they_have_come(
     ],
 )
 def test_a_motor_far_too_strong_for_its_machine_drives_it_all_the_same(motor: motors.PlainMotor) -> None:
-    machine = dynamics.machine(catalog.make("four_bar"), Forces(motor=motor))
+    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
     run = dynamics.free_run(machine, turns=0.25)
     assert run.outcome == "done"
     assert run.energy_error < 1e-9

@@ -19,7 +19,7 @@ def run():
 
 @cache
 def inverse():
-    return dynamics.prescribed(dynamics.machine(DRIVE), np.linspace(0.0, 6.0, 200), 60.0)
+    return dynamics.prescribed(dynamics.dynamic_model(DRIVE), np.linspace(0.0, 6.0, 200), 60.0)
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,10 @@ REFUSED = {
     "a load as text": (lambda: ms.Load("P3", "3 N"), "the load on P3 is of type str"),
     "a spring as text": (lambda: ms.Spring("P2", "P3", "soft"), "stiffness of the spring .* is soft"),
     "gravity as text": (lambda: ms.Forces(gravity="down"), "gravity is down m/s2; give three finite"),
-    "no machine": (lambda: ms.dynamics.prescribed(DRIVE, [0.0], 1.0), "type Rssr; give one of type Machine"),
+    "no dynamic model": (
+        lambda: ms.dynamics.prescribed(DRIVE, [0.0], 1.0),
+        "type Rssr; give one of type DynamicModel",
+    ),
     "rods for nothing": (lambda: ms.rods.with_inertia(None), "a mechanism is of type NoneType"),
     "density as text": (lambda: ms.rods.with_inertia(MECHANISM, "steel"), "density of the rods is steel"),
     "a number for text": (lambda: ms.units.parse_length(3.0), "the length is 3.0, which is no text"),

@@ -178,7 +178,7 @@ def test_the_check_rejects_a_library_where_it_does_not_belong(name, source):
     ("name", "source"),
     [
         ("mechsim.analytic.loops.oracle", "from mechsim import simulation"),
-        ("mechsim.analytic.dynamics.dynamic_model", "from mechsim.simulation.mjcf.compiling import to_xml"),
+        ("mechsim.analytic.dynamics.model", "from mechsim.simulation.mjcf.compiling import to_xml"),
         ("mechsim.analytic.catalog.rssr", "from ...simulation.mjcf import generator"),
         ("mechsim.simulation.mjcf.generator", "def f():\n    from mechsim.analytic.catalog.rssr import Rssr"),
         ("mechsim.simulation.run", "import mechsim.analytic.loops as c"),

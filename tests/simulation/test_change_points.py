@@ -76,14 +76,14 @@ def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
 def test_efforts_at_a_meeting_are_limits(drive):
     # begins and ends at the change point
     profile = constant(20.0, 1.0, drive.change_points()[-1])
-    machine = dynamics.machine(drive).starting_at(profile.angles)
+    machine = dynamics.dynamic_model(drive).starting_at(profile.angles)
     run = driven(machine.mechanism, machine.forces, profile=profile, samples=36)
     verdict = crosscheck_driven(run, machine)
     assert verdict.passed, verdict.reason
-    heavier = dynamics.machine(drive, Forces(gravity=(0.0, -9.8101, 0.0)))
+    heavier = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.8101, 0.0)))
     assert not crosscheck_driven(run, heavier).passed
     with pytest.raises(InputError, match="to fold at change points, where its links would jump in speed"):
-        dynamics.machine(drive.with_change_point("branch"))
+        dynamics.dynamic_model(drive.with_change_point("branch"))
 
 
 def test_what_cannot_fold_is_refused_with_its_angle():

@@ -22,7 +22,7 @@ GRAVITY = (0.3, -9.81, 0.5)
 
 
 def of(name, **forces):
-    return dynamics.machine(catalog.make(name), Forces(gravity=GRAVITY, **forces))
+    return dynamics.dynamic_model(catalog.make(name), Forces(gravity=GRAVITY, **forces))
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])

@@ -25,7 +25,7 @@ def five_bar():
     mechanism = machines.five_bar()
     states = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
     rubbing = replace(WEIGHT, friction=(Friction("A", viscous=0.01),))
-    return dynamics.machine(
+    return dynamics.dynamic_model(
         LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0)), rubbing
     )
 
@@ -33,7 +33,9 @@ def five_bar():
 def boom():
     mechanism = machines.boom()
     states = {"stroke": machines.waving(0.8, 0.1, 2.0)}
-    return dynamics.machine(LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0)), WEIGHT)
+    return dynamics.dynamic_model(
+        LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0)), WEIGHT
+    )
 
 
 def held_rack():
@@ -42,26 +44,28 @@ def held_rack():
     mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
     mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
     moves = make_motion_laws(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.machine(LoopForm(mechanism, motion_laws=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
+    return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
 
 
 def bending_rack():
     mechanism = machines.bending_rack()
     moves = make_motion_laws(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.machine(LoopForm(mechanism, motion_laws=moves), WEIGHT)
+    return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 
 def bending_passive():
     mechanism = machines.five_bar_with_cam()
     arms = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
-    return dynamics.machine(LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, arms, 1.0)), WEIGHT)
+    return dynamics.dynamic_model(
+        LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, arms, 1.0)), WEIGHT
+    )
 
 
 def bending_table():
     """A plate of 9 g whose ways bend with a tool of 2 mg on it, and with sums of that and each other."""
     mechanism = machines.table(backwards=False)
     moves = make_motion_laws(mechanism, {"tool": machines.waving(0.3, 1.0, 2.0)}, 2.0)
-    return dynamics.machine(LoopForm(mechanism, motion_laws=moves), WEIGHT)
+    return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 
 BENT = {
@@ -108,7 +112,7 @@ def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
     links = (arm, *(replace(link, inertia=still) for link in mechanism.links[1:]))
     mechanism = replace(mechanism, links=links)
     slowly = make_motion_laws(mechanism, {"stroke": steady(0.75, 1e-7)}, 1.0)
-    study = studied(dynamics.machine(LoopForm(mechanism, motion_laws=slowly), WEIGHT), 3)
+    study = studied(dynamics.dynamic_model(LoopForm(mechanism, motion_laws=slowly), WEIGHT), 3)
     lift = LoopForm(mechanism, motion_laws=slowly).solve(t=[0.0]).joints["lift"].value[0]
     foot, head = np.array([0.5, -0.2]), np.array([np.cos(lift), np.sin(lift)])
     along = (head - foot) / np.linalg.norm(head - foot)
@@ -135,7 +139,9 @@ def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
     link = machine.mechanism.links[0]
     heavier = replace(link, inertia=replace(link.inertia, mass=1.001 * link.inertia.mass))
     links = (heavier, *machine.mechanism.links[1:])
-    wrong = dynamics.machine(machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links))
+    wrong = dynamics.dynamic_model(
+        machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links)
+    )
     assert not crosscheck_driven(run, wrong).passed
 
 
@@ -171,7 +177,7 @@ def test_two_couplings_of_the_same_coordinates_share_what_one_alone_carries():
     weight = Forces(gravity=(0.0, 0.0, -9.81))
     runs = [driven(one, weight, speed=2.0, samples=6, method="pose").efforts for one in (alone, twice)]
     studies = [
-        dynamics.prescribed(dynamics.machine(LoopForm(one), weight), runs[0].angle, 2.0).efforts
+        dynamics.prescribed(dynamics.dynamic_model(LoopForm(one), weight), runs[0].angle, 2.0).efforts
         for one in (alone, twice)
     ]
     for one, two in (runs, studies):

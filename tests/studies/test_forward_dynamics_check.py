@@ -36,7 +36,7 @@ def heavy(mechanism, about=1e-3):
     ids=["double pendulum", "oscillator", "four_bar", "rssr"],
 )
 def test_both_methods_agree_on_free_motion(mechanism, forces, initial, values):
-    machine = ms.dynamics.machine(mechanism, forces)
+    machine = ms.dynamics.dynamic_model(mechanism, forces)
     run = ms.dynamics.run(machine, initial=initial, duration=0.1, samples=10)
     verdict = crosscheck_forward(run, machine, values)
     assert verdict.passed, verdict
@@ -47,7 +47,7 @@ def test_a_link_heavier_by_a_hundred_thousandth_is_noticed():
     run = ms.dynamics.run(mechanism, WEIGHT, initial={"A.q": 0.3}, duration=0.3, samples=10)
     first, second = mechanism.links
     wrong = replace(mechanism, links=(first, replace(second, inertia=point_mass(1.0 + 1e-5, about=1e-3))))
-    verdict = crosscheck_forward(run, ms.dynamics.machine(wrong, WEIGHT), InitialValues({"A": 0.3}, {}))
+    verdict = crosscheck_forward(run, ms.dynamics.dynamic_model(wrong, WEIGHT), InitialValues({"A": 0.3}, {}))
     assert verdict.outcome == "failed"
     assert "is off by" in verdict.reason
 

@@ -55,7 +55,7 @@ def solved(case: Case, method: str) -> tuple[Motion, ForceRecord]:
     if method == "MuJoCo":
         run = driven(case.mechanism, case.forces, motion_laws=moves, method="pose", samples=5)
         return run.motion, run.efforts
-    machine = dynamics.machine(LoopForm(case.mechanism, motion_laws=moves), case.forces)
+    machine = dynamics.dynamic_model(LoopForm(case.mechanism, motion_laws=moves), case.forces)
     time = np.linspace(0.0, 1.0, 6)
     return machine.drive.solve(t=time), dynamics.prescribed(machine, t=time).efforts
 
@@ -106,7 +106,7 @@ def screw_feed(spindle_first: bool) -> Case:
 @cache
 def of_gallery(name: str) -> Case:
     form = load(str(GALLERY / f"{name}.toml"))
-    mechanism = dynamics.machine(form).mechanism
+    mechanism = dynamics.dynamic_model(form).mechanism
     wave = machines.waving(mechanism.start + 0.1, 0.2, 3.0, 0.4)
     return Case(mechanism, acting(mechanism, mechanism.size), {mechanism.driver: wave})
 
@@ -217,7 +217,7 @@ def test_a_hold_beside_a_crank_is_reported_and_balances_its_links(method):
         run = driven(mechanism, made.forces, speed=3.0, turns=0.1, method="pose", samples=4)
         motion, efforts = run.motion, run.efforts
     else:
-        machine = dynamics.machine(mechanism, made.forces)
+        machine = dynamics.dynamic_model(mechanism, made.forces)
         angles = np.linspace(0.0, 0.6, 5)
         motion, efforts = machine.drive.solve(angles, 3.0), dynamics.prescribed(machine, angles, 3.0).efforts
     assert {*efforts.locked} == {"cam"}
@@ -240,12 +240,12 @@ def test_bearings_of_planets_that_share_a_load_are_not_determined():
     links = tuple(Link(joint.b.link) for joint in joints)
     points = {"P": ("sun", (0.02, 0.0, 0.0))}
     mechanism = Mechanism("planets", links, tuple(joints), "crank", points, tuple(gears))
-    study = dynamics.prescribed(dynamics.machine(mechanism), [0.3, 0.4], 5.0)
+    study = dynamics.prescribed(dynamics.dynamic_model(mechanism), [0.3, 0.4], 5.0)
     for i in range(2):
         assert {"fx", "fy"} <= {*study.efforts.reactions[f"planet{i}"].undetermined}
     assert study.efforts.undetermined == {*study.efforts.gears}
     single = replace(mechanism, gears=tuple(gears[:3]))
-    study = dynamics.prescribed(dynamics.machine(single), [0.3, 0.4], 5.0)
+    study = dynamics.prescribed(dynamics.dynamic_model(single), [0.3, 0.4], 5.0)
     assert {"fx", "fy"}.isdisjoint(study.efforts.reactions["planet0"].undetermined)
     assert not study.efforts.undetermined
 

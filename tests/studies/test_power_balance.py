@@ -109,7 +109,7 @@ def moved(form, mechanism, forces, method):
     run = driven(mechanism, forces, method="step" if method == "step" else "pose", samples=SAMPLES, **asked)
     if method != "formulas":
         return run.motion, run.efforts
-    machine, at = dynamics.machine(form, forces, mechanism=mechanism), run.motion
+    machine, at = dynamics.dynamic_model(form, forces, mechanism=mechanism), run.motion
     study = dynamics.prescribed(machine, at.angle, at.speed, at.acceleration, time=at.time, as_run=at)
     return run.motion, study.efforts
 

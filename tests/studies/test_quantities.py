@@ -91,7 +91,7 @@ def test_a_new_quantity_is_one_row_that_every_study_understands(monkeypatch):
 
 def test_fields_of_forces_with_a_unit_have_names_and_rows():
     form = catalog.make("four_bar")
-    study = ms.dynamics.prescribed(ms.dynamics.machine(form), ANGLES, 2.0)
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 2.0)
     columns = dict(study.columns())
     assert effort_units().keys() <= columns.keys()
     units = {row.unit for row in EFFORTS}
@@ -105,12 +105,12 @@ def test_fields_of_forces_with_a_unit_have_names_and_rows():
 
 
 def energy(form, angle):
-    return ms.dynamics.prescribed(ms.dynamics.machine(form), angle, 20.0 * np.pi).efforts.kinetic
+    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), angle, 20.0 * np.pi).efforts.kinetic
 
 
 def test_columns_of_motions_and_forces_are_names():
     form = catalog.make("rssr")
-    study = ms.dynamics.prescribed(ms.dynamics.machine(form), ANGLES, 2.0)
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 2.0)
     skipped = {"time", "angle", "speed", "acceleration"}
     for record in (form.solve(ANGLES, 2.0), study):
         for name, column in record.columns():

@@ -48,8 +48,8 @@ def test_runs_take_speeds_and_tolerances_as_text():
 
 
 def test_dynamics_take_speeds_and_sizes_as_text():
-    machine = ms.dynamics.machine(ms.catalog.make(RSSR), diameter="5mm")
-    assert machine == ms.dynamics.machine(ms.catalog.make(RSSR), diameter=0.005)
+    machine = ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter="5mm")
+    assert machine == ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter=0.005)
     given = ms.dynamics.prescribed(machine, "0:90:45deg", "60rpm")
     np.testing.assert_array_equal(given.efforts.speed, np.full(3, ONE_TURN))
     assert same(

@@ -268,7 +268,7 @@ def test_bad_input_is_one_line(words, capsys):
 SLIDER = subject_of(catalog.make("slider_crank"), SPEED)
 
 
-class Machine:
+class DynamicModel:
     """A clock and a processor that only move when work is done, so many times as far and by so much each."""
 
     def __init__(self, monkeypatch, share: float, step: float, building: float) -> None:
@@ -309,7 +309,7 @@ class Spent(NamedTuple):
 def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_and_others_take(
     monkeypatch, budget, share, step, building
 ):
-    machine = Machine(monkeypatch, share, step, building)
+    machine = DynamicModel(monkeypatch, share, step, building)
     # loading and building come first
     machine.processor = 0.2
     found = measure(SLIDER, budget=machine.budget(budget))
@@ -326,7 +326,7 @@ def test_a_mechanism_for_which_loading_leaves_no_time_is_refused_with_a_budget_t
 
 
 def test_a_budget_that_is_long_enough_leaves_nothing_out(monkeypatch):
-    machine = Machine(monkeypatch, 1.0, 2e-5, 0.05)
+    machine = DynamicModel(monkeypatch, 1.0, 2e-5, 0.05)
     found = measure(SLIDER, budget=machine.budget(600.0))
     assert (found.left_out, found.untried) == (0, ())
     assert found.seconds < 300.0

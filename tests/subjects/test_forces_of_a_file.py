@@ -53,13 +53,13 @@ def torque_by_virtual_power(angle):
 
 
 def test_forces_of_a_file_act_in_inverse_dynamics(press):
-    study = ms.dynamics.prescribed(ms.dynamics.machine(ms.load(press)), ANGLES, SPEED)
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(ms.load(press)), ANGLES, SPEED)
     # the links' inertia at 1 rad/s takes less than 1e-5 N m
     np.testing.assert_allclose(study.efforts.torque, torque_by_virtual_power(ANGLES), atol=1e-5)
 
 
 def test_forces_given_explicitly_replace_those_of_a_file(press):
-    free = ms.dynamics.prescribed(ms.dynamics.machine(ms.load(press), ms.Forces()), ANGLES, SPEED)
+    free = ms.dynamics.prescribed(ms.dynamics.dynamic_model(ms.load(press), ms.Forces()), ANGLES, SPEED)
     assert np.abs(free.efforts.torque).max() < 1e-5
 
 
@@ -73,7 +73,7 @@ def test_forces_of_a_file_act_in_dynamics_by_simulation(press):
 
 def test_forces_of_a_file_act_in_free_running(press):
     form = ms.load(press)
-    exact = ms.dynamics.free_run(ms.dynamics.machine(form), angle=1.0, duration=0.002, samples=5)
+    exact = ms.dynamics.free_run(ms.dynamics.dynamic_model(form), angle=1.0, duration=0.002, samples=5)
     run = free_run(form, angle=1.0, duration=0.002, samples=4, timestep=1e-6)
     assert exact.angle[-1] > 1.5
     np.testing.assert_allclose(run.free.angle, exact.angle, atol=1e-6)

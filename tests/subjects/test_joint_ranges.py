@@ -32,7 +32,7 @@ def arm(tmp_path):
 
 
 def prescribed(form):
-    machine = dynamics.machine(form, form.forces)
+    machine = dynamics.dynamic_model(form, form.forces)
     return dynamics.prescribed(machine, t=np.linspace(0.0, 1.0, 5))
 
 

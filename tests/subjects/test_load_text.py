@@ -84,7 +84,7 @@ def test_varying_loads_are_in_si_at_their_places(made):
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_both_roads_agree_under_varying_loads_and_a_wrong_one_is_condemned(made, method):
     form = made(VARYING)
-    machine = dynamics.machine(form, form.forces)
+    machine = dynamics.dynamic_model(form, form.forces)
     run = driven(machine.mechanism, machine.forces, speed=20.0, turns=2.0, method=method, samples=36)
     assert crosscheck_driven(run, machine).passed
     # a thousandth of a turn late, by time and by angle
@@ -144,7 +144,7 @@ def test_a_load_over_the_angle_wants_a_crank_that_nothing_else_moves(made, tmp_p
     made(turned)
     form = load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
     with pytest.raises(InputError, match="over the crank's angle, but programs drive it"):
-        dynamics.machine(form, form.forces)
+        dynamics.dynamic_model(form, form.forces)
 
 
 def test_the_schema_says_what_a_load_may_be():

@@ -46,4 +46,4 @@ def test_forces_on_a_name_are_one_sentence():
     with pytest.raises(
         ms.InputError, match=r"is of type str; give what mechsim.load or catalog.make returns"
     ):
-        ms.dynamics.machine("four_bar")
+        ms.dynamics.dynamic_model("four_bar")

@@ -41,7 +41,7 @@ ANGLES_GIVEN = {
     "solve": lambda form: form.solve(TIMES),
     "solve with the rates of a run": lambda form: form.solve(TIMES, 1.0, 0.0),
     "positions": lambda form: form.positions(TIMES),
-    "inverse dynamics": lambda form: ms.dynamics.prescribed(ms.dynamics.machine(form), TIMES, 1.0),
+    "inverse dynamics": lambda form: ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), TIMES, 1.0),
     "sensitivity": lambda form: ms.sensitivity(form, "B.x", "rocker.at.x", angles=TIMES),
     "a moved family": lambda form: ms.moved(form, angles=TIMES),
 }
@@ -69,7 +69,7 @@ def test_other_instants_that_say_nothing_are_rejected_with_the_remedy(swung, tmp
 
 
 def test_times_serve_in_inverse_dynamics_and_sensitivities(swung):
-    machine = ms.dynamics.machine(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
+    machine = ms.dynamics.dynamic_model(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
     run = driven(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
     found = ms.dynamics.prescribed(machine, t=TIMES).efforts.drives["crank"]
     np.testing.assert_allclose(found, run.efforts.drives["crank"], atol=1e-12)

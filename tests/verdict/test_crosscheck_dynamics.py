@@ -44,8 +44,8 @@ def everything(name: str) -> Forces:
     )
 
 
-def of(name: str, forces: Forces) -> dynamics.Machine:
-    return dynamics.machine(catalog.make(name), forces)
+def of(name: str, forces: Forces) -> dynamics.DynamicModel:
+    return dynamics.dynamic_model(catalog.make(name), forces)
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
@@ -77,13 +77,13 @@ def test_the_torque_of_a_stepped_run_converges_with_fourth_order():
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.5
 
 
-def heavier(machine: dynamics.Machine) -> dynamics.Machine:
+def heavier(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
     last = machine.mechanism.links[-1]
     more = replace(last.inertia, mass=1.001 * last.inertia.mass)
     return _with_link(machine, replace(last, inertia=more))
 
 
-def turned(machine: dynamics.Machine) -> dynamics.Machine:
+def turned(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
     last = machine.mechanism.links[-1]
     moments = last.inertia.matrix[[1, 2, 0]][:, [1, 2, 0]]
     return _with_link(
@@ -91,23 +91,23 @@ def turned(machine: dynamics.Machine) -> dynamics.Machine:
     )
 
 
-def _with_link(machine: dynamics.Machine, link) -> dynamics.Machine:
+def _with_link(machine: dynamics.DynamicModel, link) -> dynamics.DynamicModel:
     links = (*machine.mechanism.links[:-1], link)
     return replace(machine, mechanism=replace(machine.mechanism, links=links))
 
 
-def upside_down(machine: dynamics.Machine) -> dynamics.Machine:
+def upside_down(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
     x, y, z = machine.forces.gravity
     return machine.with_forces(replace(machine.forces, gravity=(-x, -y, -z)))
 
 
-def load_next_door(machine: dynamics.Machine) -> dynamics.Machine:
+def load_next_door(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
     other = list(machine.mechanism.points)[-2]
     loads = tuple(replace(load, location=other) for load in machine.forces.loads)
     return machine.with_forces(replace(machine.forces, loads=loads))
 
 
-def frictionless(machine: dynamics.Machine) -> dynamics.Machine:
+def frictionless(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
     return machine.with_forces(replace(machine.forces, friction=()))
 
 
@@ -185,7 +185,7 @@ def test_a_motor_weaker_than_friction_or_weight_cannot_start():
 
 def test_forces_of_a_crank_that_creeps_under_weight_are_right():
     """What is left over of accelerations was measured by those of the motion, which are next to none."""
-    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     run = driven(machine.mechanism, machine.forces, speed=1e-4, method="pose", samples=12)
     assert crosscheck_driven(run, machine).passed
     assert run.efforts.residual.max() < 1e-12

@@ -37,7 +37,7 @@ SPEED = 60.0
 def judged(method, mechanism=RIGHT, forces=FORCES):
     """The verdict on MuJoCo's run of a machine, against the right machine's reduced equation."""
     found = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
-    return crosscheck_driven(found, dynamics.machine(DRIVE, FORCES, mechanism=RIGHT))
+    return crosscheck_driven(found, dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT))
 
 
 def with_link(name, change):
@@ -85,7 +85,7 @@ def test_a_wrong_machine_is_missed(method, wrong):
 
 def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
     found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
-    machine = dynamics.machine(DRIVE, FORCES, mechanism=RIGHT)
+    machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
     turned = replace(found, efforts=replace(found.efforts, torque=-found.efforts.torque))
     assert crosscheck_driven(turned, machine).outcome == "failed"
     torque = found.efforts.torque.copy()
@@ -97,7 +97,7 @@ def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
 
 def test_a_reaction_on_the_other_link_is_seen():
     found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
-    machine = dynamics.machine(DRIVE, FORCES, mechanism=RIGHT)
+    machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
     one = found.efforts.reactions["S"]
     other = found.efforts.reactions | {"S": replace(one, force=-one.force)}
     verdict = crosscheck_driven(replace(found, efforts=replace(found.efforts, reactions=other)), machine)
@@ -108,7 +108,7 @@ def test_every_mechanism_of_the_catalogue_meets_its_reduced_equation_pose_by_pos
     for name in catalog.DRIVES:
         drive = catalog.make(name)
         if drive.crank_range().full:
-            machine = dynamics.machine(drive, Forces(gravity=(0.3, -9.81, 2.1)))
+            machine = dynamics.dynamic_model(drive, Forces(gravity=(0.3, -9.81, 2.1)))
             found = driven(machine.mechanism, machine.forces, speed=SPEED, method="pose", samples=12)
             verdict = crosscheck_driven(found, machine)
             assert verdict.passed, verdict
@@ -117,7 +117,7 @@ def test_every_mechanism_of_the_catalogue_meets_its_reduced_equation_pose_by_pos
 def test_a_free_run_is_met_and_one_with_another_motor_missed():
     drive = catalog.make("four_bar")
     motor = motors.DCMotor(6.0, 2.0, 0.05)
-    machine = dynamics.machine(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
     found = free_run(machine.mechanism, machine.forces, angle=0.3, speed=20.0, duration=0.1, samples=20)
     verdict = crosscheck_free(found, machine)
     assert verdict.passed, verdict
@@ -131,7 +131,7 @@ def test_a_free_run_is_met_and_one_with_another_motor_missed():
 
 def three_armed(place):
     """A parallelogram with a third crank under weight, its unit motion by loop equations."""
-    return dynamics.machine(three_cranks(place), Forces(gravity=(0.4, -9.81, 0.0)))
+    return dynamics.dynamic_model(three_cranks(place), Forces(gravity=(0.4, -9.81, 0.0)))
 
 
 def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
@@ -158,14 +158,16 @@ def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
         replace(link, inertia=heavier(link.inertia)) if link.name == "third" else link
         for link in machine.mechanism.links
     )
-    wrong = dynamics.machine(machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links))
+    wrong = dynamics.dynamic_model(
+        machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links)
+    )
     missed = {(one.kind, one.subject) for one in crosscheck_driven(run, wrong).checks if not one.passed}
     assert {("force", "third"), ("force", "third pin")} <= missed
 
 
 def test_forces_beside_a_change_point_are_what_they_are_without_it():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
-    machine = dynamics.machine(flat, Forces(gravity=(0.4, -9.81, 0.0)))
+    machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
     whole, part = (dynamics.prescribed(machine, at, 50.0).efforts for at in (angle, angle[[1, 2, 4]]))
     assert whole.unbounded.tolist() == [True, False, False, True, False]
@@ -176,7 +178,7 @@ def test_forces_beside_a_change_point_are_what_they_are_without_it():
 
 def test_no_record_says_itself_where_it_is_not_judged():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
-    machine = dynamics.machine(flat, Forces(gravity=(0.4, -9.81, 0.0)))
+    machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).efforts
     doubled = {name: replace(one, force=2.0 * one.force) for name, one in exact.reactions.items()}
     wrong = replace(exact, at_branch_point=np.ones(5, dtype=np.bool_), reactions=doubled)
@@ -210,7 +212,7 @@ def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_say(me
         gravity=(0.3, -9.81, 2.1),
         friction=(Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
     )
-    machine = dynamics.machine(mechanism, acting)
+    machine = dynamics.dynamic_model(mechanism, acting)
     run = driven(machine.mechanism, acting, speed=30.0, turns=0.2, method=method, samples=8, cut=(cut,))
     verdict = crosscheck_driven(run, machine)
     assert verdict.passed, verdict
@@ -220,14 +222,14 @@ def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_say(me
         replace(link, inertia=heavier(link.inertia)) if link.name == "rod" else link
         for link in machine.mechanism.links
     )
-    wrong = dynamics.machine(machine.drive, acting, mechanism=replace(machine.mechanism, links=half))
+    wrong = dynamics.dynamic_model(machine.drive, acting, mechanism=replace(machine.mechanism, links=half))
     assert not crosscheck_driven(run, wrong).passed
 
 
 def test_what_is_too_light_for_mujoco_is_refused_with_a_remedy_that_holds():
     lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
     large, small = (
-        dynamics.machine(catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}))
+        dynamics.dynamic_model(catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}))
         for k in (1.0, 1e-3)
     )
     with pytest.raises(InputError, match=r"link 'crank' has a moment of inertia of .* as large"):
@@ -248,7 +250,7 @@ def test_a_stepped_torque_keeps_its_bound_near_dead_centres_and_where_it_is_a_sm
 
 
 def test_redundant_loops_that_agree_are_held_hard_when_a_crank_runs_freely():
-    agreeing, other = three_armed((0.05, 0.03)), dynamics.machine(catalog.make("bennett"), Forces())
+    agreeing, other = three_armed((0.05, 0.03)), dynamics.dynamic_model(catalog.make("bennett"), Forces())
     found = free_run(agreeing.mechanism, agreeing.forces, speed=60.0, turns=1.0)
     verdict = crosscheck_free(found, agreeing)
     assert verdict.passed, verdict
@@ -257,7 +259,7 @@ def test_redundant_loops_that_agree_are_held_hard_when_a_crank_runs_freely():
 
 
 def test_a_free_crank_whose_couplings_bend_keeps_its_bounds_with_the_order_of_its_steps():
-    machine = dynamics.machine(bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+    machine = dynamics.dynamic_model(bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     errors = []
     for steps in (125, 250):
         settings = Settings(steps_per_turn=steps)
@@ -273,7 +275,7 @@ def test_a_free_crank_whose_couplings_bend_keeps_its_bounds_with_the_order_of_it
 def test_that_loops_hardly_hold_their_links_is_told_of_stepped_forces():
     said = {}
     for aside in (1e-4, 0.03):
-        machine = dynamics.machine(three_cranks((0.047, aside), start=0.0), Forces())
+        machine = dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), Forces())
         settings = Settings(steps_per_turn=288)
         run = driven(machine.mechanism, machine.forces, speed=50.0, method="step", settings=settings)
         said[aside] = run.note

@@ -31,7 +31,7 @@ def of(kind):
     source = mechanism
     for drive in map(catalog.make, ("bennett", "rrsrr")):
         source = drive if drive.name == mechanism.name else source
-    return dynamics.machine(source, Forces(gravity=GRAVITY, friction=frictions))
+    return dynamics.dynamic_model(source, Forces(gravity=GRAVITY, friction=frictions))
 
 
 def without(machine, **parts):
@@ -58,7 +58,7 @@ def test_friction_where_a_flat_loop_is_cut_opposes_its_joint_whichever_way_round
         for one in mechanism.joints
     )
     friction = tuple(Friction(one.name, 1e-4, 2e-3) for one in turned)
-    machine = dynamics.machine(replace(mechanism, joints=turned), Forces(friction=friction))
+    machine = dynamics.dynamic_model(replace(mechanism, joints=turned), Forces(friction=friction))
     run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
     verdict = crosscheck_driven(run, machine)
     assert verdict.passed, verdict
@@ -109,14 +109,14 @@ def test_a_free_run_loses_in_these_joints_what_the_reduced_equation_says(kind):
 
 def test_a_crank_that_a_ball_joint_holds_cannot_start():
     held = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
-    machine = dynamics.machine(catalog.make("rrsrr"), held)
+    machine = dynamics.dynamic_model(catalog.make("rrsrr"), held)
     assert dynamics.free_run(machine, turns=1.0).outcome == "cannot start"
     assert free_run(machine.mechanism, machine.forces, turns=1.0).free.outcome == "cannot start"
 
 
 def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link():
     moment = course.function(lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3)
-    machine = dynamics.machine(catalog.make("rrsrr"), Forces(couples=(Couple("link", moment),)))
+    machine = dynamics.dynamic_model(catalog.make("rrsrr"), Forces(couples=(Couple("link", moment),)))
     run = driven(machine.mechanism, machine.forces, speed=30.0, samples=24)
     assert crosscheck_driven(run, machine).passed
     other = machine.with_forces(Forces(couples=(Couple("coupler", moment),)))
@@ -128,7 +128,9 @@ def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
 def test_a_geared_motor_drives_as_the_reduced_equation_says_and_a_wrong_ratio_is_seen(motor):
-    machine = dynamics.machine(catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0)))
+    machine = dynamics.dynamic_model(
+        catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0))
+    )
     run = free_run(machine.mechanism, machine.forces, duration=0.02, timestep=2e-5, samples=20)
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict

@@ -54,7 +54,7 @@ def test_a_verdict_on_a_crank_names_crank_angles():
 
 def test_efforts_under_motion_laws_are_judged_at_times(swung):
     run = driven(swung, samples=20)
-    verdict = crosscheck_driven(run, ms.dynamics.machine(swung))
+    verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swung))
     assert {one.at_unit for one in verdict.checks} == {"s"}
     assert max(one.at for one in verdict.checks) <= 2.0
 

@@ -27,11 +27,11 @@ from mechsim.verdict.tolerances import Requested, Tolerance, ToleranceRule
 
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
 GRAVITY = Forces(gravity=(0.3, -9.81, 0.5), friction=(Friction("crank", 1e-3, 1e-2),))
-MACHINE = dynamics.machine(catalog.make("warp_knitter"), GRAVITY)
+MACHINE = dynamics.dynamic_model(catalog.make("warp_knitter"), GRAVITY)
 FOUND = dynamics.prescribed(MACHINE, ANGLES, SPEED).efforts
 # as of a driver under a program
 EXACT = replace(FOUND, drives={"crank": FOUND.torque})
-RUN = dynamics.free_run(dynamics.machine(catalog.make("four_bar"), GRAVITY), speed=SPEED, duration=0.2)
+RUN = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), GRAVITY), speed=SPEED, duration=0.2)
 
 
 def missed(verdict):

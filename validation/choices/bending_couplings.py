@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 import driven as machines
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import make_motion_laws
@@ -42,7 +42,7 @@ KINDS = {
 }
 
 
-def errors(machine: Machine, steps: int) -> dict[str, float]:
+def errors(machine: DynamicModel, steps: int) -> dict[str, float]:
     """Return kind of effort -> its largest error, as a part of its scale."""
     run = driven(
         machine.mechanism,
@@ -61,7 +61,7 @@ def errors(machine: Machine, steps: int) -> dict[str, float]:
 
 def running_free(steps: int) -> float:
     """Return the largest error of a free crank's angle in [rad], of a four-bar whose rocker bends a slide."""
-    machine = dynamics.machine(machines.bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+    machine = dynamics.dynamic_model(machines.bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     settings = Settings(steps_per_turn=steps)
     run = free_run(
         machine.mechanism, machine.forces, speed=40.0, duration=0.08, settings=settings, samples=40
@@ -76,7 +76,7 @@ def main() -> None:
     print(f"{'':30s}{'':16s}" + "".join(f"{steps:>12,}" for steps in STEPS))
     for name, (mechanism, states, duration) in CASES.items():
         form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, duration))
-        machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))
+        machine = dynamics.dynamic_model(form, Forces(gravity=(0.0, -9.81, 0.0)))
         stepped = mock.patch.object(inverse_dynamics, "_straightened", lambda _, states: states)
         closed = {steps: errors(machine, steps) for steps in STEPS}
         with stepped:

@@ -27,7 +27,7 @@ from random_drives import drives
 
 from mechsim import catalog, dynamics, units
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.dynamics import Machine
+from mechsim.analytic.dynamics import DynamicModel
 from mechsim.model.forces import Forces
 from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.free_motion import free_run
@@ -42,7 +42,7 @@ WEIGHT = (0.3, -9.81, 0.5)
 TIMED = 5
 
 
-def true_error(run: Driven, machine: Machine) -> float:
+def true_error(run: Driven, machine: DynamicModel) -> float:
     """Return the worst error of torque and reactions, relative as `tolerance` is."""
     asked = {"drive torque", "force", "moment", "gear torque"}
     checks = [check for check in crosscheck_driven(run, machine).checks if check.kind in asked]
@@ -61,7 +61,7 @@ def fewest(keeps: Callable[[int], bool]) -> int | None:
 
 def prescribed(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
     """Return one prescribed run's error, estimate and price."""
-    machine = dynamics.machine(drive, Forces(gravity=WEIGHT))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=WEIGHT))
 
     def keeps(steps: int) -> bool:
         settings = Settings(steps_per_turn=steps)
@@ -76,7 +76,7 @@ def prescribed(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
 
 def free(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
     """Return one free run's error, estimate and price."""
-    machine = dynamics.machine(drive, Forces(gravity=WEIGHT))
+    machine = dynamics.dynamic_model(drive, Forces(gravity=WEIGHT))
 
     def off(**options: Any) -> tuple[Any, float]:
         run = free_run(machine.mechanism, machine.forces, speed=speed, turns=FREE_TURNS, **options)
@@ -123,7 +123,7 @@ def _row(
 def ladder() -> Iterator[dict[str, Any]]:
     """Yield torque error against processor time, steps and poses, for each mechanism of the catalogue."""
     for name in catalog.DRIVES:
-        machine = dynamics.machine(catalog.make(name), Forces(gravity=WEIGHT))
+        machine = dynamics.dynamic_model(catalog.make(name), Forces(gravity=WEIGHT))
         for steps in (None, *STEPS[::2]):
             options: dict[str, Any] = {"method": "pose", "samples": 72}
             if steps is not None:

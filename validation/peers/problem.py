@@ -137,7 +137,7 @@ class Problem:
 
     def torque(self, angles: Array) -> Array:
         """Return the drive torque at crank angles by the reduced equation of motion, (n,) in [N m]."""
-        machine = dynamics.machine(self.drive, mechanism=self.mechanism)
+        machine = dynamics.dynamic_model(self.drive, mechanism=self.mechanism)
         return dynamics.prescribed(machine, angles, self.speed).efforts.torque
 
     def places(self, crank: Array, rocker: Array) -> dict[str, Array]:

@@ -124,7 +124,7 @@ def _at_end(joints: list[np.ndarray]) -> np.ndarray:
 def reduced_rows() -> list[Row]:
     """Return the rows of the reduced equation."""
     begin = time.perf_counter()
-    run = dynamics.free_run(dynamics.machine(squeezer(), forces()), duration=END, samples=2)
+    run = dynamics.free_run(dynamics.dynamic_model(squeezer(), forces()), duration=END, samples=2)
     seconds = time.perf_counter() - begin
     short = 10.0 + float(np.log10(abs(run.angle[-1] / reference()[0] - 1.0)))
     return [

@@ -48,7 +48,7 @@ def error(case: Case, timestep: float) -> float:
     """Return the largest error of the crank angle, in [rad]."""
     friction = tuple(Friction(joint, 0.0, case.torque) for joint in case.joints)
     forces = Forces(gravity=case.gravity, friction=friction, flywheel=case.flywheel)
-    machine = dynamics.machine(catalog.make(case.name), forces)
+    machine = dynamics.dynamic_model(catalog.make(case.name), forces)
     run = free_run(
         machine.mechanism, forces, timestep=timestep, samples=50, speed=case.speed, duration=case.duration
     )

@@ -87,7 +87,7 @@ def _by_own_error(drive: ClosedForm) -> list[Check]:
 
 
 def prescribed_checks(drive: ClosedForm) -> list[Check]:
-    machine = dynamics.machine(drive, _forces(drive))
+    machine = dynamics.dynamic_model(drive, _forces(drive))
     profile = within_range(drive.mechanism, drive.crank_range(), SPEED)
     checks: list[Check] = []
     for method in ("pose", "step"):
@@ -110,7 +110,7 @@ def _free(drive: ClosedForm) -> list[Check]:
     if not drive.crank_range().full:
         return []
     forces = replace(_forces(drive), flywheel=FLYWHEEL, motor=ConstantTorque(MOTOR))
-    machine = dynamics.machine(drive, forces)
+    machine = dynamics.dynamic_model(drive, forces)
     checks: list[Check] = []
     for road, tolerance in FREELY.items():
         run = free_run(machine.mechanism, machine.forces, speed=SPEED, turns=1.0, tolerance=tolerance)

@@ -92,7 +92,7 @@ class Subject:
             changed.get("speed", one.speed),
             one.acceleration,
             one.time,
-            machine=changed.get("machine"),
+            dynamic_model=changed.get("dynamic_model"),
         )
 
 
@@ -280,7 +280,7 @@ def of_assembly(subject, named, size, random) -> Mistake:
 def of_loads(subject, named, size, random) -> Mistake:
     """A torque and a reaction under another gravity, or with a link of another mass."""
     forces = Forces(gravity=(0.0, -9.81, 0.0))
-    machine = dynamics.machine(subject.solver, forces)
+    machine = dynamics.dynamic_model(subject.solver, forces)
     subject.under = machine
     if random.random() < 0.5:
         other, kind, what = (
@@ -296,7 +296,7 @@ def of_loads(subject, named, size, random) -> Mistake:
         links[k] = replace(links[k], inertia=replace(inertia, mass=(1.0 + size) * inertia.mass, moments=rows))
         other = replace(machine, mechanism=replace(machine.mechanism, links=tuple(links)))
         kind, what = "mass", (links[k].name,)
-    return Mistake(kind, what, subject.solved(machine=other).all(named))
+    return Mistake(kind, what, subject.solved(dynamic_model=other).all(named))
 
 
 KINDS: dict[str, tuple[Callable, int]] = {
@@ -330,7 +330,7 @@ def judged(subject: Subject, named: list, values: list, random, under=None):
     for one, value in zip(named, values, strict=True):
         scale = max(1.0, float(np.abs(value).max()))
         candidates.append(Candidate(one, value + ROUNDING * scale * random.normal(size=value.shape)))
-    evaluation = subject.evaluation if under is None else replace(subject.evaluation, machine=under)
+    evaluation = subject.evaluation if under is None else replace(subject.evaluation, dynamic_model=under)
     return agreement(evaluation, candidates, "the study", None, subject.family)
 
 

@@ -9,7 +9,7 @@ that spin between balls, by the rank of equations that are not mechsim's.
 from dataclasses import dataclass
 
 import numpy as np
-from maximal_coordinates import FREEDOMS, NOUGHT, UNITS, Joint, Machine, Program
+from maximal_coordinates import FREEDOMS, NOUGHT, UNITS, DynamicModel, Joint, Program
 
 DRIVABLE = ("revolute", "prismatic", "cylindrical")
 LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "inch": 0.0254}
@@ -22,7 +22,7 @@ class Drawn:
     """A mechanism, its truth, and what is asked of it."""
 
     text: str
-    machine: Machine
+    machine: DynamicModel
     pose: np.ndarray
     names: list[str]  # of all coordinates
     units: list[str]  # of these: r or m
@@ -152,7 +152,7 @@ def drawn(seed: int) -> Drawn | None:
         first, last = chance.choice(len(sketch.places), 2, replace=False)
         sketch.chain(sketch.kinds(need + int(chance.choice([0, 0, 1]))), int(first), int(last))
     n = len(sketch.places) - 1
-    machine = Machine(n, sketch.size, sketch.joints)
+    machine = DynamicModel(n, sketch.size, sketch.joints)
     places = np.ravel(sketch.places[1:]) / sketch.size
     pose = np.concatenate([places, *map(quaternion, sketch.turns[1:]), sketch.q])
     names, columns, units, drivable = [], [], [], []
@@ -207,7 +207,7 @@ def constant(value: float) -> Program:
     return lambda t: value
 
 
-def null(machine: Machine, pose: np.ndarray) -> np.ndarray:
+def null(machine: DynamicModel, pose: np.ndarray) -> np.ndarray:
     """Return the motions that nothing holds, (k, unknowns)."""
     values, right = np.linalg.svd(machine.slope(pose, 0.0))[1:]
     return right[int((values > NOUGHT * values[0]).sum()) :]

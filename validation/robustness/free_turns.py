@@ -22,7 +22,7 @@ def main(names: list[str]) -> None:
     print("| mechanism | energy, 100 turns | angle, 10 turns [rad] | angle, 100 turns [rad] |")
     print("|---|---|---|---|")
     for name in names:
-        machine = dynamics.machine(catalog.make(name), Forces(gravity=WEIGHT))
+        machine = dynamics.dynamic_model(catalog.make(name), Forces(gravity=WEIGHT))
         run = free_run(machine.mechanism, machine.forces, speed=SPEED, turns=TURNS[-1]).free
         exact = dynamics.free_run(machine, angle=float(run.angle[0]), speed=SPEED, times=run.time)
         off = np.abs(run.angle - exact.angle)

@@ -63,7 +63,7 @@ class Joint:
 
 
 @dataclass
-class Machine:
+class DynamicModel:
     """Links 0 (the frame) to n, joints, and laws: functions of all coordinates and of t that are nought."""
 
     links: int
@@ -187,7 +187,7 @@ def _equations(one: Joint, gap: np.ndarray, rel: np.ndarray, q: np.ndarray, size
     return [*slides, turned(q[..., 1]), *led]
 
 
-def followed(machine: Machine, x: np.ndarray, times: np.ndarray) -> np.ndarray:
+def followed(machine: DynamicModel, x: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Return the poses at given times, (times, unknowns), from one at the first of them.
 
     Raises:
@@ -217,7 +217,7 @@ def followed(machine: Machine, x: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def told(
-    machine: Machine, x: np.ndarray, pace: np.ndarray, bend: np.ndarray, points: np.ndarray
+    machine: DynamicModel, x: np.ndarray, pace: np.ndarray, bend: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
     """Return places, velocities and accelerations of points of every moving link, (3, links, points, 3)."""
     on = 0.3 / max(1.0, np.abs(pace).max()) * np.exp(2j * np.pi * np.arange(32) / 32)

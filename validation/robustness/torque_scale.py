@@ -23,7 +23,7 @@ from mechanisms import three_cranks
 from mechsim import load
 from mechsim.analytic import catalog, dynamics
 from mechsim.analytic.dynamics import prescribed
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import within_range
@@ -53,12 +53,14 @@ def main() -> None:
     if sys.argv[1:]:
         return
     for aside in (1e-3, 1e-4):
-        machine = dynamics.machine(three_cranks((0.047, aside), start=0.0), Forces(gravity=(0.4, -9.81, 0.0)))
+        machine = dynamics.dynamic_model(
+            three_cranks((0.047, aside), start=0.0), Forces(gravity=(0.4, -9.81, 0.0))
+        )
         force = tell(f"cranks, {1e3 * aside:g} mm aside", machine, {"speed": SPEED})
         print(f"{'':20s}force {force:.3g} N")
 
 
-def tell(name: str, machine: Machine, moved: dict[str, Any]) -> float:
+def tell(name: str, machine: DynamicModel, moved: dict[str, Any]) -> float:
     """Print the line of a mechanism; return the scale of its forces in [N]."""
     try:
         run = driven(machine.mechanism, machine.forces, method="step", settings=HARD, **moved)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.derivatives.motion import Followed
 from mechsim.analytic.derivatives.parameter_vector import force_numbers, numbers_of, with_force_numbers
 from mechsim.analytic.dynamics.applied_forces import STILL
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, moved_as
 from mechsim.analytic.dynamics.unit_motion import from_motion
 from mechsim.model.forces import Forces
@@ -35,7 +35,7 @@ class EffortDerivatives:
 
 
 def efforts_along(
-    machine: Machine,
+    model: DynamicModel,
     followed: Followed,
     change: Mapping[str, Array | None],
     speed: ArrayLike = 1.0,
@@ -44,7 +44,7 @@ def efforts_along(
     """Return what drives and joints carry along a motion, and its exact derivatives by dimensions.
 
     Args:
-        machine: mechanism with masses, and what acts on it.
+        model: mechanism with masses, and what acts on it.
         followed: the motion, at unit speed of the crank or of the clock of programs.
         change: dimension -> derivatives of `machine_numbers`, as `changes` gives them; None for that by the
             drivers themselves, where no load follows a course over their angle.
@@ -56,16 +56,16 @@ def efforts_along(
 
     Accuracy: about 1e-15 times the condition of the loops, as efforts have it.
     """
-    followed = replace(followed, mechanism=machine.mechanism)
-    study = moved_efforts(machine, followed.motion(), speed, acceleration)
+    followed = replace(followed, mechanism=model.mechanism)
+    study = moved_efforts(model, followed.motion(), speed, acceleration)
     by: dict[str, dict[str, Array]] = {}
-    acting = force_numbers(machine.forces)
+    acting = force_numbers(model.forces)
     for name, slope in change.items():
         own, others = _split(slope, len(acting))
         mechanism, motion = followed.changed(name, own)
-        forces = with_force_numbers(machine.forces, stepped(acting, others))
-        moved = replace(machine, mechanism=mechanism, forces=forces)
-        found = moved_efforts(moved, motion, speed, acceleration, machine.mechanism)
+        forces = with_force_numbers(model.forces, stepped(acting, others))
+        moved = replace(model, mechanism=mechanism, forces=forces)
+        found = moved_efforts(moved, motion, speed, acceleration, model.mechanism)
         by[name] = {column: change_of(values) for column, values in found.columns()}
     left = {joint: one.undetermined for joint, one in study.efforts.reactions.items()}
     open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
@@ -85,35 +85,33 @@ def machine_numbers(mechanism: Mechanism, forces: Forces) -> Array:
 
 
 def moved_efforts(
-    machine: Machine,
+    model: DynamicModel,
     motion: Motion,
     speed: ArrayLike,
     acceleration: ArrayLike = 0.0,
     nominal: Mechanism | None = None,
 ) -> InverseDynamics:
-    """Return the inverse dynamics of a machine that moves so at unit speed of its crank.
+    """Return the inverse dynamics of a model that moves so at unit speed of its crank.
 
     Args:
-        machine: the machine.
+        model: the dynamic model.
         motion: its motion at speed 1 rad/s of the crank or of the programs' clock, complex or not.
         speed: scalar or (n,) in [rad/s].
         acceleration: scalar or (n,) in [rad/s2].
-        nominal: the mechanism itself where that of the machine carries complex steps.
+        nominal: the mechanism itself where that of the model carries complex steps.
     """
     speed, acceleration = (
         np.broadcast_to(np.asarray(one, dtype=np.float64), motion.angle.shape)
         for one in (speed, acceleration)
     )
     standing = np.abs(speed) <= STILL * np.abs(speed).max()
-    unit = from_motion(machine.mechanism, motion, nominal)
-    return moved_as(
-        machine, unit, speed, acceleration, _times(machine, motion, speed, acceleration), standing
-    )
+    unit = from_motion(model.mechanism, motion, nominal)
+    return moved_as(model, unit, speed, acceleration, _times(model, motion, speed, acceleration), standing)
 
 
-def _times(machine: Machine, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
+def _times(model: DynamicModel, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
     """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
-    motion_laws = machine.drive.motion_laws
+    motion_laws = model.drive.motion_laws
     if motion_laws is not None:
         return motion.angle / motion_laws.rate
     steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()

@@ -1,10 +1,10 @@
 """Dynamics of any mechanism with one crank, from its closed form or its loop equations. No simulator."""
 
-from mechsim.analytic.dynamics.dynamic_model import Machine, machine
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
 from mechsim.analytic.dynamics.flywheel import fluctuation, flywheel_for
 from mechsim.analytic.dynamics.free_motion import free_run
 from mechsim.analytic.dynamics.linearization import Mode
+from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, reduced
@@ -20,21 +20,21 @@ from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 
 __all__ = [
     "Balance",
+    "DynamicModel",
     "DynamicRun",
     "Equilibrium",
     "Fluctuation",
     "FreeRun",
     "InverseDynamics",
-    "Machine",
     "Mode",
     "Reaction",
     "Reduced",
+    "dynamic_model",
     "equilibria",
     "fluctuation",
     "flywheel_for",
     "free_run",
     "holding",
-    "machine",
     "modes",
     "nearest_equilibrium",
     "prescribed",

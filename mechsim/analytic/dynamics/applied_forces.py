@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.vector_method.rotations import cross, dot, wrap
 from mechsim.errors import InputError
@@ -172,13 +172,13 @@ class Applied:
         return self.gravity + self.springs + w * self.damping + sign * self.coulomb
 
 
-def applied(machine: Machine, unit: UnitMotion) -> Applied:
+def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
     """Return what acts on the links, loads, flywheel and motor apart.
 
     Raises:
         InputError: for forces that would spin a link whose spin nothing determines.
     """
-    forces, nothing = machine.forces, np.zeros_like(unit.twist)
+    forces, nothing = model.forces, np.zeros_like(unit.twist)
     weight = unit.masses[:, None] * np.asarray(forces.gravity)
     weight = np.broadcast_to(weight, unit.centres.shape)
     gravity = np.concatenate([weight, cross(unit.centres, weight)], -1)
@@ -220,18 +220,18 @@ class Loads:
     torque: Array
 
 
-def loads(machine: Machine, unit: UnitMotion, time: Array | None) -> Loads:
+def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
     """Return the loads at angles and times (n,) in [s]; None where the time is not known."""
     out = np.zeros_like(unit.twist)
-    for load in machine.forces.loads:
+    for load in model.forces.loads:
         link, place, _ = unit.place(load.location)
         add_force(unit, out, link, place, load.force.evaluate(unit.angle, time))
-    for couple in machine.forces.couples:
+    for couple in model.forces.couples:
         slot = unit.slot(couple.link)
         if slot is not None:
             out[:, slot, 3:] += couple.moment.evaluate(unit.angle, time)
     require_idle(unit, out, "a load")
-    course = machine.forces.crank_torque
+    course = model.forces.crank_torque
     crank = np.zeros(len(unit)) if course is None else course.evaluate(unit.angle, time)
     return Loads(out, crank, crank + power(unit, out))
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.dynamics.dynamic_model import Machine, machine
 from mechsim.analytic.dynamics.equations_of_motion import (
     Dynamics,
     EquationsOfMotion,
@@ -16,6 +15,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 )
 from mechsim.analytic.dynamics.forward_dynamics import Integration, StateLayout, Trajectory, stops_of
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
+from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.loops.kinematics import Coordinates, twists
 from mechsim.analytic.loops.record import joint_motions, point_on
 from mechsim.analytic.vector_method.rotations import cross
@@ -121,7 +121,7 @@ def run(
         >>> import mechsim as ms
         >>> run = ms.dynamics.run("four_bar", initial={"A.q": "30deg"}, duration="2s")  # doctest: +SKIP
     """
-    model: Machine = source if isinstance(source, Machine) else machine(source, forces)
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model.mechanism, initial or {})
     end = _positive(units.si(duration, "s", "the duration"), "duration", "s")
     if not samples >= 1:

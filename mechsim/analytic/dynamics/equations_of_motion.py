@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.applied_forces import add_efforts, applied, loads
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
@@ -100,7 +100,7 @@ class EquationsOfMotion:
         start: assembled coordinates.
     """
 
-    model: Machine
+    model: DynamicModel
     loops: TreeLoops
     start: Coordinates
 
@@ -391,7 +391,9 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
     return result, multipliers[..., 0]
 
 
-def equations_of_motion(model: Machine, coordinates: Mapping[str, float] | None = None) -> EquationsOfMotion:
+def equations_of_motion(
+    model: DynamicModel, coordinates: Mapping[str, float] | None = None
+) -> EquationsOfMotion:
     """Return the equations of motion of a dynamic model, assembled at its guess.
 
     Args:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.dynamics.applied_forces import applied, loads
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reduced_equation import coefficients
 from mechsim.errors import InputError
 from mechsim.model.force_record import Fluctuation
@@ -20,7 +20,7 @@ LEAST = 1e-9
 ANGLES = 1024
 
 
-def fluctuation(machine: Machine, mean: float | str) -> Fluctuation:
+def fluctuation(model: DynamicModel, mean: float | str) -> Fluctuation:
     """Return how the crank's speed varies over the turn at a mean speed in [rad/s], or as "600rpm".
 
     J w2 / 2 = K + integral of (T + Q); the constant torque T makes up the turn's balance and K the mean
@@ -33,11 +33,11 @@ def fluctuation(machine: Machine, mean: float | str) -> Fluctuation:
     mean = si(mean, "rad/s", "mean crank speed")
     if not 0.0 < abs(mean) < np.inf:
         raise InputError(f"mean crank speed is {mean} rad/s; give a finite speed other than 0")
-    angle, inertia, gained, torque = _turn(machine, mean)
-    return _even(machine, angle, inertia, gained, torque, mean)
+    angle, inertia, gained, torque = _turn(model, mean)
+    return _even(model, angle, inertia, gained, torque, mean)
 
 
-def flywheel_for(machine: Machine, mean: float | str, coefficient: float) -> Fluctuation:
+def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> Fluctuation:
     """Return the turn with the smallest flywheel that keeps the coefficient of speed fluctuation.
 
     The flywheel found replaces that of the machine's forces; it is zero where none is needed.
@@ -50,7 +50,7 @@ def flywheel_for(machine: Machine, mean: float | str, coefficient: float) -> Flu
         raise InputError(
             f"coefficient of speed fluctuation is {coefficient}; give {LEAST:g} or more, as 0.02"
         )
-    bare = machine.with_forces(replace(machine.forces, flywheel=0.0))
+    bare = model.with_forces(replace(model.forces, flywheel=0.0))
     angle, inertia, gained, torque = _turn(bare, mean)
 
     def miss(flywheel: float) -> float:
@@ -64,14 +64,14 @@ def flywheel_for(machine: Machine, mean: float | str, coefficient: float) -> Flu
     return replace(_even(bare, angle, inertia + found, gained, torque, mean), flywheel=found)
 
 
-def _turn(machine: Machine, mean: float) -> tuple[Array, Array, Array, float]:
+def _turn(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first of them, and the constant torque."""
     # one that must pass a change point to come round does so in two turns
-    turns = round(machine.drive.period / REVOLUTION)
+    turns = round(model.drive.period / REVOLUTION)
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
-    unit = machine.unit_motion(angle)
-    part = coefficients(unit, applied(machine, unit), machine.forces.flywheel)
-    force = part.force(mean) + loads(machine, unit, angle / mean).torque
+    unit = model.unit_motion(angle)
+    part = coefficients(unit, applied(model, unit), model.forces.flywheel)
+    force = part.force(mean) + loads(model, unit, angle / mean).torque
     torque = -float(force.mean())
     waves = np.fft.rfft(force + torque)
     order = np.arange(len(waves)) / turns
@@ -82,7 +82,7 @@ def _turn(machine: Machine, mean: float) -> tuple[Array, Array, Array, float]:
 
 
 def _even(
-    machine: Machine, angle: Array, inertia: Array, gained: Array, torque: float, mean: float
+    model: DynamicModel, angle: Array, inertia: Array, gained: Array, torque: float, mean: float
 ) -> Fluctuation:
     """Find the energy at the start of the turn that gives the mean speed."""
 
@@ -96,10 +96,10 @@ def _even(
     least = floor + 1e-9 * size
     if miss(least) > 0.0:
         raise InputError(
-            f"{machine.mechanism.name}: at a mean speed of {mean:.6g} rad/s the crank would stop within "
+            f"{model.mechanism.name}: at a mean speed of {mean:.6g} rad/s the crank would stop within "
             "the turn; give a higher speed or a flywheel"
         )
     speed = np.sign(mean) * speeds(root(miss, least, floor + size))
     spread = float(np.ptp(speed)) / abs(mean)
     excess = float(np.ptp(gained))
-    return Fluctuation(angle, speed, mean, torque, excess, spread, machine.forces.flywheel)
+    return Fluctuation(angle, speed, mean, torque, excess, spread, model.forces.flywheel)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.dynamics.applied_forces import dry_sizes
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reduced_equation import CrankTable
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import Outcome
@@ -39,12 +39,12 @@ class Runner:
     """One free run as it goes: pieces of solution between events."""
 
     def __init__(
-        self, machine: Machine, angle: float, speed: float, turns: float | None, tolerance: float
+        self, model: DynamicModel, angle: float, speed: float, turns: float | None, tolerance: float
     ) -> None:
-        forces = machine.forces
-        self.machine, self.forces = machine, forces
-        self.chart = CrankTable(machine)
-        joints = {joint.name: joint for joint in machine.mechanism.joints}
+        forces = model.forces
+        self.model, self.forces = model, forces
+        self.chart = CrankTable(model)
+        joints = {joint.name: joint for joint in model.mechanism.joints}
         self.dry = np.array([size for one in forces.friction for size in dry_sizes(joints[one.joint], one)])
         self.pushes = [*(load.force for load in forces.loads), *(one.moment for one in forces.couples)]
         self.steady = not any(course.over == "time" for course in forces.courses)
@@ -319,7 +319,7 @@ TOLERANCE = 3e-13
 
 
 def free_run(
-    machine: Machine,
+    model: DynamicModel,
     *,
     angle: float | str | None = None,
     speed: float | str = 0.0,
@@ -335,7 +335,7 @@ def free_run(
     direction is an event of its own, so that no step is taken across it.
 
     Args:
-        machine: the machine.
+        model: the dynamic model.
         angle: crank angle at the start in [rad]; None takes where assembly starts.
         speed: crank speed at the start in [rad/s].
         turns: turns of the crank after which to end; negative backwards.
@@ -362,9 +362,9 @@ def free_run(
             raise InputError(f"{what} of a free run is {value}; give a finite number")
     if turns is None and (duration is None or not duration > 0.0):
         raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
-    first = machine.mechanism.start if angle is None else angle
-    machine = machine.starting_at([first], speed or turns or 1.0)
-    runner = Runner(machine, first, speed, turns, tolerance)
+    first = model.mechanism.start if angle is None else angle
+    model = model.starting_at([first], speed or turns or 1.0)
+    runner = Runner(model, first, speed, turns, tolerance)
     outcome, reason = runner.run(duration)
     asked = np.linspace(0.0, runner.time, samples) if instants is None else instants
     times = asked[asked <= runner.time]
@@ -378,7 +378,7 @@ def free_run(
         potential=potential,
         work=work,
         lost=lost,
-        motor=machine.forces.motor_torque(rate),
+        motor=model.forces.motor_torque(rate),
         outcome=outcome,
         reason=reason,
     )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.dynamics.applied_forces import STILL, Dry, add_couple, applied, loads
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, kinetic_energy
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
@@ -33,7 +33,7 @@ class InverseDynamics:
     """What formulas say of a machine under a prescribed crank at n instants, in SI; ground frame.
 
     Attributes:
-        machine: whose.
+        model: the mechanism with its masses and forces.
         efforts: what both roads tell; the drive torque in it is by virtual power and replaces the motor.
             Reactions where a dry friction turns round are without it, halfway between two values.
         load: generalised force of the loads on the crank, (n,) in [N m].
@@ -45,7 +45,7 @@ class InverseDynamics:
         shaking_moment: likewise, about the ground's origin, (n, 3) in [N m].
     """
 
-    machine: Machine
+    model: DynamicModel
     efforts: ForceRecord
     load: Array
     reduced: Reduced
@@ -62,7 +62,7 @@ class InverseDynamics:
     @property
     def masses(self) -> tuple[LinkMass, ...]:
         """The masses of the links, and where each comes from."""
-        return self.machine.masses
+        return self.model.masses
 
     @property
     def torque_parts(self) -> dict[str, Array]:
@@ -94,7 +94,7 @@ class InverseDynamics:
 
 
 def prescribed(
-    machine: Machine,
+    model: DynamicModel,
     angles: ArrayLike | None = None,
     speed: ArrayLike | None = None,
     acceleration: ArrayLike = 0.0,
@@ -111,7 +111,7 @@ def prescribed(
     A coupler whose spin nothing determines has no torque about its line and no momentum about it.
 
     Args:
-        machine: the machine; its motor is left out.
+        model: the dynamic model; its motor is left out.
         angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
         speed: of the crank, scalar or (n,) in [rad/s], or text, as "600rpm".
         acceleration: of the crank, scalar or (n,) in [rad/s2].
@@ -127,20 +127,20 @@ def prescribed(
             motion laws drive, or more instants than memory holds.
         AssemblyError: where the loops do not close.
     """
-    require("what is to be solved", machine, Machine)
-    motion_laws = machine.drive.motion_laws
+    require("what is to be solved", model, DynamicModel)
+    motion_laws = model.drive.motion_laws
     if as_run is not None:
         at = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)
     else:
-        at = path_instants(machine.mechanism, motion_laws, angles, speed, acceleration, t)
+        at = path_instants(model.mechanism, motion_laws, angles, speed, acceleration, t)
         if t is None and speed is None:
-            raise InputError(f"{machine.mechanism.name}: the crank's speed is missing; give speed= in rad/s")
+            raise InputError(f"{model.mechanism.name}: the crank's speed is missing; give speed= in rad/s")
     time = at.time if time is None else time
-    return prescribed_along(machine, at.parameter, at.rate, at.second, time=time, watch=watch, as_run=as_run)
+    return prescribed_along(model, at.parameter, at.rate, at.second, time=time, watch=watch, as_run=as_run)
 
 
 def prescribed_along(
-    machine: Machine,
+    model: DynamicModel,
     parameter: ArrayLike,
     rate: ArrayLike,
     second: ArrayLike = 0.0,
@@ -156,12 +156,12 @@ def prescribed_along(
     """
     angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
-        machine = machine.starting_at(angle, float(np.ravel(rate)[0]))
-    motion_laws = machine.drive.motion_laws
+        model = model.starting_at(angle, float(np.ravel(rate)[0]))
+    motion_laws = model.drive.motion_laws
     if motion_laws is not None and time is None:
         time = angle / motion_laws.rate
-    n, joints = len(angle), len(machine.mechanism.joints)
-    equations = 6.0 * len(machine.mechanism.links)
+    n, joints = len(angle), len(model.mechanism.joints)
+    equations = 6.0 * len(model.mechanism.links)
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
@@ -174,14 +174,14 @@ def prescribed_along(
         rows = slice(first, first + PART)
         instants = None if at is None else at[rows]
         run = None if as_run is None else select_instants(as_run, rows)
-        parts.append(_solved(machine, angle[rows], w[rows], e[rows], instants, standing[rows], run))
+        parts.append(_solved(model, angle[rows], w[rows], e[rows], instants, standing[rows], run))
         done = min(first + PART, n)
         watch(f"{done:,} of {n:,} instants", done / n)
     return parts[0] if len(parts) == 1 else _joined(parts)
 
 
 def _solved(
-    machine: Machine,
+    model: DynamicModel,
     angle: Array,
     w: Array,
     e: Array,
@@ -190,24 +190,24 @@ def _solved(
     as_run: Motion | None,
 ) -> InverseDynamics:
     """Return the inverse dynamics of some instants, all in one go."""
-    return moved_as(machine, machine.unit_motion(angle, as_run, within=True), w, e, at, standing)
+    return moved_as(model, model.unit_motion(angle, as_run, within=True), w, e, at, standing)
 
 
 def moved_as(
-    machine: Machine, unit: UnitMotion, w: Array, e: Array, at: Array | None, standing: NDArray[np.bool_]
+    model: DynamicModel, unit: UnitMotion, w: Array, e: Array, at: Array | None, standing: NDArray[np.bool_]
 ) -> InverseDynamics:
-    """Return the inverse dynamics of a machine that moves as it is told, all instants in one go.
+    """Return the inverse dynamics of a model at given motion, all instants in one go.
 
     Args:
-        machine: the machine.
+        model: the dynamic model.
         unit: its motion per radian of the crank; complex, and all that follows, where dimensions are.
         w: speed of the crank, (n,) in [rad/s].
         e: its acceleration, (n,) in [rad/s2].
         at: times in [s]; None where they are not known.
         standing: whether the crank stands, (n,).
     """
-    angle, flywheel = unit.angle, machine.forces.flywheel
-    acting, outside = applied(machine, unit), loads(machine, unit, at)
+    angle, flywheel = unit.angle, model.forces.flywheel
+    acting, outside = applied(model, unit), loads(model, unit, at)
     part = coefficients(unit, acting, flywheel)
     inertial = unit.inertial(w, e)
     shared = np.zeros_like(inertial)
@@ -217,7 +217,7 @@ def moved_as(
         add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
     held = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
     torque = part.torque(w, e) - outside.torque
-    force, moment = _shaking(machine, unit, inertial, acting.gravity + outside.wrenches, e)
+    force, moment = _shaking(model, unit, inertial, acting.gravity + outside.wrenches, e)
     efforts = ForceRecord(
         size=unit.mechanism.size,
         time=at,
@@ -243,7 +243,7 @@ def moved_as(
         at_branch_point=held.meeting,
     )
     return InverseDynamics(
-        machine=machine,
+        model=model,
         efforts=efforts,
         load=outside.torque,
         reduced=part,
@@ -266,15 +266,15 @@ def _clock_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
 
 
 def _shaking(
-    machine: Machine, unit: UnitMotion, inertial: Array, outside: Array, acceleration: Array
+    model: DynamicModel, unit: UnitMotion, inertial: Array, outside: Array, acceleration: Array
 ) -> tuple[Array, Array]:
     """Return force and moment about the ground's origin that the frame feels: outside less inertial."""
     left = outside - inertial
     force = left[..., :3].sum(1)
     moment = (left[..., 3:] + cross(unit.position, left[..., :3])).sum(1)
-    if not machine.forces.flywheel:
+    if not model.forces.flywheel:
         return force, moment
-    turned = machine.forces.flywheel * acceleration[:, None] * unit.axis(unit.mechanism.crank)
+    turned = model.forces.flywheel * acceleration[:, None] * unit.axis(unit.mechanism.crank)
     return force, moment - turned
 
 
@@ -307,7 +307,7 @@ def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
     }
     undetermined = frozenset[str]().union(*(part.efforts.undetermined for part in parts))
     return InverseDynamics(
-        machine=parts[0].machine,
+        model=parts[0].model,
         efforts=replace(whole, reactions=reactions, undetermined=undetermined),
         load=np.concatenate([part.load for part in parts]),
         reduced=join([part.reduced for part in parts]),

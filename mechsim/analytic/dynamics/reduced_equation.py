@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.dynamics.applied_forces import Applied, applied, power
-from mechsim.analytic.dynamics.dynamic_model import Machine
+from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.rotations import dot
@@ -66,14 +66,14 @@ class CrankTable:
     """Columns inertia, slope, static, energy, damping, joint rates with dry friction, load leverage.
 
     Attributes:
-        machine: whose.
+        model: the mechanism with its masses and forces.
         arcs: those charted so far, by place.
         periodic: whether an arc was found to be the same one turn on; then one turn is enough.
         ahead: whether the arcs of a turn were tried to be charted all at once.
         coarse: ends of arcs that must be shorter.
     """
 
-    machine: Machine
+    model: DynamicModel
     arcs: dict[int, list[Arc]] = field(default_factory=dict)
     periodic: bool = False
     ahead: bool = False
@@ -88,7 +88,7 @@ class CrankTable:
         if self.periodic:
             angle = angle % REVOLUTION
         place = int(np.floor(angle / ARC))
-        if isinstance(self.machine.drive, LoopForm) and not self.ahead:
+        if isinstance(self.model.drive, LoopForm) and not self.ahead:
             self.ahead = True
             self._look_ahead(place)
             return self.at(angle)
@@ -107,7 +107,7 @@ class CrankTable:
             low, high = (low, middle) if angle <= middle else (middle, high)
             if high - low < SHORTEST:
                 raise AssemblyError(
-                    f"{self.machine.mechanism.name}: the reduced equation has no smooth coefficients at "
+                    f"{self.model.mechanism.name}: the reduced equation has no smooth coefficients at "
                     f"crank angle {angle:.6g} rad: a dead centre, or as near to one as rounding tells, or a "
                     "spring whose joint passes half a turn"
                 )
@@ -133,7 +133,7 @@ class CrankTable:
         ends = [(k * ARC, (k + 1) * ARC) for k in range(place - PLACES // 2, place + PLACES // 2)]
         for _ in range(HALVINGS):
             try:
-                values = columns(self.machine, np.concatenate([_nodes(*end) for end in ends]))
+                values = columns(self.model, np.concatenate([_nodes(*end) for end in ends]))
             except AssemblyError:
                 return
             shorter = []
@@ -165,7 +165,7 @@ class CrankTable:
     def _charted(self, low: float, high: float) -> Arc | None:
         """Return an arc if its points resolve every column; None if it must be shorter."""
         try:
-            return self._resolved(low, high, columns(self.machine, _nodes(low, high)))
+            return self._resolved(low, high, columns(self.model, _nodes(low, high)))
         except AssemblyError:
             return None
 
@@ -176,20 +176,20 @@ class CrankTable:
         # what a slope is off by counts by what it adds up to over the arc, beside the inertia
         largest[1] = max(largest[1], largest[0] / (high - low))
         largest[2:4] = largest[2:4].max()
-        largest[2:] = np.maximum(largest[2:], _floors(self.machine, len(largest) - 2))
-        exact = ASSEMBLED if isinstance(self.machine.drive, LoopForm) else RESOLVED
+        largest[2:] = np.maximum(largest[2:], _floors(self.model, len(largest) - 2))
+        exact = ASSEMBLED if isinstance(self.model.drive, LoopForm) else RESOLVED
         least = exact if high - low > ARC / SHORTER else NOISY if high - low > HARDLY * SHORTEST else ROUGH
         return Arc(low, high, values) if (tail <= least * largest).all() else None
 
 
-def _floors(machine: Machine, count: int) -> Array:
+def _floors(model: DynamicModel, count: int) -> Array:
     """Return below what the columns from the static torque on are rounding of nought, (count,).
 
     As of a planar linkage's way out of its plane, or of a joint that never turns.
     """
-    size, forces = machine.mechanism.size, machine.forces
+    size, forces = model.mechanism.size, model.forces
     lever = min(1.0, size)
-    masses = sum(link.inertia.mass for link in machine.mechanism.links if link.inertia is not None)
+    masses = sum(link.inertia.mass for link in model.mechanism.links if link.inertia is not None)
     weight = masses * size * float(np.linalg.norm(forces.gravity))
     damping = lever**2 * sum(one.viscous + one.viscous_turn for one in forces.friction)
     damping += size**2 * sum(spring.damping for spring in forces.springs)
@@ -208,13 +208,13 @@ def _nodes(low: float, high: float) -> Array:
     return 0.5 * (low + high) + 0.5 * (high - low) * NODES
 
 
-def columns(machine: Machine, angles: Array) -> Array:
+def columns(model: DynamicModel, angles: Array) -> Array:
     """Return all columns at crank angles, (n, columns)."""
-    unit = machine.unit_motion(angles)
-    acting = applied(machine, unit)
-    part = coefficients(unit, acting, machine.forces.flywheel)
+    unit = model.unit_motion(angles)
+    acting = applied(model, unit)
+    part = coefficients(unit, acting, model.forces.flywheel)
     rates = [one.rate for one in acting.dry]
-    leverage = load_leverage(machine, unit).reshape(len(unit), -1)
+    leverage = load_leverage(model, unit).reshape(len(unit), -1)
     fixed = (part.inertia, part.slope, part.static, part.energy, part.damping)
     return np.column_stack([*fixed, *rates, leverage])
 
@@ -256,13 +256,13 @@ class Reduced:
         return self.inertia * e + 0.5 * self.slope * w**2 - self.force(w)
 
 
-def reduced(machine: Machine, angles: ArrayLike) -> Reduced:
+def reduced(model: DynamicModel, angles: ArrayLike) -> Reduced:
     """Return the coefficients of the reduced equation at crank angles (n,) in [rad].
 
     Accuracy: a few ulp times the condition of the loop equations; no differences are taken.
     """
-    unit = machine.unit_motion(angles)
-    return coefficients(unit, applied(machine, unit), machine.forces.flywheel)
+    unit = model.unit_motion(angles)
+    return coefficients(unit, applied(model, unit), model.forces.flywheel)
 
 
 def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
@@ -296,13 +296,13 @@ def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
     return power(unit, momenta), slope
 
 
-def load_leverage(machine: Machine, unit: UnitMotion) -> Array:
+def load_leverage(model: DynamicModel, unit: UnitMotion) -> Array:
     """Return what loads and couples act along per radian of the crank, (n, loads, 3).
 
     Of a load the derivative of its point in [m/rad], of a couple that of its link's turning.
     """
-    rates = [unit.place(load.location)[2] for load in machine.forces.loads]
-    rates += [unit.spin(couple.link) for couple in machine.forces.couples]
+    rates = [unit.place(load.location)[2] for load in model.forces.loads]
+    rates += [unit.spin(couple.link) for couple in model.forces.couples]
     return np.stack(rates, 1) if rates else np.zeros((len(unit), 0, 3))
 
 

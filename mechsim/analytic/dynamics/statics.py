@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.dynamic_model import Machine, machine
 from mechsim.analytic.dynamics.dynamic_run import initial_values, parse_event
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.initial_state import initial_state, projected
@@ -19,6 +18,7 @@ from mechsim.analytic.dynamics.linearization import (
     linear_model,
     null_space,
 )
+from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.errors import AssemblyError, InputError
@@ -198,7 +198,7 @@ def holding(
 def _prepared(
     source: Any, forces: Forces | None, initial: Mapping[str, float | str]
 ) -> tuple[EquationsOfMotion, Coordinates]:
-    model: Machine = source if isinstance(source, Machine) else machine(source, forces)
+    model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model.mechanism, initial)
     equations = equations_of_motion(model, values.coordinates)
     return equations, initial_state(equations, values)[0]

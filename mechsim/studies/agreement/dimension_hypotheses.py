@@ -164,7 +164,7 @@ def remade(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
 
 def _anew(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
     """Return evaluation points of a mechanism too different to be solved from the nominal motion."""
-    return replace(evaluation, solver=solver, machine=evaluation.dynamic_model_of(solver), solved=None)
+    return replace(evaluation, solver=solver, dynamic_model=evaluation.dynamic_model_of(solver), solved=None)
 
 
 def as_before(made: Form, before: Form) -> Form:
@@ -319,7 +319,7 @@ def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
             other = replace(
                 misfit.evaluation,
                 solver=solver,
-                machine=misfit.evaluation.dynamic_model_of(solver),
+                dynamic_model=misfit.evaluation.dynamic_model_of(solver),
                 solved=None,
             )
             return misfit.predicted(other)

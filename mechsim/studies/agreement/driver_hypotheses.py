@@ -304,8 +304,8 @@ def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
 EARTH = 9.81
 
 
-def _dynamic_model(misfit: Misfit) -> dynamics.Machine:
-    return misfit.evaluation.machine or dynamics.machine(
+def _dynamic_model(misfit: Misfit) -> dynamics.DynamicModel:
+    return misfit.evaluation.dynamic_model or dynamics.dynamic_model(
         misfit.evaluation.solver, misfit.evaluation.solver.forces
     )
 
@@ -317,7 +317,7 @@ def _needs_forces(misfit: Misfit) -> bool:
 def _under(misfit: Misfit, vector: Array) -> Values:
     model = _dynamic_model(misfit)
     forces = replace(model.forces, gravity=tuple(vector.tolist()))
-    return misfit.predicted(replace(misfit.evaluation, machine=model.with_forces(forces)))
+    return misfit.predicted(replace(misfit.evaluation, dynamic_model=model.with_forces(forces)))
 
 
 def _gravity(misfit: Misfit) -> tuple[Array, float]:
@@ -379,7 +379,7 @@ def masses(misfit: Misfit) -> Iterator[Hypothesis]:
         )
         mechanism = replace(model.mechanism, links=changed)
         other = replace(model, mechanism=mechanism)
-        return misfit.predicted(replace(misfit.evaluation, machine=other))
+        return misfit.predicted(replace(misfit.evaluation, dynamic_model=other))
 
     every = {link.name for link in links}
     for what, names in [("", every), *((name, {name}) for name in every)]:

@@ -10,7 +10,7 @@ import numpy as np
 from mechsim.analytic import dynamics
 from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
 from mechsim.analytic.derivatives.motion import MotionBeside, motion_beside
-from mechsim.analytic.dynamics import Machine
+from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -37,7 +37,7 @@ class EvaluationPoints:
         speed: of it, (n,) in [rad/s].
         acceleration: of it, (n,) in [rad/s2].
         time: (n,) in [s]; None where only angles are known.
-        machine: with masses and forces, for efforts; None takes the form's own forces.
+        dynamic_model: with masses and forces; None takes the forces of the solver.
         solved: its motion where that is known; None where it is to be solved.
         selecting: crank angles of the whole motion, whose first one selects the assembly; None takes `angle`.
     """
@@ -47,7 +47,7 @@ class EvaluationPoints:
     speed: Array
     acceleration: Array
     time: Array | None = None
-    machine: Machine | None = field(default=None, compare=False)
+    dynamic_model: DynamicModel | None = field(default=None, compare=False)
     solved: Motion | None = field(default=None, compare=False)
     selecting: Array | None = field(default=None, compare=False)
 
@@ -94,15 +94,20 @@ class EvaluationPoints:
     def with_dimensions(self, solver: Form) -> "EvaluationPoints":
         """Return the same with what has other dimensions, solved from the motion here where that can be."""
         if self._perturbed is None:
-            return replace(self, solver=solver, machine=self.dynamic_model_of(solver), solved=None)
+            return replace(self, solver=solver, dynamic_model=self.dynamic_model_of(solver), solved=None)
         motion = self._perturbed.of(solver.mechanism)
         return replace(
-            self, solver=solver, machine=self.dynamic_model_of(solver), solved=replace(motion, origin=None)
+            self,
+            solver=solver,
+            dynamic_model=self.dynamic_model_of(solver),
+            solved=replace(motion, origin=None),
         )
 
-    def dynamic_model_of(self, solver: Form) -> Machine | None:
+    def dynamic_model_of(self, solver: Form) -> DynamicModel | None:
         """Return another form under the forces that act here; None where no others than its own do."""
-        return None if self.machine is None else dynamics.machine(solver, self.machine.forces)
+        return (
+            None if self.dynamic_model is None else dynamics.dynamic_model(solver, self.dynamic_model.forces)
+        )
 
     @cached_property
     def conditioning(self) -> Array:
@@ -118,9 +123,9 @@ class EvaluationPoints:
         return LoopForm(self.solver.mechanism).solve(self.angle, self.speed, self.acceleration)
 
     @cached_property
-    def _loaded(self) -> Machine:
+    def _loaded(self) -> DynamicModel:
         """The dynamic model of efforts."""
-        return self.machine or dynamics.machine(self.solver, self.solver.forces)
+        return self.dynamic_model or dynamics.dynamic_model(self.solver, self.solver.forces)
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:

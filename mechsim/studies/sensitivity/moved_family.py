@@ -17,7 +17,7 @@ from mechsim.analytic.derivatives.motion import (
     followed_motion,
     motion_beside,
 )
-from mechsim.analytic.dynamics import InverseDynamics, Machine, machine
+from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -65,9 +65,9 @@ class Loading:
         own = solver.forces
         return own or Forces()
 
-    def machine(self, solver: Form) -> Machine:
+    def dynamic_model(self, solver: Form) -> DynamicModel:
         """Return a mechanism with masses and what acts on it."""
-        return machine(solver, self.acting(solver), density=self.density, diameter=self.diameter)
+        return dynamic_model(solver, self.acting(solver), density=self.density, diameter=self.diameter)
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ class MovedFamily:
         )
         undetermined: set[str] = set()
         if any(component.loaded for component in quantities):
-            study = prescribed_along(self.loading.machine(self.solver), self.angles[:1], self.rate)
+            study = prescribed_along(self.loading.dynamic_model(self.solver), self.angles[:1], self.rate)
             columns_known |= self._force_columns(dict(study.columns()))
             reactions = study.efforts.reactions.items()
             undetermined = {
@@ -229,13 +229,11 @@ class MovedFamily:
         )
 
     def _forces(self, solver: Form, ahead: float) -> InverseDynamics:
-        machine = self.loading.machine(solver)
+        model = self.loading.dynamic_model(solver)
         if self._nominal_unit_motion is not None:
             with suppress(AssemblyError):
-                return moved_efforts(
-                    machine, self._nominal_unit_motion.of(solver.mechanism, ahead), self.rate
-                )
-        return prescribed_along(machine, self.angles + ahead, self.rate)
+                return moved_efforts(model, self._nominal_unit_motion.of(solver.mechanism, ahead), self.rate)
+        return prescribed_along(model, self.angles + ahead, self.rate)
 
     def derivatives(
         self, columns: Sequence[str], names: Sequence[str], changed: Mapping[str, float] | None = None
@@ -308,7 +306,7 @@ class MovedFamily:
                 by[name] |= record_columns(motion, quantities)
         if machine_change is not None:
             unit = self._followed(self._nominal_unit_motion, solver, ahead, 1.0)
-            forces = efforts_along(self.loading.machine(solver), unit, machine_change, self.rate)
+            forces = efforts_along(self.loading.dynamic_model(solver), unit, machine_change, self.rate)
             values |= self._force_columns(forces.columns)
             for name, moved in forces.by.items():
                 by[name] |= self._force_columns(moved)

@@ -15,7 +15,7 @@ from mechsim.analytic.catalog.many_designs import (
     solved,
     swing_arcs,
 )
-from mechsim.analytic.dynamics import machine
+from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form
 from mechsim.analytic.loops.crank_swings import SwingTracer
@@ -353,7 +353,7 @@ def _solved_alone(
     more: dict[str, Array] = {}
     if task.loaded:
         acting = solver.forces or Forces()
-        study = prescribed_along(machine(solver, acting), angles, path_speed, crank.acceleration)
+        study = prescribed_along(dynamic_model(solver, acting), angles, path_speed, crank.acceleration)
         more = {name: column.reshape(shape) for name, column in study.columns()}
     if task.wants(TRANSMISSION):
         angle = closed_form(solver, "a transmission angle").transmission_angle(angles)

@@ -42,7 +42,7 @@ def test_what_a_table_of_ours_says_of_itself_is_met(tmp_path):
 
 def test_velocities_accelerations_and_efforts_have_names():
     model = ms.load("four_bar")
-    machine = ms.dynamics.machine(model)
+    machine = ms.dynamics.dynamic_model(model)
 
     def own(angle, speed):
         motion = model.solve(angle, speed)

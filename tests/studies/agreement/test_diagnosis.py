@@ -171,8 +171,8 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
 )
 def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     form = ms.catalog.make("four_bar")
-    machine = dynamics.machine(form, Forces(gravity=(0.0, -9.81, 0.0)))
-    evaluation = replace(evaluation_points(form, SPEED), machine=machine)
+    machine = dynamics.dynamic_model(form, Forces(gravity=(0.0, -9.81, 0.0)))
+    evaluation = replace(evaluation_points(form, SPEED), dynamic_model=machine)
     if factor is None:
         one, *rest = machine.mechanism.links
         heavy = replace(one.inertia, mass=1.1 * one.inertia.mass)
@@ -182,7 +182,7 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     else:
         other = machine.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
     named = quantity("torque:crank", form.mechanism)
-    candidate = Candidate(named, replace(evaluation, machine=other).exact(named))
+    candidate = Candidate(named, replace(evaluation, dynamic_model=other).exact(named))
     found = agreement(evaluation, [candidate], "the test", None, parametric_model(form))
     assert found.findings[0].kind == kind, found.why
     assert found.findings[0].certain

@@ -58,7 +58,7 @@ def test_derivatives_of_tooth_forces_are_those_of_machines_next_to_it(path, name
 
     def columns(changed):
         form = ms.load(path, set={name: f"{changed} {unit}"})
-        return dict(ms.dynamics.prescribed(ms.dynamics.machine(form), ANGLES, 30.0).columns())
+        return dict(ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 30.0).columns())
 
     more, less = columns(value + step), columns(value - step)
     in_si = np.deg2rad(step) if unit == "deg" else 1e-3 * step

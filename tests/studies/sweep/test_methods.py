@@ -70,7 +70,7 @@ def test_forces_and_transmission_angles_are_measured():
         "rssr", {"crank": [0.012, 0.013]}, ["max:torque", "max:force:P3", "min:transmission"], speed=50.0
     )
     form = ms.catalog.make("rssr", crank=0.012)
-    study = dynamics.prescribed(dynamics.machine(form), TURN, 50.0)
+    study = dynamics.prescribed(dynamics.dynamic_model(form), TURN, 50.0)
     assert float(found["max:torque"][0]) == pytest.approx(study.efforts.torque.max())
     force = np.linalg.norm(study.efforts.reactions["P3"].force, axis=1).max()
     assert float(found["max:force:P3"][0]) == pytest.approx(force)

@@ -1,4 +1,4 @@
-"""A machine: a mechanism with masses, what acts on it, and how its motion is found."""
+"""Dynamic model: a mechanism with masses, the forces on it, and the solver of its motion."""
 
 from dataclasses import dataclass, replace
 
@@ -20,8 +20,8 @@ from mechsim.model.motion_laws import MotionLaws
 
 
 @dataclass(frozen=True, slots=True)
-class Machine:
-    """A mechanism with masses and forces; made by `machine`.
+class DynamicModel:
+    """A mechanism with masses and forces; made by `dynamic_model`.
 
     Attributes:
         mechanism: every link has an inertia.
@@ -61,30 +61,30 @@ class Machine:
             motion = LoopForm.solve_as(self.drive, at_unit_speed(as_run))
         return from_motion(self.mechanism, self.drive.within_ranges(motion) if within else motion)
 
-    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "Machine":
-        """Return the machine with the assembly that is selected at the first crank angle."""
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "DynamicModel":
+        """Return the model with the assembly that is selected at the first crank angle."""
         form = self.drive
         if not isinstance(form, ClosedForm):
             return self
         found = form.starting_at(angles, direction)
         return replace(self, mechanism=self.mechanism.with_guess(*found.guess()), drive=found)
 
-    def with_forces(self, forces: Forces) -> "Machine":
+    def with_forces(self, forces: Forces) -> "DynamicModel":
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)
         _check_crank(self.mechanism, forces, self.drive.motion_laws)
         return replace(self, forces=forces)
 
 
-def machine(
+def dynamic_model(
     source: Form | Mechanism,
     forces: Forces | None = None,
     *,
     mechanism: Mechanism | None = None,
     density: float = STEEL,
     diameter: float | str | None = None,
-) -> Machine:
-    """Return a catalogue mechanism, or any other, as a machine.
+) -> DynamicModel:
+    """Return a catalogue mechanism, or any other, as a dynamic model.
 
     Args:
         source: a catalogue mechanism, whose closed form gives the motion, or any mechanism, whose loop
@@ -115,7 +115,7 @@ def machine(
     acting = acting_on(source, forces)
     acting.check(described)
     _check_crank(described, acting, drive.motion_laws)
-    return Machine(described, acting, drive)
+    return DynamicModel(described, acting, drive)
 
 
 def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws | None) -> None:
