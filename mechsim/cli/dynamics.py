@@ -12,7 +12,7 @@ from mechsim import files
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, fluctuation, flywheel_for, free_run
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
-from mechsim.cli.forward_dynamics import ForwardOptions, forward_dynamics
+from mechsim.cli.forward_dynamics import ForwardOptions, Output, forward_dynamics
 from mechsim.cli.load_options import LoadOptions, print_masses
 from mechsim.cli.options import ModelOptions, speed_of, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -234,10 +234,17 @@ def dynamics(
     Examples:
     mechsim dynamics slider_crank --speed 600rpm --load press.csv --plot sheet.svg
     mechsim dynamics four_bar --motor line:1,600rpm --turns 3
+    mechsim dynamics four_bar --initial crank.q=30deg --duration 1s
     """
     options.check()
     if forward.requested:
-        return forward_dynamics(source, loads, forward, options.samples, options.method, options.csv)
+        if options.free or options.tolerance is not None or options.coefficient is not None:
+            raise InputError(
+                "--free, --tolerance and --coefficient are for a crank; drop them, or --initial, --until, "
+                "--statics, --modes and --response"
+            )
+        output = Output(options.samples, options.method, options.csv, options.plot, verbose)
+        return forward_dynamics(source, loads, forward, output)
     model = loads.dynamic_model(source.load_moving())
     shown = output_units(units, model.drive) or SI_UNITS
     if model.drive.motion_laws is not None and options.free:

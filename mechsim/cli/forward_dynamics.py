@@ -22,10 +22,11 @@ from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import LoadOptions
-from mechsim.cli.options import ModelOptions, pair_of, writable
+from mechsim.cli.options import ModelOptions, pair_of
 from mechsim.cli.output import number, print_table, print_text
-from mechsim.cli.verdict_text import print_verdict
+from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
+from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
@@ -53,8 +54,12 @@ class ForwardOptions:
         None, "Event that ends the run, as P.y=0 or J.q=90deg.", metavar="QUANTITY=VALUE"
     )
     restitution: float = option(0.0, "Coefficient of restitution at the limits of joints, 0 to 1.")
-    statics: bool = option(False, "List the equilibria; with --initial also what holds that configuration.")
-    modes: bool = option(False, "Natural frequencies, damping ratios and mode shapes about the equilibrium.")
+    statics: bool = option(
+        False, "List the equilibria; with --initial also what holds that configuration.", name="--statics"
+    )
+    modes: bool = option(
+        False, "Natural frequencies, damping ratios and mode shapes about the equilibrium.", name="--modes"
+    )
     response: str | None = option(
         None,
         "Frequency response from a unit load in joint J or on a point's P.x to such a quantity.",
@@ -67,17 +72,27 @@ class ForwardOptions:
         return bool(self.initial or self.until or self.statics or self.modes or self.response)
 
 
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Instants of a run, MuJoCo's method, files to write, and whether all checks are listed."""
+
+    samples: int
+    method: str | None
+    csv: str | None
+    plot: str | None
+    verbose: bool
+
+
 def forward_dynamics(
-    source: ModelOptions,
-    loads: LoadOptions,
-    forward: ForwardOptions,
-    samples: int,
-    method: str | None,
-    csv: str | None,
+    source: ModelOptions, loads: LoadOptions, forward: ForwardOptions, output: Output
 ) -> Result[Any]:
     """Return a run from an initial state, equilibria, modes or a frequency response."""
-    if csv is not None:
-        writable(csv, ".csv", ".npz")
+    if output.plot is not None and (forward.statics or forward.modes or forward.response):
+        raise InputError(
+            "--plot draws a run from an initial state; drop it, or --statics, --modes, --response"
+        )
+    if output.csv is not None and (forward.statics or forward.modes):
+        raise InputError("--csv holds a run or a response; take --json for --statics and --modes")
     # --duration is that of the run, not of motion laws
     model = loads.dynamic_model(replace(source, duration=None).load(still=True))
     initial = dict(forward.initial)
@@ -86,18 +101,20 @@ def forward_dynamics(
     if forward.modes:
         return _modes(model, initial)
     if forward.response is not None:
-        return _response(model, forward.response, initial, csv)
+        return _response(model, forward.response, initial, output.csv)
     result = run(
         model,
         initial=initial,
         duration=1.0 if source.duration is None else source.duration,
         until=forward.until,
-        samples=samples,
+        samples=output.samples,
         restitution=forward.restitution,
     )
-    if csv is not None:
-        files.write(csv, result.motion)
-    return _run(model, result, _verdict(model, result, initial, method))
+    if output.csv is not None:
+        files.write(output.csv, result.motion)
+    if output.plot is not None:
+        plots.write(output.plot, plots.motion_plot(result.motion))
+    return _run(model, result, _verdict(model, result, initial, output.method), output.verbose)
 
 
 def _verdict(
@@ -109,7 +126,7 @@ def _verdict(
     return crosscheck_forward(result, model, initial_values(model.mechanism, initial))
 
 
-def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None) -> Result[Any]:
+def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None, verbose: bool) -> Result[Any]:
     """Return a run from an initial state."""
     name = model.mechanism.name
     data: dict[str, Any] = {
@@ -141,7 +158,7 @@ def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None) -> Re
         head = ("joint", "least", "largest", "at the end", "unit", "rate at the end")
         print_table("coordinates", head, rows)
         if verdict is not None:
-            print_verdict("against MuJoCo", verdict, reasons=False)
+            print_verdicts({"against MuJoCo, stepped": verdict}, verbose=verbose)
         elif result.events:
             print_text("not compared with MuJoCo, whose impacts and dry friction are soft")
 
