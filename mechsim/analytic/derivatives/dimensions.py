@@ -88,7 +88,7 @@ class DesignFamily:
 
     def values(self) -> dict[str, float]:
         """Return the dimensions as they stand, in SI."""
-        return {name: one.value for name, one in self.dimensions.items()}
+        return {name: dimension.value for name, dimension in self.dimensions.items()}
 
 
 def changes(
@@ -109,30 +109,33 @@ def changes(
         to about 1e-13 of themselves, over the step at which a sixth order agrees best; one that disagrees by
         more than 1e-7 is refused.
     """
-    taken = numbers or (lambda values: numbers_of(family.describe(values)))
-    size = family.describe({}).size
-    return {name: _change(family, family.dimensions[name], size, taken) for name in names}
+    read_numbers = numbers or (lambda values: numbers_of(family.describe(values)))
+    length = family.describe({}).size
+    return {name: _change(family, family.dimensions[name], length, read_numbers) for name in names}
 
 
 def _change(
-    family: DesignFamily, dimension: Dimension, size: float, taken: Callable[[Mapping[str, float]], Array]
+    family: DesignFamily,
+    dimension: Dimension,
+    length: float,
+    read_numbers: Callable[[Mapping[str, float]], Array],
 ) -> Array:
     def numbers(value: float) -> Array:
-        return taken({dimension.name: value})
+        return read_numbers({dimension.name: value})
 
-    here = numbers(dimension.value)
-    best, apart = here, np.inf
-    for step in _steps(dimension, size):
+    current = numbers(dimension.value)
+    best, apart = current, np.inf
+    for step in _steps(dimension, length):
         try:
-            beside = [
-                [numbers(dimension.value + sense * k * step) - here for k in range(1, 5)]
-                for sense in (1.0, -1.0)
+            perturbed = [
+                [numbers(dimension.value + direction * k * step) - current for k in range(1, 5)]
+                for direction in (1.0, -1.0)
             ]
-            slope, off = _slope(np.array(beside), step)
+            derivative, off = _slope(np.array(perturbed), step)
         except (MechsimError, ValueError):
             continue
         if off < apart:
-            best, apart = slope, off
+            best, apart = derivative, off
         if apart <= CLOSE:
             return best
     if apart <= AGREE:
@@ -143,33 +146,33 @@ def _change(
     )
 
 
-def _slope(beside: Array, step: float) -> tuple[Array, float]:
+def _slope(perturbed: Array, step: float) -> tuple[Array, float]:
     """Return derivatives of numbers (k,) from what is added on either side, (2, 4, k), and how well known.
 
     That is by how much a lower order disagrees, as a part of what changes most; infinite at a kink.
     """
-    ahead, behind = (np.tensordot(ONE_SIDED, side, 1) / step for side in beside)
-    eighth, sixth = (np.tensordot(order, beside[0] - beside[1], 1) / step for order in (EIGHTH, SIXTH))
-    most = float(np.abs(beside).max(initial=0.0)) / (4.0 * step)
+    ahead, behind = (np.tensordot(ONE_SIDED, side, 1) / step for side in perturbed)
+    eighth, sixth = (np.tensordot(order, perturbed[0] - perturbed[1], 1) / step for order in (EIGHTH, SIXTH))
+    most = float(np.abs(perturbed).max(initial=0.0)) / (4.0 * step)
     if most == 0.0:
         return eighth, 0.0
     smooth = np.abs(ahead + behind).max() <= KINK * most
     return eighth, float(np.abs(eighth - sixth).max()) / most if smooth else np.inf
 
 
-def _steps(dimension: Dimension, size: float) -> Iterator[float]:
+def _steps(dimension: Dimension, length: float) -> Iterator[float]:
     """Yield steps of a dimension in SI, exact in binary numbers, the likeliest first."""
-    for scale in _scales(dimension, size):
+    for scale in _scales(dimension, length):
         for power in POWERS:
             yield float(2.0 ** (np.floor(np.log2(scale)) + power))
 
 
-def _scales(dimension: Dimension, size: float) -> list[float]:
+def _scales(dimension: Dimension, length: float) -> list[float]:
     """Return over what a dimension may be stepped, the likeliest first, in SI."""
     own = abs(dimension.value)
     if dimension.unit == "rad":
         return [1.0]
-    whole = size if dimension.unit == "m" else 1.0
+    whole = length if dimension.unit == "m" else 1.0
     return [own, whole] if own > SMALL * whole else [whole, own] if own else [whole]
 
 
@@ -187,38 +190,38 @@ def placed_family(form: Form) -> DesignFamily:
     def make(values: Mapping[str, float]) -> Form:
         return replace(own, mechanism=describe(values)) if values else form
 
-    found = {
+    dimensions = {
         name: Dimension(name, value, unit) for joint in mechanism.joints for name, value, unit in _of(joint)
     }
-    usual = tuple(name for name in found if name.count(".") == 2 and ".at." in name)
-    return DesignFamily(form.name, found, describe, make, usual=usual)
+    usual = tuple(name for name in dimensions if name.count(".") == 2 and ".at." in name)
+    return DesignFamily(form.name, dimensions, describe, make, usual=usual)
 
 
 def _of(joint: Joint) -> list[tuple[str, float, str]]:
     """Return name, value and unit of each dimension of a joint."""
     ends = {"": joint.b, ".a": joint.a, ".b": joint.b}
-    found = [
+    dimensions = [
         (f"{joint.name}{side}.at.{axis}", end.point[i], "m")
         for side, end in ends.items()
         for i, axis in enumerate(AXES)
     ]
-    return found + [(f"{joint.name}{side}.tilt.{axis}", 0.0, "rad") for side in ends for axis in AXES]
+    return dimensions + [(f"{joint.name}{side}.tilt.{axis}", 0.0, "rad") for side in ends for axis in AXES]
 
 
 def _placed(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
     """Return a mechanism with joints in other places."""
-    found = {joint.name: joint for joint in mechanism.joints}
+    joints = {joint.name: joint for joint in mechanism.joints}
     for name, value in values.items():
         rest, what, axis = name.rsplit(".", 2)
-        own = rest in found and not (rest[:-2] in found and rest[-2:] in (".a", ".b"))
+        own = rest in joints and not (rest[:-2] in joints and rest[-2:] in (".a", ".b"))
         joint, side = (rest, "") if own else (rest[:-2], rest[-1:])
         change = np.zeros(3)
         i = AXES.index(axis)
         before = mechanism.joint(joint)
         start = (before.a if side == "a" else before.b).point[i] if what == "at" else 0.0
         change[i] = value - start
-        found[joint] = _moved(mechanism, found[joint], side, what, change)
-    return replace(mechanism, joints=tuple(found.values()))
+        joints[joint] = _moved(mechanism, joints[joint], side, what, change)
+    return replace(mechanism, joints=tuple(joints.values()))
 
 
 def _moved(mechanism: Mechanism, joint: Joint, side: str, what: str, change: Array) -> Joint:
@@ -253,43 +256,43 @@ def _vector(values: Array) -> Vector:
 
 def catalog_family(form: ClosedForm) -> DesignFamily:
     """Return the family of a catalogue mechanism: all its dimensions, parts of places as NAME.x, NAME.y."""
-    found: dict[str, Dimension] = {}
+    dimensions: dict[str, Dimension] = {}
     for parameter in fields(form):
         unit, value = parameter.metadata["unit"], getattr(form, parameter.name)
         if "options" in parameter.metadata or isinstance(parameter.default, int):
             continue
-        for name, one in _parts(parameter.name, value).items():
-            found[name] = Dimension(name, float(one), unit)
+        for name, number in _parts(parameter.name, value).items():
+            dimensions[name] = Dimension(name, float(number), unit)
 
     def describe(values: Mapping[str, float]) -> Mechanism:
         return _unchecked(form, _whole(form, values)).description
 
-    return DesignFamily(form.name, found, describe, lambda values: replace(form, **_whole(form, values)))
+    return DesignFamily(form.name, dimensions, describe, lambda values: replace(form, **_whole(form, values)))
 
 
 def _parts(name: str, value: Any) -> dict[str, float]:
     if isinstance(value, tuple):
-        return {f"{name}.{axis}": one for axis, one in zip(AXES, value, strict=False)}
+        return {f"{name}.{axis}": number for axis, number in zip(AXES, value, strict=False)}
     return {name: value}
 
 
-def _whole(form: ClosedForm, values: Mapping[str, float]) -> dict[str, Any]:
+def _whole(solver: ClosedForm, values: Mapping[str, float]) -> dict[str, Any]:
     """Return parameters from dimensions: places put together from their parts."""
-    found: dict[str, Any] = {}
+    arguments: dict[str, Any] = {}
     for name, value in values.items():
         parameter, dot, axis = name.partition(".")
         if not dot:
-            found[parameter] = value
+            arguments[parameter] = value
             continue
-        place = list(found.get(parameter, getattr(form, parameter)))
-        place[AXES.index(axis)] = value
-        found[parameter] = tuple(place)
-    return found
+        position = list(arguments.get(parameter, getattr(solver, parameter)))
+        position[AXES.index(axis)] = value
+        arguments[parameter] = tuple(position)
+    return arguments
 
 
-def _unchecked(form: ClosedForm, values: Mapping[str, Any]) -> ClosedForm:
+def _unchecked(solver: ClosedForm, values: Mapping[str, Any]) -> ClosedForm:
     """Return a mechanism whose dimensions nothing has checked, of which only the description is of use."""
-    one = object.__new__(type(form))
-    for parameter in fields(form):
-        object.__setattr__(one, parameter.name, values.get(parameter.name, getattr(form, parameter.name)))
-    return one
+    copy = object.__new__(type(solver))
+    for parameter in fields(solver):
+        object.__setattr__(copy, parameter.name, values.get(parameter.name, getattr(solver, parameter.name)))
+    return copy

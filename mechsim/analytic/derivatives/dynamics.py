@@ -60,23 +60,25 @@ def efforts_along(
     study = moved_efforts(model, followed.motion(), speed, acceleration)
     by: dict[str, dict[str, Array]] = {}
     acting = force_numbers(model.forces)
-    for name, slope in change.items():
-        own, others = _split(slope, len(acting))
+    for name, derivative in change.items():
+        own, others = _split(derivative, len(acting))
         mechanism, motion = followed.changed(name, own)
         forces = with_force_numbers(model.forces, stepped(acting, others))
         moved = replace(model, mechanism=mechanism, forces=forces)
-        found = moved_efforts(moved, motion, speed, acceleration, model.mechanism)
-        by[name] = {column: change_of(values) for column, values in found.columns()}
-    left = {joint: one.undetermined for joint, one in study.efforts.reactions.items()}
-    open_ = frozenset(f"{joint}.{part}" for joint, parts in left.items() for part in parts)
+        forces_moved = moved_efforts(moved, motion, speed, acceleration, model.mechanism)
+        by[name] = {column: change_of(values) for column, values in forces_moved.columns()}
+    undetermined = {joint: reaction.undetermined for joint, reaction in study.efforts.reactions.items()}
+    open_ = frozenset(
+        f"{joint}.{component}" for joint, components in undetermined.items() for component in components
+    )
     return EffortDerivatives(dict(study.columns()), by, open_)
 
 
-def _split(slope: Array | None, acting: int) -> tuple[Array | None, Array]:
+def _split(derivative: Array | None, acting: int) -> tuple[Array | None, Array]:
     """Return changes of a mechanism's numbers, and those of what acts on it."""
-    if slope is None:
+    if derivative is None:
         return None, np.zeros(acting)
-    return slope[: len(slope) - acting], slope[len(slope) - acting :]
+    return derivative[: len(derivative) - acting], derivative[len(derivative) - acting :]
 
 
 def machine_numbers(mechanism: Mechanism, forces: Forces) -> Array:
@@ -101,8 +103,8 @@ def moved_efforts(
         nominal: the mechanism itself where that of the model carries complex steps.
     """
     speed, acceleration = (
-        np.broadcast_to(np.asarray(one, dtype=np.float64), motion.angle.shape)
-        for one in (speed, acceleration)
+        np.broadcast_to(np.asarray(rate, dtype=np.float64), motion.angle.shape)
+        for rate in (speed, acceleration)
     )
     standing = np.abs(speed) <= STILL * np.abs(speed).max()
     unit = from_motion(model.mechanism, motion, nominal)

@@ -78,32 +78,32 @@ class Followed:
 
     def motion(self) -> Motion:
         """Return the motion itself."""
-        found = merged([(part.index, with_rates(self.path, part)) for part in self.parts])
-        return record_of(self.path, found, self.instants, self.given, self.form)
+        record = merged([(chunk.index, with_rates(self.path, chunk)) for chunk in self.parts])
+        return record_of(self.path, record, self.instants, self.given, self.form)
 
-    def changed(self, name: str, slope: Array | None) -> tuple[Mechanism, Motion]:
+    def changed(self, name: str, derivative: Array | None) -> tuple[Mechanism, Motion]:
         """Return the mechanism and the motion whose imaginary parts are the changes by a dimension.
 
         Args:
             name: of the dimension.
-            slope: derivatives of the mechanism's numbers by it, (k,); None puts the drivers ahead.
+            derivative: derivatives of the mechanism's numbers by it, (k,); None puts the drivers ahead.
 
         Raises:
             AssemblyError: where it alone would leave loops open that repeat each other.
         """
-        nominal, ahead = numbers_of(self.mechanism), float(slope is None)
-        slope = np.zeros(len(nominal)) if slope is None else slope
-        if slope.shape != nominal.shape or not np.isfinite(slope).all():
+        nominal, ahead = numbers_of(self.mechanism), float(derivative is None)
+        derivative = np.zeros(len(nominal)) if derivative is None else derivative
+        if derivative.shape != nominal.shape or not np.isfinite(derivative).all():
             raise InputError(
-                f"the change by {name!r} has shape {slope.shape} or is not finite; the mechanism has "
+                f"the change by {name!r} has shape {derivative.shape} or is not finite; the mechanism has "
                 f"{len(nominal)} numbers: take what `changes` gives"
             )
-        mechanism = with_numbers(self.mechanism, stepped(nominal, slope))
-        given = STEP * max(ahead, float(np.abs(slope).max()) * min(1.0, 1.0 / mechanism.size))
-        found = [
-            (part.index, _changed(self.path, part, mechanism, name, given, ahead)) for part in self.parts
+        mechanism = with_numbers(self.mechanism, stepped(nominal, derivative))
+        step = STEP * max(ahead, float(np.abs(derivative).max()) * min(1.0, 1.0 / mechanism.size))
+        chunks = [
+            (chunk.index, _changed(self.path, chunk, mechanism, name, step, ahead)) for chunk in self.parts
         ]
-        return mechanism, record_of(self.path, merged(found), self.instants, mechanism, self.form)
+        return mechanism, record_of(self.path, merged(chunks), self.instants, mechanism, self.form)
 
 
 def motion_derivatives(
@@ -141,14 +141,14 @@ def derivatives_along(
     followed: Followed, change: Mapping[str, Array | None], *, torn: bool = False
 ) -> MotionDerivatives:
     """Return a motion that was followed already, and its derivatives; as `motion_derivatives`."""
-    found: dict[str, Motion] = {}
-    for name, slope in change.items():
+    motions: dict[str, Motion] = {}
+    for name, derivative in change.items():
         try:
-            found[name] = derivative_of(followed.changed(name, slope)[1])
+            motions[name] = derivative_of(followed.changed(name, derivative)[1])
         except AssemblyError:
             if not torn:
                 raise
-    return MotionDerivatives(followed.motion(), found)
+    return MotionDerivatives(followed.motion(), motions)
 
 
 def followed_motion(
@@ -165,15 +165,15 @@ def followed_motion(
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
     path, instants = followed_form(form, angle, *rates)
-    parts = list(closed_chunks(path, instants))
-    blind = path.near_change_point(angle)
-    if blind.any():
-        where = path.words.instant(float(angle[np.argmax(blind)]))
+    chunks = list(closed_chunks(path, instants))
+    singular = path.near_change_point(angle)
+    if singular.any():
+        where = path.words.instant(float(angle[np.argmax(singular)]))
         raise AssemblyError(
             f"{form.name}: at {where} two assemblies meet, and derivatives by dimensions have no bound; "
             "keep away from it"
         )
-    return Followed(form, mechanism, path, instants, parts)
+    return Followed(form, mechanism, path, instants, chunks)
 
 
 def followed_form(
@@ -191,34 +191,34 @@ def followed_form(
 
 def _changed(
     path: ContinuationPath,
-    part: ClosedChunk,
+    chunk: ClosedChunk,
     mechanism: GivenMechanism,
     name: str,
-    given: float,
+    step: float,
     ahead: float,
 ) -> LoopMotion:
     """Return the motion of some instants with complex numbers, their imaginary parts at most as given.
 
     Drivers are ahead by so many imaginary steps.
     """
-    loops = with_mechanism(part.solver.loops, mechanism)
-    solver = replace(part.solver, loops=loops)
-    at = Coordinates(part.q.values.astype(complex), part.q.turns.astype(complex))
-    for held, value in mechanism.locked.items():
-        at.values[loops.tree.index_of[held]] += 1j * np.imag(value)
+    loops = with_mechanism(chunk.solver.loops, mechanism)
+    solver = replace(chunk.solver, loops=loops)
+    q = Coordinates(chunk.q.values.astype(complex), chunk.q.turns.astype(complex))
+    for name_of_locked, value in mechanism.locked.items():
+        q.values[loops.tree.index_of[name_of_locked]] += 1j * np.imag(value)
     for driver in mechanism.drivers:
-        at.values[loops.tree.index_of[driver]] += 1j * STEP * ahead
-    before = solver.linearise(at)
-    at = loops.displaced(at, solver.step(before.matrix, before.rhs))
-    found = solver.linearise(at)
-    torn = np.abs(found.residual.imag).max(initial=0.0)
+        q.values[loops.tree.index_of[driver]] += 1j * STEP * ahead
+    before = solver.linearise(q)
+    q = loops.displaced(q, solver.step(before.matrix, before.rhs))
+    linearised = solver.linearise(q)
+    torn = np.abs(linearised.residual.imag).max(initial=0.0)
     opened = np.abs(before.residual.imag).max(initial=0.0)
-    if not torn <= TORN * max(opened, given):
+    if not torn <= TORN * max(opened, step):
         raise AssemblyError(
             f"{mechanism.name}: changed alone, {name} leaves the loops open, for joints repeat what "
             "others hold (as out of the plane of a flat linkage); change what goes with it, too"
         )
-    return with_rates(path, replace(part, solver=solver, q=at, linearised=found))
+    return with_rates(path, replace(chunk, solver=solver, q=q, linearised=linearised))
 
 
 def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
@@ -239,20 +239,20 @@ def record_of(
     form: Form,
 ) -> Motion:
     """Return a motion as a record; of a mechanism with other numbers, whose conditioning is not told."""
-    of = path.loops.tree.original if mechanism is None else mechanism
-    found = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, of)
+    described = path.loops.tree.original if mechanism is None else mechanism
+    record = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, described)
     if mechanism is not None:
-        found = replace(found, conditioning=None)
+        record = replace(record, conditioning=None)
     motion_laws = form.motion_laws
     if motion_laws is None:
-        return found
-    return replace(found, time=instants.parameter / motion_laws.rate, drivers=motion_laws.drivers)
+        return record
+    return replace(record, time=instants.parameter / motion_laws.rate, drivers=motion_laws.drivers)
 
 
 def derivative_of(motion: Motion) -> Motion:
     """Return the changes that a motion carries, as a record alike: of places, rates and accelerations."""
-    parts = {name: _imaginary(getattr(motion, name)) for name in ("points", "links", "joints")}
-    return replace(motion, conditioning=None, **parts)
+    records = {name: _imaginary(getattr(motion, name)) for name in ("points", "links", "joints")}
+    return replace(motion, conditioning=None, **records)
 
 
 def _imaginary(record: Any) -> Any:
@@ -262,7 +262,9 @@ def _imaginary(record: Any) -> Any:
     if isinstance(record, Mapping):
         return {key: _imaginary(value) for key, value in record.items()}
     if is_dataclass(record) and not isinstance(record, type):
-        return replace(record, **{one.name: _imaginary(getattr(record, one.name)) for one in fields(record)})
+        return replace(
+            record, **{item.name: _imaginary(getattr(record, item.name)) for item in fields(record)}
+        )
     return record
 
 
@@ -302,36 +304,36 @@ class MotionBeside:
     def followed(self, mechanism: Mechanism, ahead: float = 0.0) -> Followed:
         """Return that motion as one from which others begin, and derivatives are taken; as `of`."""
         own = self.form.mechanism
-        given = with_numbers(own, numbers_of(mechanism))
-        parts = [self._closed(part, given, ahead) for part in self.parts]
-        return Followed(self.form, mechanism, self.path, self.instants, parts, given)
+        target = with_numbers(own, numbers_of(mechanism))
+        chunks = [self._closed(chunk, target, ahead) for chunk in self.parts]
+        return Followed(self.form, mechanism, self.path, self.instants, chunks, target)
 
-    def _closed(self, part: ClosedChunk, mechanism: GivenMechanism, ahead: float) -> ClosedChunk:
-        loops = with_mechanism(part.solver.loops, mechanism)
-        solver = replace(part.solver, loops=loops)
-        side, at = np.sign(part.linearised.signed_distance), replace(part.q, values=part.q.values.copy())
-        for held, value in mechanism.locked.items():
-            at.values[loops.tree.index_of[held]] = value
+    def _closed(self, chunk: ClosedChunk, mechanism: GivenMechanism, ahead: float) -> ClosedChunk:
+        loops = with_mechanism(chunk.solver.loops, mechanism)
+        solver = replace(chunk.solver, loops=loops)
+        side, q = np.sign(chunk.linearised.signed_distance), replace(chunk.q, values=chunk.q.values.copy())
+        for name, value in mechanism.locked.items():
+            q.values[loops.tree.index_of[name]] = value
         for driver in mechanism.drivers:
-            at.values[loops.tree.index_of[driver]] += ahead
-        found, gone = solver.linearise(at), 0.0
+            q.values[loops.tree.index_of[driver]] += ahead
+        linearised, displacement = solver.linearise(q), 0.0
         for _ in range(STEPS):
-            step = solver.step(found.matrix, found.rhs)
+            step = solver.step(linearised.matrix, linearised.rhs)
             longest = float(np.abs(step).max(initial=0.0))
-            gone += longest
-            if not (longest < LONGEST and gone < self.reach):
+            displacement += longest
+            if not (longest < LONGEST and displacement < self.reach):
                 break
-            at = loops.displaced(at, step)
-            found = solver.linearise(at)
+            q = loops.displaced(q, step)
+            linearised = solver.linearise(q)
             if longest < SHORT:
                 break
-        gap = float(np.abs(found.residual).max(initial=0.0))
-        if not gap <= CLOSED or (np.sign(found.signed_distance) != side).any():
+        gap = float(np.abs(linearised.residual).max(initial=0.0))
+        if not gap <= CLOSED or (np.sign(linearised.signed_distance) != side).any():
             raise AssemblyError(
                 f"{mechanism.name}: with these dimensions the loops do not close in this assembly at all of "
                 "its instants; change them by less"
             )
-        return replace(part, solver=solver, q=at, linearised=found)
+        return replace(chunk, solver=solver, q=q, linearised=linearised)
 
 
 def motion_beside(
@@ -349,5 +351,5 @@ def motion_beside(
     Raises:
         AssemblyError: where the loops do not close, or where two assemblies meet.
     """
-    found = followed_motion(form, form.mechanism, angles, speed, acceleration)
-    return MotionBeside(form, found.path, found.instants, tuple(found.parts), reach)
+    solution = followed_motion(form, form.mechanism, angles, speed, acceleration)
+    return MotionBeside(form, solution.path, solution.instants, tuple(solution.parts), reach)

@@ -70,7 +70,7 @@ def numbers_of(mechanism: Mechanism) -> Array:
 
     The guess is none of them, nor is where coordinates are counted from.
     """
-    rows = [np.atleast_1d(np.asarray(one, dtype=np.float64)).ravel() for one in _numbers(mechanism)]
+    rows = [np.atleast_1d(np.asarray(values, dtype=np.float64)).ravel() for values in _numbers(mechanism)]
     return np.concatenate(rows)
 
 
@@ -105,9 +105,9 @@ class Taker:
         """Return the next numbers as a tuple."""
         return tuple(self.some(count).tolist())
 
-    def terms(self, given: Mapping[str, float]) -> dict[str, float]:
+    def terms(self, table: Mapping[str, float]) -> dict[str, float]:
         """Return the next numbers by the names of a table."""
-        return dict(zip(given, self.some(len(given)).tolist(), strict=True))
+        return dict(zip(table, self.some(len(table)).tolist(), strict=True))
 
 
 def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
@@ -121,7 +121,7 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
     holds = take.terms(mechanism.locked)
     points = {name: (link, take.tuple(3)) for name, (link, _) in mechanism.points.items()}
     links = tuple(_link(link, take) for link in mechanism.links)
-    own = {one.name: getattr(mechanism, one.name) for one in fields(mechanism)}
+    own = {item.name: getattr(mechanism, item.name) for item in fields(mechanism)}
     own |= {
         "joints": joints,
         "links": links,
@@ -146,10 +146,12 @@ def _joint(joint: Joint, take: Taker) -> GivenJoint:
 
 def _coupling(law: Coupling, take: Taker) -> GivenCoupling:
     coefficients, zeros = take.tuple(len(law.coefficients)), take.tuple(2)
-    left, right = take.terms(law.left_terms), take.terms(law.right_terms)
+    left_terms, right_terms = take.terms(law.left_terms), take.terms(law.right_terms)
     teeth = take.some(1)[0]
     teeth = None if law.pressure_angle is None else teeth
-    return GivenCoupling(law.name, left, right, coefficients, (zeros[0], zeros[1]), law.turns, teeth)
+    return GivenCoupling(
+        law.name, left_terms, right_terms, coefficients, (zeros[0], zeros[1]), law.turns, teeth
+    )
 
 
 def _link(link: Link, take: Taker) -> Link:
@@ -188,25 +190,27 @@ class GivenForces(Unchecked, Forces):
 
 def force_numbers(forces: Forces) -> Array:
     """Return the numbers of forces, (k,) in SI: all but the courses of loads over angle or time."""
-    return np.concatenate([np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in _force_values(forces)])
+    return np.concatenate(
+        [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in _force_values(forces)]
+    )
 
 
 def _force_values(forces: Forces) -> Iterator[object]:
     yield from (forces.gravity, forces.flywheel)
-    for one in forces.friction:
-        yield (one.viscous, one.coulomb, one.viscous_turn, one.coulomb_turn)
+    for friction in forces.friction:
+        yield (friction.viscous, friction.coulomb, friction.viscous_turn, friction.coulomb_turn)
     for spring in forces.springs:
         yield (spring.stiffness, spring.rest, spring.damping)
         yield from (_local(spring.a), _local(spring.b))
-    for turned in forces.joint_springs:
-        yield (turned.stiffness, turned.rest)
+    for joint_spring in forces.joint_springs:
+        yield (joint_spring.stiffness, joint_spring.rest)
     for load in forces.loads:
         yield _local(load.location)
 
 
-def _local(place: Location) -> tuple[float, ...]:
+def _local(location: Location) -> tuple[float, ...]:
     """Return the numbers of a place: none of a tracked point, whose own are the mechanism's."""
-    return () if isinstance(place, str) else place[1]
+    return () if isinstance(location, str) else location[1]
 
 
 def with_force_numbers(forces: Forces, row: Array) -> Forces:
@@ -223,13 +227,13 @@ def with_force_numbers(forces: Forces, row: Array) -> Forces:
     gravity, flywheel = three(take.some(3)), take.some(1)[0]
     friction = tuple(GivenFriction(one.joint, *take.tuple(4)) for one in forces.friction)
     springs = tuple(spring(one) for one in forces.springs)
-    turned = tuple(GivenJointSpring(one.joint, *take.tuple(2)) for one in forces.joint_springs)
+    joint_springs = tuple(GivenJointSpring(one.joint, *take.tuple(2)) for one in forces.joint_springs)
     loads = tuple(Load(place(one.location), one.force) for one in forces.loads)
     return GivenForces(
         gravity=gravity,
         friction=friction,
         springs=springs,
-        joint_springs=turned,
+        joint_springs=joint_springs,
         loads=loads,
         couples=forces.couples,
         crank_torque=forces.crank_torque,

@@ -41,7 +41,7 @@ class Dry:
 
 def dry_sizes(joint: Joint, friction: Friction) -> list[float]:
     """Return the sizes of a joint's dry frictions, those above zero, in the order of `add_friction`."""
-    return [size for _, size in friction.sizes(KINDS[joint.kind]) if size]
+    return [magnitude for _, magnitude in friction.sizes(KINDS[joint.kind]) if magnitude]
 
 
 def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
@@ -50,12 +50,12 @@ def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
     place_a, rate_a = unit.point(joint.a.link, joint.a.point)
     place_b, rate_b = unit.point(joint.b.link, joint.b.point)
     gap_rate = rate_b - rate_a - cross(unit.spin(joint.a.link), place_b - place_a)
-    found = [dot(axis, gap_rate) for axis in _slides(unit, joint)]
+    slide_rates = [dot(axis, gap_rate) for axis in _slides(unit, joint)]
     if kind.ball:
-        return [*found, np.sqrt(dot(spin, spin))]
+        return [*slide_rates, np.sqrt(dot(spin, spin))]
     if kind.crossed:
-        return [*found, *_axis_rates(unit.axis(joint, "a"), unit.axis(joint, "b"), spin)]
-    return [*found, dot(unit.axis(joint), spin)] if kind.turns else found
+        return [*slide_rates, *_axis_rates(unit.axis(joint, "a"), unit.axis(joint, "b"), spin)]
+    return [*slide_rates, dot(unit.axis(joint), spin)] if kind.turns else slide_rates
 
 
 def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Friction) -> list[Dry]:
@@ -68,27 +68,34 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
     kind = KINDS[joint.kind]
     lengths = [unit.mechanism.size] * len(kind.slides) + [1.0] * len(kind.turns)
     viscous: list[Array] = []
-    parts: list[Dry] = []
-    for (damper, size), rate, length in zip(friction.sizes(kind), rates(unit, joint), lengths, strict=False):
+    frictions: list[Dry] = []
+    for (damper, magnitude), rate, length in zip(
+        friction.sizes(kind), rates(unit, joint), lengths, strict=False
+    ):
         viscous.append(-damper * rate)
-        parts.append(Dry(size, rate, np.abs(rate) <= STILL * length))
+        frictions.append(Dry(magnitude, rate, np.abs(rate) <= STILL * length))
     add_efforts(unit, damping, joint, viscous)
-    add_efforts(unit, coulomb, joint, [-part.size * part.direction for part in parts])
-    return [part for part in parts if part.size]
+    add_efforts(
+        unit,
+        coulomb,
+        joint,
+        [-friction_force.size * friction_force.direction for friction_force in frictions],
+    )
+    return [friction_force for friction_force in frictions if friction_force.size]
 
 
-def add_efforts(unit: UnitMotion, stack: Array, joint: Joint, efforts: Sequence[Array]) -> None:
+def add_efforts(unit: UnitMotion, stack: Array, joint: Joint, forces: Sequence[Array]) -> None:
     """Add forces and torques (n,) on link b along a joint's coordinates, each doing work on its own alone.
 
     A ball's one torque is about its relative spin.
     """
     kind = KINDS[joint.kind]
-    for axis, effort in zip(_slides(unit, joint), efforts, strict=False):
+    for axis, effort in zip(_slides(unit, joint), forces, strict=False):
         force = effort[:, None] * axis
-        place, _ = unit.point(joint.b.link, joint.b.point)
-        add_force(unit, stack, joint.b.link, place, force)
-        add_force(unit, stack, joint.a.link, place, -force)
-    torques = efforts[len(kind.slides) :]
+        point, _ = unit.point(joint.b.link, joint.b.point)
+        add_force(unit, stack, joint.b.link, point, force)
+        add_force(unit, stack, joint.a.link, point, -force)
+    torques = forces[len(kind.slides) :]
     if kind.ball:
         spin = _spin(unit, joint)
         speed = np.sqrt(dot(spin, spin))
@@ -102,12 +109,12 @@ def add_efforts(unit: UnitMotion, stack: Array, joint: Joint, efforts: Sequence[
         add_couple(unit, stack, joint, torques[0][:, None] * unit.axis(joint))
 
 
-def add_force(unit: UnitMotion, stack: Array, link: str, place: Array, force: Array) -> None:
+def add_force(unit: UnitMotion, stack: Array, link: str, point: Array, force: Array) -> None:
     """Add a force on a link at a place in the ground frame to a stack of wrenches."""
     slot = unit.slot(link)
     if slot is not None:
         stack[:, slot, :3] += force
-        stack[:, slot, 3:] += cross(place - unit.position[:, slot], force)
+        stack[:, slot, 3:] += cross(point - unit.position[:, slot], force)
 
 
 def add_couple(unit: UnitMotion, stack: Array, joint: Joint, couple: Array) -> None:
@@ -200,8 +207,8 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
     rubbing: list[Dry] = []
     for friction in forces.friction:
         rubbing += add_friction(unit, damping, coulomb, friction)
-    for what, part in (("a spring", springs), ("friction or a damper", damping), ("friction", coulomb)):
-        require_idle(unit, part, what)
+    for what, wrenches in (("a spring", springs), ("friction or a damper", damping), ("friction", coulomb)):
+        require_idle(unit, wrenches, what)
     return Applied(gravity, springs, damping, coulomb, energy, tuple(rubbing))
 
 
@@ -224,8 +231,8 @@ def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
     """Return the loads at angles and times (n,) in [s]; None where the time is not known."""
     out = np.zeros_like(unit.twist)
     for load in model.forces.loads:
-        link, place, _ = unit.place(load.location)
-        add_force(unit, out, link, place, load.force.evaluate(unit.angle, time))
+        link, point, _ = unit.place(load.location)
+        add_force(unit, out, link, point, load.force.evaluate(unit.angle, time))
     for couple in model.forces.couples:
         slot = unit.slot(couple.link)
         if slot is not None:
@@ -252,8 +259,8 @@ def require_idle(unit: UnitMotion, wrenches: Array, what: str) -> None:
     """Raise InputError if wrenches do work on a spin that nothing determines."""
     if not unit.idle.shape[-1]:
         return
-    size = unit.mechanism.size
-    units = np.array([size] * 3 + [1.0] * 3)
+    length = unit.mechanism.size
+    units = np.array([length] * 3 + [1.0] * 3)
     work = np.abs((wrenches[..., None] * unit.idle).sum((1, 2))).max()
     most = np.abs(wrenches * units).max() * np.abs(unit.idle / units[:, None]).max()
     if work > 1e-9 * most:
@@ -281,6 +288,6 @@ def _line(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
 
 def _add_tension(unit: UnitMotion, stack: Stack, spring: Spring, tension: Array) -> None:
     line, _, _ = _line(unit, spring)
-    for place, sign in ((spring.a, 1.0), (spring.b, -1.0)):
-        link, where, _ = unit.place(place)
+    for location, sign in ((spring.a, 1.0), (spring.b, -1.0)):
+        link, where, _ = unit.place(location)
         add_force(unit, stack, link, where, sign * tension[:, None] * line)

@@ -56,12 +56,12 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
     def miss(flywheel: float) -> float:
         return _even(bare, angle, inertia + flywheel, gained, torque, mean).coefficient - coefficient
 
-    found, most = 0.0, float(np.mean(inertia)) + float(np.ptp(gained)) / (coefficient * mean**2)
+    solution, most = 0.0, float(np.mean(inertia)) + float(np.ptp(gained)) / (coefficient * mean**2)
     if miss(0.0) > 0.0:
         while miss(most) > 0.0:
             most *= 4.0
-        found = root(miss, 0.0, most)
-    return replace(_even(bare, angle, inertia + found, gained, torque, mean), flywheel=found)
+        solution = root(miss, 0.0, most)
+    return replace(_even(bare, angle, inertia + solution, gained, torque, mean), flywheel=solution)
 
 
 def _turn(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
@@ -70,15 +70,15 @@ def _turn(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]
     turns = round(model.drive.period / REVOLUTION)
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
     unit = model.unit_motion(angle)
-    part = coefficients(unit, applied(model, unit), model.forces.flywheel)
-    force = part.force(mean) + loads(model, unit, angle / mean).torque
+    reduced = coefficients(unit, applied(model, unit), model.forces.flywheel)
+    force = reduced.force(mean) + loads(model, unit, angle / mean).torque
     torque = -float(force.mean())
     waves = np.fft.rfft(force + torque)
     order = np.arange(len(waves)) / turns
     waves[1:] /= 1j * order[1:]
     waves[0] = 0.0
     gained: Array = np.fft.irfft(waves, len(angle)).astype(np.float64)
-    return angle, part.inertia, gained - gained[0], torque
+    return angle, reduced.inertia, gained - gained[0], torque
 
 
 def _even(
@@ -92,14 +92,14 @@ def _even(
     def miss(start: float) -> float:
         return 1.0 / float(np.mean(1.0 / speeds(start))) - abs(mean)
 
-    floor, size = -float(gained.min()), float(inertia.max()) * mean**2 + float(np.ptp(gained))
-    least = floor + 1e-9 * size
+    floor, scale = -float(gained.min()), float(inertia.max()) * mean**2 + float(np.ptp(gained))
+    least = floor + 1e-9 * scale
     if miss(least) > 0.0:
         raise InputError(
             f"{model.mechanism.name}: at a mean speed of {mean:.6g} rad/s the crank would stop within "
             "the turn; give a higher speed or a flywheel"
         )
-    speed = np.sign(mean) * speeds(root(miss, least, floor + size))
+    speed = np.sign(mean) * speeds(root(miss, least, floor + scale))
     spread = float(np.ptp(speed)) / abs(mean)
     excess = float(np.ptp(gained))
     return Fluctuation(angle, speed, mean, torque, excess, spread, model.forces.flywheel)

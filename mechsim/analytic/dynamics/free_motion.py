@@ -45,8 +45,17 @@ class Runner:
         self.model, self.forces = model, forces
         self.chart = CrankTable(model)
         joints = {joint.name: joint for joint in model.mechanism.joints}
-        self.dry = np.array([size for one in forces.friction for size in dry_sizes(joints[one.joint], one)])
-        self.pushes = [*(load.force for load in forces.loads), *(one.moment for one in forces.couples)]
+        self.dry = np.array(
+            [
+                magnitude
+                for friction in forces.friction
+                for magnitude in dry_sizes(joints[friction.joint], friction)
+            ]
+        )
+        self.pushes = [
+            *(load.force for load in forces.loads),
+            *(friction.moment for friction in forces.couples),
+        ]
         self.steady = not any(course.over == "time" for course in forces.courses)
         self.start, self.turns, self.tolerance = angle, turns, tolerance
         self.reach = FAR if turns is None else REVOLUTION * (PAST + abs(turns))
@@ -59,17 +68,17 @@ class Runner:
     def parts(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
         """Return J, J', statics, damping, dry friction, and driving torque at a state."""
         row = self.chart.at(angle)
-        inertia, slope, static, _, damping = row[:5].tolist()
+        inertia, derivative, static, _, damping = row[:5].tolist()
         k = len(self.dry)
         dry = float(np.abs(row[5 : 5 + k]) @ self.dry) if k else 0.0
-        drive = 0.0
+        torque = 0.0
         if self.forces.motor is not None:
-            drive += float(self.forces.motor.torque(speed))
+            torque += float(self.forces.motor.torque(speed))
         if self.forces.crank_torque is not None:
-            drive += float(self.forces.crank_torque.evaluate(angle, time)[0])
+            torque += float(self.forces.crank_torque.evaluate(angle, time)[0])
         for i, push in enumerate(self.pushes):
-            drive += float(push.evaluate(angle, time)[0] @ row[5 + k + 3 * i : 8 + k + 3 * i])
-        return inertia, slope, static, damping, dry, drive
+            torque += float(push.evaluate(angle, time)[0] @ row[5 + k + 3 * i : 8 + k + 3 * i])
+        return inertia, derivative, static, damping, dry, torque
 
     def rates(self, sign: float) -> Callable[[float, Array], Array]:
         """Return the right-hand side while the crank turns one way."""
@@ -80,14 +89,14 @@ class Runner:
             if beyond or not np.isfinite(state).all() or abs(angle - self.start) > self.reach:
                 return np.full(4, np.nan)
             try:
-                inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
+                inertia, derivative, static, damping, dry, torque = self.parts(time, angle, speed)
             except AssemblyError as error:
                 # the integrator then shortens its step until it stands before the dead centre
                 self.barred, self.bar = angle, str(error)
                 return np.full(4, np.nan)
-            force = static - damping * speed - sign * dry + drive
-            acceleration = (force - 0.5 * slope * speed**2) / inertia
-            return np.array([speed, acceleration, drive * speed, (damping * speed + sign * dry) * speed])
+            force = static - damping * speed - sign * dry + torque
+            acceleration = (force - 0.5 * derivative * speed**2) / inertia
+            return np.array([speed, acceleration, torque * speed, (damping * speed + sign * dry) * speed])
 
         return rate
 
@@ -101,15 +110,15 @@ class Runner:
 
         def derivatives(_: float, state: Array) -> Array:
             time, angle, speed = self.time, float(state[0]), float(state[1])
-            inertia, slope, static, damping, dry, drive = self.parts(time, angle, speed)
+            inertia, derivative, static, damping, dry, torque = self.parts(time, angle, speed)
             motor = self.forces.motor
             steeper = 0.0 if motor is None else float(motor.derivative)
-            force = static - damping * speed - sign * dry + drive - 0.5 * slope * speed**2
+            force = static - damping * speed - sign * dry + torque - 0.5 * derivative * speed**2
             matrix = np.zeros((4, 4))
             matrix[0, 1] = 1.0
-            matrix[1, 1] = (steeper - damping - slope * speed) / inertia
-            matrix[1, 0] = -force * slope / inertia**2
-            matrix[2, 1] = drive + steeper * speed
+            matrix[1, 1] = (steeper - damping - derivative * speed) / inertia
+            matrix[1, 0] = -force * derivative / inertia**2
+            matrix[2, 1] = torque + steeper * speed
             matrix[3, 1] = 2.0 * damping * speed + sign * dry
             return matrix
 
@@ -143,20 +152,20 @@ class Runner:
         inertia, *_ = self.parts(self.time, float(self.state[0]), float(self.state[1]))
         speed = max(abs(float(self.state[1])), 1.0)
         floor = self.tolerance * np.array([1.0, speed, inertia * speed**2, inertia * speed**2])
-        done = self._solved(sign, end, floor, events, inertia)
-        if len(done.t) > 1:
-            self.pieces.append((self.time, float(done.t[-1]), sign, done.sol))
-        self.time, self.state = float(done.t[-1]), done.y[:, -1].copy()
-        if done.status < 0:
+        finished = self._solved(sign, end, floor, events, inertia)
+        if len(finished.t) > 1:
+            self.pieces.append((self.time, float(finished.t[-1]), sign, finished.sol))
+        self.time, self.state = float(finished.t[-1]), finished.y[:, -1].copy()
+        if finished.status < 0:
             return "dead centre", self.bar or f"the crank cannot be followed beyond {self.time:.6g} s"
-        if self.turns is not None and len(done.t_events[1]):
-            self._land(done.sol, self.start + REVOLUTION * self.turns)
+        if self.turns is not None and len(finished.t_events[1]):
+            self._land(finished.sol, self.start + REVOLUTION * self.turns)
             return "done", ""
-        if self.turns is not None and len(done.t_events[2]):
+        if self.turns is not None and len(finished.t_events[2]):
             made = f"the crank made {self.turns:g} turns the other way round"
-            why = f"{made}; give a drive of the other sign, or {-self.turns:g} turns"
-            return ("cannot start" if self.from_rest else "turned back"), why
-        if len(done.t_events[0]):
+            reason = f"{made}; give a drive of the other sign, or {-self.turns:g} turns"
+            return ("cannot start" if self.from_rest else "turned back"), reason
+        if len(finished.t_events[0]):
             self.state[1] = 0.0
             return self._turning_back(sign)
         return self._timed_out(end)
@@ -213,13 +222,13 @@ class Runner:
         angle = float(self.state[0])
 
         def excess(time: float) -> float:
-            _, _, static, _, dry, drive = self.parts(time, angle, 0.0)
-            small = BALANCED * max(abs(static), abs(drive), dry)
-            return abs(static + drive) - dry - small
+            _, _, static, _, dry, torque = self.parts(time, angle, 0.0)
+            small = BALANCED * max(abs(static), abs(torque), dry)
+            return abs(static + torque) - dry - small
 
-        _, _, static, _, _, drive = self.parts(self.time, angle, 0.0)
+        _, _, static, _, _, torque = self.parts(self.time, angle, 0.0)
         if excess(self.time) > 0.0:
-            return float(np.sign(static + drive))
+            return float(np.sign(static + torque))
         if self.steady:
             return 0.0
         before = self.time
@@ -227,30 +236,30 @@ class Runner:
             if excess(float(later)) > 0.0:
                 waited = excess(before) < 0.0
                 self._hold(root(excess, before, float(later)) if waited else before)
-                _, _, static, _, _, drive = self.parts(float(later), angle, 0.0)
-                return float(np.sign(static + drive))
+                _, _, static, _, _, torque = self.parts(float(later), angle, 0.0)
+                return float(np.sign(static + torque))
             before = float(later)
         return 0.0
 
     def _hold(self, until: Any) -> None:
         """Stay at rest until an instant."""
-        held, until = self.state.copy(), float(until)
-        self.pieces.append((self.time, until, 0.0, lambda at: np.tile(held[:, None], len(at))))
+        state, until = self.state.copy(), float(until)
+        self.pieces.append((self.time, until, 0.0, lambda times: np.tile(state[:, None], len(times))))
         self.time = until
 
     def _at_rest(self, end: float) -> tuple[Outcome, str]:
         """Say how a run ends that nothing moves any more."""
         angle = float(self.state[0])
-        _, _, static, _, dry, drive = self.parts(self.time, angle, 0.0)
+        _, _, static, _, dry, torque = self.parts(self.time, angle, 0.0)
         if self.turns is None:
             self._hold(end)
-        why = (
-            f"at crank angle {angle:.6g} rad the drive and loads give {drive:.6g} N m and weight and springs "
-            f"{static:.6g}, and dry friction holds up to {dry:.6g} N m"
+        reason = (
+            f"at crank angle {angle:.6g} rad the drive and loads give {torque:.6g} N m and weight and "
+            f"springs {static:.6g}, and dry friction holds up to {dry:.6g} N m"
         )
         if self.from_rest and angle == self.start:
-            return "cannot start", why
-        return "stopped", why
+            return "cannot start", reason
+        return "stopped", reason
 
     def _turning_back(self, sign: float) -> tuple[Outcome, str] | None:
         """Judge a change of direction: without forces over time the way on is barred for good."""
@@ -259,11 +268,11 @@ class Runner:
         if not self._direction(self.time):
             return None
         made = (float(self.state[0]) - self.start) / REVOLUTION
-        why = (
+        reason = (
             f"the crank turns back at {self.state[0]:.6g} rad, {made:.3g} turns from its start; "
             "nothing it loses on the way comes back, so that it never gets beyond: give more torque or speed"
         )
-        return ("cannot start" if self.from_rest else "turned back"), why
+        return ("cannot start" if self.from_rest else "turned back"), reason
 
     def _timed_out(self, end: float) -> tuple[Outcome, str]:
         if self.turns is None:
@@ -274,12 +283,12 @@ class Runner:
     def _patience(self) -> float:
         """Return a time that is ample for the turns asked for, so that no run hangs."""
         assert self.turns is not None
-        inertia, _, static, _, _, drive = self.parts(0.0, self.start, float(self.state[1]))
-        pace = max(abs(float(self.state[1])), float(np.sqrt((abs(static) + abs(drive)) / inertia)))
+        inertia, _, static, _, _, torque = self.parts(0.0, self.start, float(self.state[1]))
+        speed = max(abs(float(self.state[1])), float(np.sqrt((abs(static) + abs(torque)) / inertia)))
         motor = self.forces.motor
         if motor is not None:
-            pace = min(pace, abs(motor.no_load))
-        return PATIENCE * REVOLUTION * (1.0 + abs(self.turns)) / max(pace, 1e-6)
+            speed = min(speed, abs(motor.no_load))
+        return PATIENCE * REVOLUTION * (1.0 + abs(self.turns)) / max(speed, 1e-6)
 
     def at(self, times: Array) -> tuple[Array, Array, Array, Array]:
         """Return what the run was at instants (n,) in [s], from 0 to its end.
@@ -366,8 +375,8 @@ def free_run(
     model = model.starting_at([first], speed or turns or 1.0)
     runner = Runner(model, first, speed, turns, tolerance)
     outcome, reason = runner.run(duration)
-    asked = np.linspace(0.0, runner.time, samples) if instants is None else instants
-    times = asked[asked <= runner.time]
+    instants_to_record = np.linspace(0.0, runner.time, samples) if instants is None else instants
+    times = instants_to_record[instants_to_record <= runner.time]
     (crank, rate, work, lost), acceleration, inertia, potential = runner.at(times)
     return FreeRun(
         time=times,

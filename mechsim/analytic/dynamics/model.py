@@ -51,23 +51,25 @@ class DynamicModel:
         Raises:
             AssemblyError: where the loops do not close, or a joint would leave its range.
         """
-        asked = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+        values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         if not isinstance(self.drive, LoopForm):
-            return from_motion(self.mechanism, self.drive.solve_along(asked))
+            return from_motion(self.mechanism, self.drive.solve_along(values))
         # as `LoopForm` has it: with the links that a record of a user's file leaves out
         if as_run is None or not as_run.drivers:
-            motion = LoopForm.solve_along(self.drive, asked)
+            motion = LoopForm.solve_along(self.drive, values)
         else:
             motion = LoopForm.solve_as(self.drive, at_unit_speed(as_run))
         return from_motion(self.mechanism, self.drive.within_ranges(motion) if within else motion)
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "DynamicModel":
         """Return the model with the assembly that is selected at the first crank angle."""
-        form = self.drive
-        if not isinstance(form, ClosedForm):
+        solver = self.drive
+        if not isinstance(solver, ClosedForm):
             return self
-        found = form.starting_at(angles, direction)
-        return replace(self, mechanism=self.mechanism.with_guess(*found.guess()), drive=found)
+        solver_at_start = solver.starting_at(angles, direction)
+        return replace(
+            self, mechanism=self.mechanism.with_guess(*solver_at_start.guess()), drive=solver_at_start
+        )
 
     def with_forces(self, forces: Forces) -> "DynamicModel":
         """Return the same mechanism under other forces."""
@@ -99,23 +101,23 @@ def dynamic_model(
         InputError: for forces that name what the mechanism does not have, and for one that is to fold where
             assemblies meet: its links would jump in speed.
     """
-    drive = LoopForm(source) if isinstance(source, Mechanism) else source
-    if not isinstance(drive, ClosedForm | LoopForm):
+    solver = LoopForm(source) if isinstance(source, Mechanism) else source
+    if not isinstance(solver, ClosedForm | LoopForm):
         raise InputError(
             f"forces act on a mechanism, and this is of type {type(source).__name__}; give what mechsim.load "
             "or catalog.make returns"
         )
-    if drive.change_point == "branch" and drive.change_points():
+    if solver.change_point == "branch" and solver.change_points():
         raise InputError(
-            f"{drive.name} is to fold at change points, where its links would jump in speed and no force is "
+            f"{solver.name} is to fold at change points, where its links would jump in speed and no force is "
             "large enough; leave out change_point=branch"
         )
-    bare = mechanism or drive.mechanism
+    bare = mechanism or solver.mechanism
     described = with_inertia(bare, density, units.si(diameter, "m", "diameter of the rods"))
     acting = acting_on(source, forces)
     acting.check(described)
-    _check_crank(described, acting, drive.motion_laws)
-    return DynamicModel(described, acting, drive)
+    _check_crank(described, acting, solver.motion_laws)
+    return DynamicModel(described, acting, solver)
 
 
 def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws | None) -> None:

@@ -67,19 +67,19 @@ class InverseDynamics:
     @property
     def torque_parts(self) -> dict[str, Array]:
         """What the drive torque is made of, (n,) each in [N m]."""
-        part, w = self.reduced, self.efforts.speed
+        reduced, w = self.reduced, self.efforts.speed
         return {
-            "inertia": part.inertia * self.efforts.acceleration + 0.5 * part.slope * w**2,
-            "weight and springs": -part.static,
-            "friction": part.damping * w + part.coulomb * np.sign(w),
+            "inertia": reduced.inertia * self.efforts.acceleration + 0.5 * reduced.slope * w**2,
+            "weight and springs": -reduced.static,
+            "friction": reduced.damping * w + reduced.coulomb * np.sign(w),
             "loads": -self.load,
         }
 
     @property
     def power_stored(self) -> Array:
         """Rate at which kinetic and potential energy grow, (n,) in [W], from J, J' and statics."""
-        w, e, part = self.efforts.speed, self.efforts.acceleration, self.reduced
-        return w * (part.inertia * e + 0.5 * part.slope * w**2 - part.static)
+        w, e, reduced = self.efforts.speed, self.efforts.acceleration, self.reduced
+        return w * (reduced.inertia * e + 0.5 * reduced.slope * w**2 - reduced.static)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the efforts as columns of a table in SI, and among them what only formulas tell."""
@@ -130,13 +130,15 @@ def prescribed(
     require("what is to be solved", model, DynamicModel)
     motion_laws = model.drive.motion_laws
     if as_run is not None:
-        at = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)
+        instants = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)
     else:
-        at = path_instants(model.mechanism, motion_laws, angles, speed, acceleration, t)
+        instants = path_instants(model.mechanism, motion_laws, angles, speed, acceleration, t)
         if t is None and speed is None:
             raise InputError(f"{model.mechanism.name}: the crank's speed is missing; give speed= in rad/s")
-    time = at.time if time is None else time
-    return prescribed_along(model, at.parameter, at.rate, at.second, time=time, watch=watch, as_run=as_run)
+    time = instants.time if time is None else time
+    return prescribed_along(
+        model, instants.parameter, instants.rate, instants.second, time=time, watch=watch, as_run=as_run
+    )
 
 
 def prescribed_along(
@@ -165,19 +167,19 @@ def prescribed_along(
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
-    at = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
-    if at is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():
-        at = angle / w
+    times = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
+    if times is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():
+        times = angle / w
     standing = np.abs(w) <= STILL * np.abs(w).max()
-    parts: list[InverseDynamics] = []
+    chunks: list[InverseDynamics] = []
     for first in range(0, n, PART):
         rows = slice(first, first + PART)
-        instants = None if at is None else at[rows]
+        instants = None if times is None else times[rows]
         run = None if as_run is None else select_instants(as_run, rows)
-        parts.append(_solved(model, angle[rows], w[rows], e[rows], instants, standing[rows], run))
-        done = min(first + PART, n)
-        watch(f"{done:,} of {n:,} instants", done / n)
-    return parts[0] if len(parts) == 1 else _joined(parts)
+        chunks.append(_solved(model, angle[rows], w[rows], e[rows], instants, standing[rows], run))
+        finished = min(first + PART, n)
+        watch(f"{finished:,} of {n:,} instants", finished / n)
+    return chunks[0] if len(chunks) == 1 else _joined(chunks)
 
 
 def _solved(
@@ -185,16 +187,21 @@ def _solved(
     angle: Array,
     w: Array,
     e: Array,
-    at: Array | None,
+    times: Array | None,
     standing: NDArray[np.bool_],
     as_run: Motion | None,
 ) -> InverseDynamics:
     """Return the inverse dynamics of some instants, all in one go."""
-    return moved_as(model, model.unit_motion(angle, as_run, within=True), w, e, at, standing)
+    return moved_as(model, model.unit_motion(angle, as_run, within=True), w, e, times, standing)
 
 
 def moved_as(
-    model: DynamicModel, unit: UnitMotion, w: Array, e: Array, at: Array | None, standing: NDArray[np.bool_]
+    model: DynamicModel,
+    unit: UnitMotion,
+    w: Array,
+    e: Array,
+    times: Array | None,
+    standing: NDArray[np.bool_],
 ) -> InverseDynamics:
     """Return the inverse dynamics of a model at given motion, all instants in one go.
 
@@ -203,59 +210,59 @@ def moved_as(
         unit: its motion per radian of the crank; complex, and all that follows, where dimensions are.
         w: speed of the crank, (n,) in [rad/s].
         e: its acceleration, (n,) in [rad/s2].
-        at: times in [s]; None where they are not known.
+        times: times in [s]; None where they are not known.
         standing: whether the crank stands, (n,).
     """
     angle, flywheel = unit.angle, model.forces.flywheel
-    acting, outside = applied(model, unit), loads(model, unit, at)
-    part = coefficients(unit, acting, flywheel)
+    acting, outside = applied(model, unit), loads(model, unit, times)
+    reduced = coefficients(unit, acting, flywheel)
     inertial = unit.inertial(w, e)
     shared = np.zeros_like(inertial)
     if not unit.drivers:
         # the flywheel and the crank's own load act in the driven joint
         driver = unit.mechanism.crank
         add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
-    held = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
-    torque = part.torque(w, e) - outside.torque
+    forces = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
+    torque = reduced.torque(w, e) - outside.torque
     force, moment = _shaking(model, unit, inertial, acting.gravity + outside.wrenches, e)
-    efforts = ForceRecord(
+    record = ForceRecord(
         size=unit.mechanism.size,
-        time=at,
+        time=times,
         angle=angle,
         speed=w,
         acceleration=e,
         torque=torque,
-        reactions=held.reactions,
-        gears=held.gears,
-        meshes=held.meshes,
-        undetermined=held.undetermined,
+        reactions=forces.reactions,
+        gears=forces.gears,
+        meshes=forces.meshes,
+        undetermined=forces.undetermined,
         kinetic=kinetic_energy(unit, w, flywheel),
-        potential=part.energy,
+        potential=reduced.energy,
         power_in=torque * w,
         power_loads=outside.torque * w,
-        power_lost=part.damping * w**2 + part.coulomb * np.abs(w),
-        residual=held.residual,
+        power_lost=reduced.damping * w**2 + reduced.coulomb * np.abs(w),
+        residual=forces.residual,
         sliding=_sliding(acting.dry, np.where(standing, 0.0, np.sign(w))),
         drive_accelerations=_drive_accelerations(unit, w),
-        drives={**held.drives, **held.holds} if unit.drivers else {},
-        locked={} if unit.drivers else held.holds,
+        drives={**forces.drives, **forces.holds} if unit.drivers else {},
+        locked={} if unit.drivers else forces.holds,
         straight=unit.mechanism.straight,
-        at_branch_point=held.meeting,
+        at_branch_point=forces.meeting,
     )
     return InverseDynamics(
         model=model,
-        efforts=efforts,
+        efforts=record,
         load=outside.torque,
-        reduced=part,
-        second_torque=_clock_torque(unit, held.drives),
-        indeterminacy=held.indeterminacy,
+        reduced=reduced,
+        second_torque=_clock_torque(unit, forces.drives),
+        indeterminacy=forces.indeterminacy,
         shaking_force=force,
         shaking_moment=moment,
     )
 
 
-def _drive_accelerations(unit: UnitMotion, clock: Array) -> dict[str, Array]:
-    return {name: second * clock**2 for name, second in unit.driver_seconds.items()}
+def _drive_accelerations(unit: UnitMotion, rate: Array) -> dict[str, Array]:
+    return {name: second * rate**2 for name, second in unit.driver_seconds.items()}
 
 
 def _clock_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
@@ -269,52 +276,57 @@ def _shaking(
     model: DynamicModel, unit: UnitMotion, inertial: Array, outside: Array, acceleration: Array
 ) -> tuple[Array, Array]:
     """Return force and moment about the ground's origin that the frame feels: outside less inertial."""
-    left = outside - inertial
-    force = left[..., :3].sum(1)
-    moment = (left[..., 3:] + cross(unit.position, left[..., :3])).sum(1)
+    unbalanced = outside - inertial
+    force = unbalanced[..., :3].sum(1)
+    moment = (unbalanced[..., 3:] + cross(unit.position, unbalanced[..., :3])).sum(1)
     if not model.forces.flywheel:
         return force, moment
-    turned = model.forces.flywheel * acceleration[:, None] * unit.axis(unit.mechanism.crank)
-    return force, moment - turned
+    inertia_torque = model.forces.flywheel * acceleration[:, None] * unit.axis(unit.mechanism.crank)
+    return force, moment - inertia_torque
 
 
 def _sliding(dry: Sequence[Dry], sign: Array) -> Array:
     """Return the direction in which each dry friction's joint goes, (n, k); 0 where a crank stands too."""
-    return np.stack([sign * one.direction for one in dry], 1) if dry else np.zeros((len(sign), 0))
+    return np.stack([sign * friction.direction for friction in dry], 1) if dry else np.zeros((len(sign), 0))
 
 
-def _joined(parts: Sequence[InverseDynamics]) -> InverseDynamics:
+def _joined(chunks: Sequence[InverseDynamics]) -> InverseDynamics:
     """Return parts put end to end; what is not determined in one of them is not determined."""
 
-    def bare(one: Reaction) -> Reaction:
-        sure = (
-            np.broadcast_to(np.eye(3), (len(one.force), 2, 3, 3)) if one.projector is None else one.projector
+    def bare(reaction: Reaction) -> Reaction:
+        projector = (
+            np.broadcast_to(np.eye(3), (len(reaction.force), 2, 3, 3))
+            if reaction.projector is None
+            else reaction.projector
         )
-        return replace(one, determined=None, projector=sure if indeterminacy else None)
+        return replace(reaction, determined=None, projector=projector if indeterminacy else None)
 
-    indeterminacy = max(part.indeterminacy for part in parts)
+    indeterminacy = max(chunk.indeterminacy for chunk in chunks)
     whole = join(
         [
-            replace(part.efforts, reactions={name: bare(one) for name, one in part.efforts.reactions.items()})
-            for part in parts
+            replace(
+                chunk.efforts,
+                reactions={name: bare(reaction) for name, reaction in chunk.efforts.reactions.items()},
+            )
+            for chunk in chunks
         ]
     )
     reactions = {
         name: replace(
-            one, determined=np.all([part.efforts.reactions[name].is_determined for part in parts], 0)
+            reaction, determined=np.all([chunk.efforts.reactions[name].is_determined for chunk in chunks], 0)
         )
-        for name, one in whole.reactions.items()
+        for name, reaction in whole.reactions.items()
     }
-    undetermined = frozenset[str]().union(*(part.efforts.undetermined for part in parts))
+    undetermined = frozenset[str]().union(*(chunk.efforts.undetermined for chunk in chunks))
     return InverseDynamics(
-        model=parts[0].model,
+        model=chunks[0].model,
         efforts=replace(whole, reactions=reactions, undetermined=undetermined),
-        load=np.concatenate([part.load for part in parts]),
-        reduced=join([part.reduced for part in parts]),
-        second_torque=np.concatenate([part.second_torque for part in parts]),
+        load=np.concatenate([chunk.load for chunk in chunks]),
+        reduced=join([chunk.reduced for chunk in chunks]),
+        second_torque=np.concatenate([chunk.second_torque for chunk in chunks]),
         indeterminacy=indeterminacy,
-        shaking_force=np.concatenate([part.shaking_force for part in parts]),
-        shaking_moment=np.concatenate([part.shaking_moment for part in parts]),
+        shaking_force=np.concatenate([chunk.shaking_force for chunk in chunks]),
+        shaking_moment=np.concatenate([chunk.shaking_moment for chunk in chunks]),
     )
 
 

@@ -72,24 +72,24 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     right = needed.reshape(len(unit), -1) * columns
     solution, slack, sound = _least_norm(scaled, right)
     multipliers = solution * rows
-    left = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
-    size = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
-    told = _named(mechanism, multipliers)
+    imbalance = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
+    scale = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
+    named = _named(mechanism, multipliers)
     return Balance(
-        {name: told[name] for name in mechanism.drivers},
-        {name: told[name] for name in mechanism.locked},
+        {name: named[name] for name in mechanism.drivers},
+        {name: named[name] for name in mechanism.locked},
         {
             joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None], sound)
             for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
         },
-        {name: told[name] for name in mechanism.named_laws},
-        mesh_forces(unit, told),
+        {name: named[name] for name in mechanism.named_laws},
+        mesh_forces(unit, named),
         frozenset(
             name
             for name in mechanism.named_laws
             if (np.abs(slack[sound, _row(mechanism, name, multipliers)]) > SETTLED).any()
         ),
-        left / size,
+        imbalance / scale,
         slack.shape[-1],
         ~sound,
     )
@@ -101,16 +101,16 @@ def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.b
     At the other instants, (n,) False, it takes more to nought.
     """
     u, values, vt = np.linalg.svd(np.real(matrix), full_matrices=True)
-    held = values > RANK_TOLERANCE * values[:, :1]
-    rank = int(held.sum(1).max())
-    sound = held.sum(1) == rank
+    significant = values > RANK_TOLERANCE * values[:, :1]
+    rank = int(significant.sum(1).max())
+    sound = significant.sum(1) == rank
     if np.iscomplexobj(matrix):
         slack = null_space(matrix, matrix.shape[2] - rank, RANK_TOLERANCE)
         return least_norm(matrix, right, RANK_TOLERANCE), slack, sound
-    kept = held[:, :rank, None]
-    part = np.where(kept, np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None], 0.0)
-    part = part / np.where(kept, values[:, :rank, None], 1.0)
-    return (np.swapaxes(vt[:, :rank], 1, 2) @ part)[..., 0], np.swapaxes(vt[:, rank:], 1, 2), sound
+    kept = significant[:, :rank, None]
+    projected = np.where(kept, np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None], 0.0)
+    projected = projected / np.where(kept, values[:, :rank, None], 1.0)
+    return (np.swapaxes(vt[:, :rank], 1, 2) @ projected)[..., 0], np.swapaxes(vt[:, rank:], 1, 2), sound
 
 
 def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
@@ -159,8 +159,8 @@ def _reaction(
 
 def _sure(alone: Array) -> Array:
     """Return projections of force and moment on what self-stresses (n, 6, s) leave alone, (n, 2, 3, 3)."""
-    left, values, _ = np.linalg.svd(alone.reshape(len(alone), 2, 3, -1), full_matrices=False)
-    loose = left * (values > SETTLED)[..., None, :]
+    u, values, _ = np.linalg.svd(alone.reshape(len(alone), 2, 3, -1), full_matrices=False)
+    loose = u * (values > SETTLED)[..., None, :]
     return np.eye(3) - loose @ np.swapaxes(loose, -1, -2)
 
 
@@ -169,8 +169,8 @@ def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> 
     end, sign = (joint.b, 1.0) if unit.slot(joint.b.link) is not None else (joint.a, -1.0)
     slot = unit.slot(end.link)
     assert slot is not None
-    part = unit.held_rows.jacobian[:, span, 6 * slot : 6 * slot + 6]
-    wrench = sign * np.swapaxes(part, 1, 2) @ multipliers[:, span]
+    jacobian = unit.held_rows.jacobian[:, span, 6 * slot : 6 * slot + 6]
+    wrench = sign * np.swapaxes(jacobian, 1, 2) @ multipliers[:, span]
     point, _ = unit.point(joint.b.link, joint.b.point)
     arm = point - unit.position[:, slot]
     force = wrench[:, :3]
@@ -207,14 +207,14 @@ class Share:
     separating: Array
 
 
-def mesh_forces(unit: UnitMotion, efforts: Mapping[str, Array]) -> dict[str, MeshForce]:
+def mesh_forces(unit: UnitMotion, forces: Mapping[str, Array]) -> dict[str, MeshForce]:
     """Return the force at the pitch point of each coupling that has one, from efforts of couplings (n,)."""
     return {
         name: MeshForce(
             link=mesh.driven.link,
             by=mesh.driver.link,
-            force=efforts[name][:, None] * _in_ground(unit, mesh.carrier, mesh.tangential)
-            + magnitude(efforts[name])[:, None] * _in_ground(unit, mesh.carrier, mesh.separating),
+            force=forces[name][:, None] * _in_ground(unit, mesh.carrier, mesh.tangential)
+            + magnitude(forces[name])[:, None] * _in_ground(unit, mesh.carrier, mesh.separating),
             point=_pitch_point(unit, mesh),
         )
         for name, mesh in meshes_of(unit.mechanism).items()
@@ -250,10 +250,10 @@ def _on_coordinates(unit: UnitMotion, joint: Joint, law: Coupling) -> Array:
         for name in {*terms} & {*joint.coordinates}:
             index = joint.coordinates.index(name)
             if index < len(kind.slides):
-                parts = unit.direction(joint.a, COLUMN[kind.slides[index]]), zero
+                components = unit.direction(joint.a, COLUMN[kind.slides[index]]), zero
             else:
-                parts = zero, unit.axis(joint)
-            out = out + factor * terms[name] * np.concatenate(parts, 1)
+                components = zero, unit.axis(joint)
+            out = out + factor * terms[name] * np.concatenate(components, 1)
     return out
 
 
@@ -274,5 +274,5 @@ def _pitch_point(unit: UnitMotion, mesh: Mesh) -> Array:
 def _in_ground(unit: UnitMotion, link: str, vector: Array) -> Array:
     """Return a vector of a link's frame in the ground frame, (n, 3)."""
     slot = unit.slot(link)
-    turned = vector if slot is None else unit.rotation[:, slot] @ vector
-    return np.broadcast_to(turned, (len(unit), 3))
+    rotated = vector if slot is None else unit.rotation[:, slot] @ vector
+    return np.broadcast_to(rotated, (len(unit), 3))

@@ -87,20 +87,20 @@ class CrankTable:
         """
         if self.periodic:
             angle = angle % REVOLUTION
-        place = int(np.floor(angle / ARC))
+        index = int(np.floor(angle / ARC))
         if isinstance(self.model.drive, LoopForm) and not self.ahead:
             self.ahead = True
-            self._look_ahead(place)
+            self._look_ahead(index)
             return self.at(angle)
-        for arc in self.arcs.setdefault(place, []):
+        for arc in self.arcs.setdefault(index, []):
             if arc.low <= angle <= arc.high:
                 return arc.at(angle)
-        low, high = place * ARC, (place + 1) * ARC
+        low, high = index * ARC, (index + 1) * ARC
         while True:
             arc = None if (low, high) in self.coarse else self._charted(low, high)
             if arc is not None:
-                self.arcs[place].append(arc)
-                self._compare(place)
+                self.arcs[index].append(arc)
+                self._compare(index)
                 return arc.at(angle)
             self.coarse.add((low, high))
             middle = 0.5 * (low + high)
@@ -112,33 +112,33 @@ class CrankTable:
                     "spring whose joint passes half a turn"
                 )
 
-    def _compare(self, place: int) -> None:
+    def _compare(self, index: int) -> None:
         """See whether a new arc repeats the one a turn away; then keep all in the first turn."""
-        new = self.arcs[place][-1]
-        for other in (place - PLACES, place + PLACES):
+        new = self.arcs[index][-1]
+        for other in (index - PLACES, index + PLACES):
             for old in self.arcs.get(other, ()):
-                apart = (other - place) * ARC
+                apart = (other - index) * ARC
                 if abs(old.low - new.low - apart) + abs(old.high - new.high - apart) > 1e-9:
                     continue
                 if _alike(old, new):
                     self.periodic, self.arcs = True, {}
                     return
 
-    def _look_ahead(self, place: int) -> None:
+    def _look_ahead(self, index: int) -> None:
         """Chart the turn around a place, all arcs in few calls: loop equations cost by the call.
 
         Arcs that need be shorter than a few halvings make them are left until the crank comes there, and
         so is everything where the crank cannot make the turn.
         """
-        ends = [(k * ARC, (k + 1) * ARC) for k in range(place - PLACES // 2, place + PLACES // 2)]
+        ends = [(k * ARC, (k + 1) * ARC) for k in range(index - PLACES // 2, index + PLACES // 2)]
         for _ in range(HALVINGS):
             try:
                 values = columns(self.model, np.concatenate([_nodes(*end) for end in ends]))
             except AssemblyError:
                 return
             shorter = []
-            for end, part in zip(ends, np.split(values, len(ends)), strict=True):
-                arc = self._resolved(*end, part)
+            for end, chunk in zip(ends, np.split(values, len(ends)), strict=True):
+                arc = self._resolved(*end, chunk)
                 if arc is not None:
                     self.arcs.setdefault(int(np.floor(sum(end) / 2.0 / ARC)), []).append(arc)
                 else:
@@ -147,7 +147,7 @@ class CrankTable:
             ends = shorter
             if not shorter:
                 break
-        self._wrap(place - PLACES // 2)
+        self._wrap(index - PLACES // 2)
 
     def _wrap(self, first: int) -> None:
         """Keep the arcs of a turn, which begins at a place, for all turns if its first repeats after it."""
@@ -155,7 +155,7 @@ class CrankTable:
             new = self._charted(old.low + REVOLUTION, old.high + REVOLUTION)
             if new is None or not _alike(old, new):
                 return
-        arcs = [arc for some in self.arcs.values() for arc in some]
+        arcs = [arc for resolved in self.arcs.values() for arc in resolved]
         self.periodic, self.arcs = True, {}
         for arc in arcs:
             turns = REVOLUTION * np.floor(0.5 * (arc.low + arc.high) / REVOLUTION)
@@ -187,20 +187,20 @@ def _floors(model: DynamicModel, count: int) -> Array:
 
     As of a planar linkage's way out of its plane, or of a joint that never turns.
     """
-    size, forces = model.mechanism.size, model.forces
-    lever = min(1.0, size)
+    length, forces = model.mechanism.size, model.forces
+    lever = min(1.0, length)
     masses = sum(link.inertia.mass for link in model.mechanism.links if link.inertia is not None)
-    weight = masses * size * float(np.linalg.norm(forces.gravity))
-    damping = lever**2 * sum(one.viscous + one.viscous_turn for one in forces.friction)
-    damping += size**2 * sum(spring.damping for spring in forces.springs)
-    loads, couples = [size] * 3 * len(forces.loads), [1.0] * 3 * len(forces.couples)
+    weight = masses * length * float(np.linalg.norm(forces.gravity))
+    damping = lever**2 * sum(friction.viscous + friction.viscous_turn for friction in forces.friction)
+    damping += length**2 * sum(spring.damping for spring in forces.springs)
+    loads, couples = [length] * 3 * len(forces.loads), [1.0] * 3 * len(forces.couples)
     dry = [lever] * (count - 3 - len(loads) - len(couples))
     return np.array([weight, weight, damping, *dry, *loads, *couples])
 
 
-def _alike(one: Arc, other: Arc) -> bool:
+def _alike(arc: Arc, other: Arc) -> bool:
     """Say whether two arcs a turn apart are the same."""
-    return bool((np.abs(one.values - other.values) <= 1e-9 * np.abs(one.values).max(0)).all())
+    return bool((np.abs(arc.values - other.values) <= 1e-9 * np.abs(arc.values).max(0)).all())
 
 
 def _nodes(low: float, high: float) -> Array:
@@ -212,10 +212,10 @@ def columns(model: DynamicModel, angles: Array) -> Array:
     """Return all columns at crank angles, (n, columns)."""
     unit = model.unit_motion(angles)
     acting = applied(model, unit)
-    part = coefficients(unit, acting, model.forces.flywheel)
-    rates = [one.rate for one in acting.dry]
+    reduced = coefficients(unit, acting, model.forces.flywheel)
+    rates = [friction.rate for friction in acting.dry]
     leverage = load_leverage(model, unit).reshape(len(unit), -1)
-    fixed = (part.inertia, part.slope, part.static, part.energy, part.damping)
+    fixed = (reduced.inertia, reduced.slope, reduced.static, reduced.energy, reduced.damping)
     return np.column_stack([*fixed, *rates, leverage])
 
 
@@ -267,14 +267,14 @@ def reduced(model: DynamicModel, angles: ArrayLike) -> Reduced:
 
 def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
     """Return the coefficients of the reduced equation for a motion per radian, a flywheel in [kg m2]."""
-    inertia, slope = generalised_inertia(unit)
+    inertia, derivative = generalised_inertia(unit)
     friction = np.zeros(len(unit))
     for part in acting.dry:
         friction = friction + part.size * size_of(part.rate)
     return Reduced(
         unit.angle,
         inertia + flywheel,
-        slope,
+        derivative,
         power(unit, acting.gravity + acting.springs),
         -power(unit, acting.damping),
         friction,
@@ -290,10 +290,10 @@ def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
     Returns:
         (n,) in [kg m2] and (n,) in [kg m2/rad].
     """
-    one, none = np.ones(len(unit)), np.zeros(len(unit))
-    momenta = unit.inertial(none, one)  # J's wrenches are those of unit acceleration at rest
-    slope = 2.0 * power(unit, unit.inertial(one, none))
-    return power(unit, momenta), slope
+    ones, none = np.ones(len(unit)), np.zeros(len(unit))
+    momenta = unit.inertial(none, ones)  # J's wrenches are those of unit acceleration at rest
+    derivative = 2.0 * power(unit, unit.inertial(ones, none))
+    return power(unit, momenta), derivative
 
 
 def load_leverage(model: DynamicModel, unit: UnitMotion) -> Array:
@@ -311,5 +311,5 @@ def kinetic_energy(unit: UnitMotion, speed: Array, flywheel: float = 0.0) -> Arr
     w = speed[:, None, None] * unit.twist
     centre = w[..., :3] + np.cross(w[..., 3:], unit.centres)
     turning = (unit.moments @ w[..., 3:, None])[..., 0]
-    parts = unit.masses * dot(centre, centre) + dot(w[..., 3:], turning)
-    return 0.5 * parts.sum(-1) + 0.5 * flywheel * speed**2
+    energies = unit.masses * dot(centre, centre) + dot(w[..., 3:], turning)
+    return 0.5 * energies.sum(-1) + 0.5 * flywheel * speed**2

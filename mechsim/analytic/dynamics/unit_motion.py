@@ -96,7 +96,7 @@ class UnitMotion:
         """Return the place of a link in the stacks; None for the frame."""
         if link == GROUND:
             return None
-        return [known.name for known in self.mechanism.links].index(link)
+        return [other.name for other in self.mechanism.links].index(link)
 
     def point(self, link: str, local: Vector) -> tuple[Array, Array]:
         """Return a point of a link and its derivative by the crank angle, (n, 3) each."""
@@ -107,9 +107,9 @@ class UnitMotion:
         swing = cross(self.twist[:, slot, 3:], arm)
         return self.position[:, slot] + arm, self.twist[:, slot, :3] + swing
 
-    def place(self, place: Location) -> tuple[str, Array, Array]:
+    def place(self, location: Location) -> tuple[str, Array, Array]:
         """Return the link of a place, where it is and its derivative."""
-        link, local = located(self.mechanism, place)
+        link, local = located(self.mechanism, location)
         return link, *self.point(link, local)
 
     def spin(self, link: str) -> Array:
@@ -137,9 +137,9 @@ class UnitMotion:
         omega, alpha, c = velocity[..., 3:], rate[..., 3:], self.centres
         moved = rate[..., :3] + cross(alpha, c) + cross(omega, cross(omega, c))
         force = self.masses[:, None] * moved
-        turned = (self.moments @ alpha[..., None])[..., 0]
+        angular = (self.moments @ alpha[..., None])[..., 0]
         gyro = cross(omega, (self.moments @ omega[..., None])[..., 0])
-        return np.concatenate([force, turned + gyro + cross(c, force)], -1)
+        return np.concatenate([force, angular + gyro + cross(c, force)], -1)
 
 
 def from_motion(mechanism: Mechanism, motion: Motion, nominal: Mechanism | None = None) -> UnitMotion:
@@ -154,10 +154,22 @@ def from_motion(mechanism: Mechanism, motion: Motion, nominal: Mechanism | None 
             freedom of the machine.
     """
     links = [motion.links[link.name] for link in mechanism.links]
-    twist = np.stack([np.concatenate([one.velocity, one.angular_velocity], -1) for one in links], 1)
-    bias = np.stack([np.concatenate([one.acceleration, one.angular_acceleration], -1) for one in links], 1)
-    position = np.stack([one.position for one in links], 1)
-    rotation = np.stack([one.rotation for one in links], 1)
+    twist = np.stack(
+        [
+            np.concatenate([motion_of_link.velocity, motion_of_link.angular_velocity], -1)
+            for motion_of_link in links
+        ],
+        1,
+    )
+    bias = np.stack(
+        [
+            np.concatenate([motion_of_link.acceleration, motion_of_link.angular_acceleration], -1)
+            for motion_of_link in links
+        ],
+        1,
+    )
+    position = np.stack([motion_of_link.position for motion_of_link in links], 1)
+    rotation = np.stack([motion_of_link.rotation for motion_of_link in links], 1)
     none = np.zeros((*twist.shape, 0))
     drivers = {name: motion.joints[name].value for name in motion.drivers}
     turning = {name: motion.joints[name].rate for name in motion.drivers}
@@ -189,13 +201,13 @@ def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
 def _require_round(unit: UnitMotion, idle: Array) -> None:
     """Raise InputError unless each idle twist leaves centres at rest and inertias as they are."""
     for k in range(idle.shape[-1]):
-        linear, turn = idle[..., :3, k], idle[..., 3:, k]
-        drift = linear + cross(turn, unit.centres)
-        across = skew(turn)
+        linear, angular = idle[..., :3, k], idle[..., 3:, k]
+        drift = linear + cross(angular, unit.centres)
+        across = skew(angular)
         change = across @ unit.moments - unit.moments @ across
-        fastest = np.abs(turn).max((1, 2), keepdims=True)
-        size, most = unit.mechanism.size, np.abs(unit.moments).max((-1, -2))
-        off = (np.abs(drift).max(-1) > ROUND * size * fastest[..., 0]) | (
+        fastest = np.abs(angular).max((1, 2), keepdims=True)
+        length, most = unit.mechanism.size, np.abs(unit.moments).max((-1, -2))
+        off = (np.abs(drift).max(-1) > ROUND * length * fastest[..., 0]) | (
             np.abs(change).max((-1, -2)) > ROUND * most * fastest[..., 0]
         )
         if off.any():
@@ -225,13 +237,13 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     rows = unit.rows(twists)
     before = unit.rows({link.name: unit.twist[:, i] for i, link in enumerate(unit.mechanism.links)})
     # the second rates that what is driven has, whatever spins
-    asked = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
+    driven = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
     scale = np.tile([unit.mechanism.size] * 3 + [1.0] * 3, count)
-    least = least_norm(rows.jacobian * scale, rows.bias - asked, loops.RANK_TOLERANCE)
+    least = least_norm(rows.jacobian * scale, rows.bias - driven, loops.RANK_TOLERANCE)
     bias = -(scale * least).reshape(n, count, 6)
     moved = replace(unit, twist=twist, bias=bias)
-    one, zero = np.ones(n), np.zeros(n)
-    torque = (np.swapaxes(flat, 1, 2) @ moved.inertial(one, zero).reshape(n, -1, 1))[..., 0]
+    ones, zero = np.ones(n), np.zeros(n)
+    torque = (np.swapaxes(flat, 1, 2) @ moved.inertial(ones, zero).reshape(n, -1, 1))[..., 0]
     return twist, off(bias, torque)
 
 

@@ -131,12 +131,12 @@ def revalued(x: Values, value: Array) -> Any:
     return Jet(value, x.rate, x.second) if isinstance(x, Jet) else value
 
 
-def chosen(which: NDArray[np.bool_], one: Values, other: Values) -> Any:
+def chosen(which: NDArray[np.bool_], first: Values, second: Values) -> Any:
     """Return a quantity made of two: one where that is said, (n,), else the other."""
-    if isinstance(one, Jet) and isinstance(other, Jet):
-        parts = ((getattr(x, part) for x in (one, other)) for part in ("value", "rate", "second"))
-        return Jet(*(np.where(which, a, b) for a, b in parts))
-    return np.where(which, values(one), values(other))
+    if isinstance(first, Jet) and isinstance(second, Jet):
+        fields = ((getattr(x, field) for x in (first, second)) for field in ("value", "rate", "second"))
+        return Jet(*(np.where(which, a, b) for a, b in fields))
+    return np.where(which, values(first), values(second))
 
 
 def still(value: Array) -> Jet:
@@ -144,23 +144,23 @@ def still(value: Array) -> Jet:
     return Jet(value, np.zeros_like(value), np.zeros_like(value))
 
 
-def root(residual: Callable[[Jet], Jet], found: Array, slope: Array) -> Jet:
+def root(residual: Callable[[Jet], Jet], solution: Array, derivative: Array) -> Jet:
     """Return a root, found numerically, as a jet: two Newton steps in jets, which give one rate each.
 
     Args:
         residual: what vanishes at the root, in jets.
-        found: the root, (n,).
-        slope: derivative of the residual by the root, (n,).
+        solution: the root, (n,).
+        derivative: derivative of the residual by the root, (n,).
     """
-    at = still(found)
+    jet = still(solution)
     for _ in range(2):
-        at = at - residual(at) / slope
-    return revalued(at, found)
+        jet = jet - residual(jet) / derivative
+    return revalued(jet, solution)
 
 
-def composed(x: Jet, value: Array, slope: Array, bend: Array) -> Jet:
+def composed(x: Jet, value: Array, derivative: Array, second_derivative: Array) -> Jet:
     """Return a function of a jet from the function's value and first two derivatives there, (n,) each."""
-    return Jet(value, slope * x.rate, slope * x.second + bend * (x.rate * x.rate))
+    return Jet(value, derivative * x.rate, derivative * x.second + second_derivative * (x.rate * x.rate))
 
 
 def _sqrt(x: Jet) -> Jet:

@@ -33,8 +33,8 @@ class LinkFrame:
 
     def axis(self, i: int) -> Any:
         """Return axis x, y or z by number."""
-        given = self._given[i]
-        return self._third if given is None else given
+        stored = self._given[i]
+        return self._third if stored is None else stored
 
     @property
     def _given(self) -> tuple[Any, Any, Any]:
@@ -47,8 +47,8 @@ class LinkFrame:
 
     def direction(self, local: Sequence[Any] | Array) -> Any:
         """Return a vector given in the link's frame, (3, n); its parts are (n,) each for many designs."""
-        parts = [part * self.axis(i) for i, part in enumerate(local) if _counts(part)]
-        return sum(parts[1:], parts[0]) if parts else np.zeros((3, 1))
+        components = [number * self.axis(i) for i, number in enumerate(local) if _counts(number)]
+        return sum(components[1:], components[0]) if components else np.zeros((3, 1))
 
     def point(self, local: Sequence[Any]) -> Any:
         """Return the place of a point given in the link's frame, (3, n) in [m]."""
@@ -81,8 +81,8 @@ class LinkFrame:
         return 0.5 * np.sum(spin, 0), 0.5 * np.sum(acceleration, 0)
 
 
-def _counts(part: Any) -> bool:
-    return bool(part.any() if isinstance(part, np.ndarray) else part)
+def _counts(number: Any) -> bool:
+    return bool(number.any() if isinstance(number, np.ndarray) else number)
 
 
 GROUND_FRAME = LinkFrame(np.zeros((3, 1)), column(EX), column(EY), column(EZ))
@@ -131,29 +131,31 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
     The frame of its side a is (3, 3), as the joint has it, or (3, 3, n) of many designs.
     """
     kind, frame = KINDS[joint.kind], joint.a.frame if side_a is None else side_a
-    mark, side, axis = (vector(frame[:, i]) if frame.ndim == 2 else frame[:, i] for i in range(3))
-    found: list[Values] = []
+    reference, side, axis = (vector(frame[:, i]) if frame.ndim == 2 else frame[:, i] for i in range(3))
+    coordinates: list[Values] = []
     if kind.slides:
         gap = b.point(joint.b.point) - a.point(joint.a.point)
-        columns = [(mark, side, axis)[COLUMN[along]] for along in kind.slides]
-        found += [dot(gap, a.direction(column)) for column in columns]
+        columns = [(reference, side, axis)[COLUMN[along]] for along in kind.slides]
+        coordinates += [dot(gap, a.direction(column)) for column in columns]
     if kind.ball or not kind.turns:
-        return found
+        return coordinates
     mark_b, side_b, axis_b = (vector(joint.b.frame[:, i]) for i in range(3))
     # seen from a, b's axis where axes cross, else its mark
-    seen = b.direction(axis_b if kind.crossed else mark_b)
-    found.append(np.arctan2(dot(a.direction(side), seen), dot(a.direction(mark), seen)))
+    observed = b.direction(axis_b if kind.crossed else mark_b)
+    coordinates.append(np.arctan2(dot(a.direction(side), observed), dot(a.direction(reference), observed)))
     if kind.crossed:
         back = a.direction(axis)
-        found.append(np.arctan2(-dot(b.direction(side_b), back), dot(b.direction(mark_b), back)))
-    return found
+        coordinates.append(np.arctan2(-dot(b.direction(side_b), back), dot(b.direction(mark_b), back)))
+    return coordinates
 
 
 def joint_motions(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[str, JointMotion]:
     """Return the motion of each coordinate of a joint, by its name."""
     kind, motions = KINDS[joint.kind], {}
-    for i, (name, unit, found) in enumerate(zip(joint.coordinates, kind.units, coordinates, strict=True)):
-        jet = found if isinstance(found, Jet) else Jet(found, np.zeros(1), np.zeros(1))
+    for i, (name, unit, coordinate) in enumerate(
+        zip(joint.coordinates, kind.units, coordinates, strict=True)
+    ):
+        jet = coordinate if isinstance(coordinate, Jet) else Jet(coordinate, np.zeros(1), np.zeros(1))
         value, rate, second = (_expanded(field, (n,)) for field in (jet.value, jet.rate, jet.second))
         motions[name] = JointMotion(value, rate, second, unit, None if kind.single else i)
     return motions

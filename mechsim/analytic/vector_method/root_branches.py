@@ -59,10 +59,12 @@ class Sheet:
             return self.low + np.mod(angles + layer * REVOLUTION - self.low, self.high - self.low)
         first = np.ceil((self.low - angles) / REVOLUTION)
         last = np.floor((self.high - angles) / REVOLUTION)
-        near = np.clip(0.0, first, np.maximum(first, last))
+        clipped = np.clip(0.0, first, np.maximum(first, last))
         # layers lie at near, then at its neighbours, upwards first
-        above, below = last - near, near - first
-        shift = near if layer == 0 else np.where(above >= layer, near + layer, near - (layer - above))
+        above, below = last - clipped, clipped - first
+        shift = (
+            clipped if layer == 0 else np.where(above >= layer, clipped + layer, clipped - (layer - above))
+        )
         inside = (last >= first) & (layer <= above + below)
         return np.where(inside, angles + REVOLUTION * shift, np.nan)
 
@@ -86,14 +88,14 @@ def sheets(coefficients: Coefficients, domain: Arcs, sign: int) -> list[Sheet]:
         domain: crank angles at which the polynomial exists.
         sign: of the slope.
     """
-    found = [sheet for arc in domain.arcs for sheet in _over(coefficients, arc, domain.full, sign)]
+    branches = [sheet for arc in domain.arcs for sheet in _over(coefficients, arc, domain.full, sign)]
 
     def rank(sheet: Sheet) -> tuple[bool, float, float]:
         at_zero = sheet.guide(sheet.unrolled(np.zeros(1), 0))[0]
         missing = bool(np.isnan(at_zero))
         return missing, 0.0 if missing else float(abs(np.sin(at_zero))), sheet.low
 
-    return sorted(found, key=rank)
+    return sorted(branches, key=rank)
 
 
 def _over(coefficients: Coefficients, arc: tuple[float, float], full: bool, sign: int) -> list[Sheet]:
@@ -144,14 +146,14 @@ def _sheet(
     return Sheet(float(low - shift), float(high - shift), closed, angles - shift, roots)
 
 
-def _matched(here: Array, there: Array) -> list[tuple[int, int]]:
+def _matched(roots: Array, next_roots: Array) -> list[tuple[int, int]]:
     """Pair the roots at two neighbouring nodes, at most four each, so that they move least in sum."""
-    if len(here) > len(there):
-        return [(b, a) for a, b in _matched(there, here)]
-    if len(there) == 1:
-        return [(0, 0)] if len(here) else []
-    gap = np.abs(np.mod(here[:, None] - there[None] + np.pi, REVOLUTION) - np.pi)
-    choices = permutations(range(len(there)), len(here))
+    if len(roots) > len(next_roots):
+        return [(b, a) for a, b in _matched(next_roots, roots)]
+    if len(next_roots) == 1:
+        return [(0, 0)] if len(roots) else []
+    gap = np.abs(np.mod(roots[:, None] - next_roots[None] + np.pi, REVOLUTION) - np.pi)
+    choices = permutations(range(len(next_roots)), len(roots))
     best = min(choices, key=lambda c: sum(gap[i, j] for i, j in enumerate(c)))
     return list(enumerate(best))
 
@@ -175,37 +177,40 @@ def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> 
         nodes = np.union1d(nodes, _dips(apart, nodes))
         counts = count(nodes)
         passed = np.searchsorted(folds, nodes)
-        at = np.nonzero((counts[1:] != counts[:-1]) & (passed[1:] == passed[:-1]))[0]
-        if len(at) == 0:
+        changes = np.nonzero((counts[1:] != counts[:-1]) & (passed[1:] == passed[:-1]))[0]
+        if len(changes) == 0:
             break
-        left, right, before = nodes[at], nodes[at + 1], counts[at]
+        lower, upper, before = nodes[changes], nodes[changes + 1], counts[changes]
         for _ in range(52):
-            middle = (left + right) / 2.0
+            middle = (lower + upper) / 2.0
             same = count(middle) == before
-            left, right = np.where(same, middle, left), np.where(same, right, middle)
-        new = (left + right) / 2.0
+            lower, upper = np.where(same, middle, lower), np.where(same, upper, middle)
+        new = (lower + upper) / 2.0
         # near a fold roots move like a square root: nodes close up on it by a factor of eight
-        near = [(np.outer(end - new, SHRINK) + new[:, None]).ravel() for end in (nodes[at], nodes[at + 1])]
-        folds, nodes = np.union1d(folds, new), np.union1d(nodes, np.concatenate(near))
+        clusters = [
+            (np.outer(end - new, SHRINK) + new[:, None]).ravel()
+            for end in (nodes[changes], nodes[changes + 1])
+        ]
+        folds, nodes = np.union1d(folds, new), np.union1d(nodes, np.concatenate(clusters))
     return folds.tolist(), nodes[:-1] if full else nodes
 
 
 def _dips(function: Callable[[Array], Array], nodes: Array) -> Array:
     """Return where a function that keeps its sign at three neighbouring nodes changes it between them."""
     values = function(nodes)
-    size, side = np.abs(values), values > 0.0
-    dips = (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])
+    magnitude, side = np.abs(values), values > 0.0
+    dips = (magnitude[1:-1] < magnitude[:-2]) & (magnitude[1:-1] <= magnitude[2:])
     dips &= (side[1:-1] == side[:-2]) & (side[1:-1] == side[2:])
-    at = np.nonzero(dips)[0] + 1
-    if len(at) == 0:
+    minima = np.nonzero(dips)[0] + 1
+    if len(minima) == 0:
         return nodes[:0]
-    left, right, sign = nodes[at - 1], nodes[at + 1], np.where(side[at], 1.0, -1.0)
-    parts = np.linspace(0.0, 1.0, 9)[:, None]
-    lowest = nodes[at]
+    lower, upper, sign = nodes[minima - 1], nodes[minima + 1], np.where(side[minima], 1.0, -1.0)
+    fractions = np.linspace(0.0, 1.0, 9)[:, None]
+    lowest = nodes[minima]
     for _ in range(20):
-        tries = left + (right - left) * parts  # (9, dips)
+        tries = lower + (upper - lower) * fractions  # (9, dips)
         heights = sign * function(tries.ravel()).reshape(tries.shape)
         best = np.clip(np.argmin(heights, 0), 1, 7)
-        columns = np.arange(len(at))
-        left, right, lowest = tries[best - 1, columns], tries[best + 1, columns], tries[best, columns]
+        columns = np.arange(len(minima))
+        lower, upper, lowest = tries[best - 1, columns], tries[best + 1, columns], tries[best, columns]
     return lowest[sign * function(lowest) < 0.0]

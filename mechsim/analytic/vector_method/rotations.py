@@ -43,7 +43,7 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     k = skew(vector)
     a = np.where(small, 1.0, np.sin(safe) / safe)
     b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
-    turned = (np.eye(3) + a * k + b * (k @ k)) @ rotation
+    rotated = (np.eye(3) + a * k + b * (k @ k)) @ rotation
     # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
-    turned = turned @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(turned, -1, -2) @ turned)
-    return np.where(np.abs(turned) < NOUGHT, 0.0, turned)
+    rotated = rotated @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(rotated, -1, -2) @ rotated)
+    return np.where(np.abs(rotated) < NOUGHT, 0.0, rotated)

@@ -49,24 +49,24 @@ def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array
     Source: the six solutions after Gosselin & Merlet 1994; the elimination avoids the tangent of the
         half angle as Rojas & Thomas, IEEE T-RO 27 (2011), ask.
     """
-    a, b = (np.asarray(part, dtype=np.float64) @ np.array([1.0, 1j]) for part in (pivots, platform))
+    a, b = (np.asarray(points, dtype=np.float64) @ np.array([1.0, 1j]) for points in (pivots, platform))
     r = np.asarray(legs, dtype=np.float64)
     shape = np.broadcast_shapes(a.shape, b.shape, r.shape)
-    a, b, r = (np.broadcast_to(part, shape).reshape(-1, 3).T for part in (a, b, r))  # (3, n)
-    size = np.max([abs(a - a[0]).max(0), abs(b - b[0]).max(0), r.max(0)], axis=0)
+    a, b, r = (np.broadcast_to(points, shape).reshape(-1, 3).T for points in (a, b, r))  # (3, n)
+    scale = np.max([abs(a - a[0]).max(0), abs(b - b[0]).max(0), r.max(0)], axis=0)
     a0, b0 = a[0], b[0]
-    a, b, r = (a - a0) / size, (b - b0) / size, r / size
+    a, b, r = (a - a0) / scale, (b - b0) / scale, r / scale
 
-    problem, place, turn = _starts(a, b, r)
-    at = a[:, problem], b[:, problem], r[:, problem]
-    place, turn = close(place, turn, *at, steps=40)
+    problem, position, phase = _starts(a, b, r)
+    selected = a[:, problem], b[:, problem], r[:, problem]
+    position, phase = close(position, phase, *selected, steps=40)
     with np.errstate(invalid="ignore"):
-        lengths = abs(np.stack(leg_vectors(place, turn, *at[:2])))
-        closed = abs(lengths - at[2]).max(0) <= CLOSED
-    poses = _collect(len(r[0]), problem[closed], place[closed], turn[closed])
-    place = size[:, None] * (poses[..., 0] + 1j * poses[..., 1]) + a0[:, None]
-    place -= np.exp(1j * poses[..., 2]) * b0[:, None]
-    poses[..., 0], poses[..., 1] = place.real, place.imag
+        lengths = abs(np.stack(leg_vectors(position, phase, *selected[:2])))
+        closed = abs(lengths - selected[2]).max(0) <= CLOSED
+    poses = _collect(len(r[0]), problem[closed], position[closed], phase[closed])
+    position = scale[:, None] * (poses[..., 0] + 1j * poses[..., 1]) + a0[:, None]
+    position -= np.exp(1j * poses[..., 2]) * b0[:, None]
+    poses[..., 0], poses[..., 1] = position.real, position.imag
     return poses.reshape(*shape[:-1], 6, 3)
 
 
@@ -99,34 +99,34 @@ def _starts(a: Complex, b: Complex, r: Array) -> tuple[NDArray[np.intp], Complex
     # a pair driven off the circle by rounding stands about as far apart along it
     theta = np.concatenate([theta, theta - off, theta + off])
     problem = np.tile(problem, 3)
-    turn = np.exp(1j * theta)
-    u = turn * b[1:, problem] - a[1:, problem]  # (2, m)
-    far = np.argmax(abs(u), axis=0)
-    u = np.take_along_axis(u, far[None], 0)[0]
-    r1, r2 = r[0, problem], r[1 + far, problem]
+    phase = np.exp(1j * theta)
+    u = phase * b[1:, problem] - a[1:, problem]  # (2, m)
+    farthest = np.argmax(abs(u), axis=0)
+    u = np.take_along_axis(u, farthest[None], 0)[0]
+    r1, r2 = r[0, problem], r[1 + farthest, problem]
     # the first leg lies on its circle and on the line that the longer of the two differences gives;
     # both points are tried, for at some theta both may close
     length = np.maximum(abs(u), EPS)
     along = (r2**2 - r1**2 - length**2) / (2.0 * length)
     across = np.sqrt(np.maximum(r1**2 - along**2, 0.0))
     ahead = u / length
-    place = np.concatenate([(along + 1j * across) * ahead, (along - 1j * across) * ahead])
-    return np.tile(problem, 2), place, np.tile(turn, 2)
+    position = np.concatenate([(along + 1j * across) * ahead, (along - 1j * across) * ahead])
+    return np.tile(problem, 2), position, np.tile(phase, 2)
 
 
-def _collect(n: int, problem: NDArray[np.intp], place: Complex, turn: Complex) -> Array:
+def _collect(n: int, problem: NDArray[np.intp], position: Complex, phase: Complex) -> Array:
     """Return the distinct poses of each problem by rising theta, (n, 6, 3), NaN where there are fewer."""
-    theta = np.angle(turn) % (2.0 * np.pi)
+    theta = np.angle(phase) % (2.0 * np.pi)
     poses = np.full((n, 6, 3), np.nan)
     count = np.zeros(n, dtype=np.intp)
     rank = _rank_within(problem)
     for round_ in range(int(rank.max(initial=-1)) + 1):
         now = rank == round_
-        p, x, t = problem[now], place[now], turn[now]
-        known = poses[p]
+        p, x, t = problem[now], position[now], phase[now]
+        distinct = poses[p]
         with np.errstate(invalid="ignore"):
-            gap = abs(known[..., 0] + 1j * known[..., 1] - x[:, None])
-            gap = np.maximum(gap, abs(np.exp(1j * known[..., 2]) - t[:, None]))
+            gap = abs(distinct[..., 0] + 1j * distinct[..., 1] - x[:, None])
+            gap = np.maximum(gap, abs(np.exp(1j * distinct[..., 2]) - t[:, None]))
         new = ~(gap < SAME).any(1) & (count[p] < 6)
         p = p[new]
         poses[p, count[p]] = np.stack([x[new].real, x[new].imag, theta[now][new]], -1)
@@ -148,14 +148,14 @@ def _rank_within(problem: NDArray[np.intp]) -> NDArray[np.intp]:
 Three = Sequence[Any]  # one entry a leg: complex or float, number or array
 
 
-def leg_vectors(place: Any, turn: Any, pivots: Three, platform: Three) -> Any:
+def leg_vectors(position: Any, phase: Any, pivots: Three, platform: Three) -> Any:
     """Return the legs, from pivot to link, a complex (3, ...)."""
-    return [place + turn * b - a for a, b in zip(pivots, platform, strict=True)]
+    return [position + phase * b - a for a, b in zip(pivots, platform, strict=True)]
 
 
-def moments(legs: Three, turn: Any, platform: Three) -> Any:
+def moments(legs: Three, phase: Any, platform: Three) -> Any:
     """Return the moment of each leg vector about the origin of the link's frame, (3, ...)."""
-    return [(leg * (turn * b).conjugate()).imag for leg, b in zip(legs, platform, strict=True)]
+    return [(leg * (phase * b).conjugate()).imag for leg, b in zip(legs, platform, strict=True)]
 
 
 def determinant(legs: Three, arms: Three) -> Any:
@@ -182,25 +182,27 @@ def inverse(legs: Three, arms: Three) -> tuple[Any, Any]:
     return shift, [cross(l2, l3) / whole, cross(l3, l1) / whole, cross(l1, l2) / whole]
 
 
-def close(place: Any, turn: Any, pivots: Three, platform: Three, legs: Three, steps: int) -> tuple[Any, Any]:
+def close(
+    position: Any, phase: Any, pivots: Three, platform: Three, legs: Three, steps: int
+) -> tuple[Any, Any]:
     """Close the legs by Newton's method, each start on its own; returns place and turn."""
     with np.errstate(all="ignore"):
         for _ in range(steps):
-            vectors = leg_vectors(place, turn, pivots, platform)
+            vectors = leg_vectors(position, phase, pivots, platform)
             # (|leg|^2 - r^2)/2 by factors, which keeps the digits of a gap that is nearly closed
             gaps = [
                 0.5 * (abs(leg) - length) * (abs(leg) + length)
                 for leg, length in zip(vectors, legs, strict=True)
             ]
-            shift, turning = inverse(vectors, moments(vectors, turn, platform))
-            place = place - sum(column * gap for column, gap in zip(shift, gaps, strict=True))
+            shift, turning = inverse(vectors, moments(vectors, phase, platform))
+            position = position - sum(column * gap for column, gap in zip(shift, gaps, strict=True))
             swing = sum(column * gap for column, gap in zip(turning, gaps, strict=True))
-            turn = turn * (1.0 - 1j * swing)
-            turn = turn / abs(turn)
-    return place, turn
+            phase = phase * (1.0 - 1j * swing)
+            phase = phase / abs(phase)
+    return position, phase
 
 
-def carried(place: Any, turn: Any, pivots: Three, platform: Three, legs: Three) -> tuple[Any, Any]:
+def carried(position: Any, phase: Any, pivots: Three, platform: Three, legs: Three) -> tuple[Any, Any]:
     """Return a closed pose as jets, from the pivots as jets: two Newton steps, which give one rate each."""
-    moved = close(still(place), still(turn), pivots, platform, legs, steps=2)
-    return revalued(moved[0], place), revalued(moved[1], turn)
+    moved = close(still(position), still(phase), pivots, platform, legs, steps=2)
+    return revalued(moved[0], position), revalued(moved[1], phase)

@@ -47,14 +47,14 @@ class Pivots:
 
     def at(self, angle: float) -> list[complex]:
         """Return the pivots at one crank angle."""
-        parts = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
-        return [centre + cmath.rect(crank, ratio * angle + phase) for centre, crank, ratio, phase in parts]
+        driven = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
+        return [centre + cmath.rect(crank, ratio * angle + phase) for centre, crank, ratio, phase in driven]
 
     def at_all(self, angles: Values) -> list[Any]:
         """Return the pivots at many crank angles, three (n,); as jets if the angles are one."""
-        parts = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
+        driven = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
         return [
-            centre + crank * np.exp(1j * (ratio * angles + phase)) for centre, crank, ratio, phase in parts
+            centre + crank * np.exp(1j * (ratio * angles + phase)) for centre, crank, ratio, phase in driven
         ]
 
 
@@ -100,8 +100,8 @@ class TriadPath:
             arm**2 + 2.0 * leg * abs(point)
             for arm, leg, point in zip(self._arms, legs, self._platform, strict=True)
         ]
-        place, turn = complex(start[0]), complex(start[1])
-        first = self._node(0.0, place + turn * self._middle, turn)
+        position, phase = complex(start[0]), complex(start[1])
+        first = self._node(0.0, position + phase * self._middle, phase)
         self._nodes: dict[int, list[Node]] = {1: [first], -1: [first]}
         self._ends: dict[int, float | None] = {1: None, -1: None}
         self._table: tuple[Array, Complex, Complex] | None = None
@@ -126,8 +126,8 @@ class TriadPath:
                 angle = number * self._period
                 if self.end(1, angle) is not None:
                     break
-                place, turn = self._on_table(np.array([angle]))
-                if abs(turn[0] - first.turn) + abs(place[0] - first.place) / self._size < 1e-7:
+                position, phase = self._on_table(np.array([angle]))
+                if abs(phase[0] - first.turn) + abs(position[0] - first.place) / self._size < 1e-7:
                     self._round = angle
                     break
         return self._round
@@ -143,14 +143,14 @@ class TriadPath:
         angles = self._reduced(angles)
         bounds = self.end(-1, float(angles.min())), self.end(1, float(angles.max()))
         # the last stretch before a dead centre carries no certificate: it needs more steps and a check
-        place, turn = self._on_table(angles, 5 if bounds == (None, None) else 16)
-        for side, bound in zip((-1, 1), bounds, strict=True):
-            if bound is not None:
+        position, phase = self._on_table(angles, 5 if bounds == (None, None) else 16)
+        for side, limit in zip((-1, 1), bounds, strict=True):
+            if limit is not None:
                 last = self._nodes[side][-1]
-                beyond = side * angles > side * bound
-                beyond |= (side * angles > side * last.angle) & ~(abs(turn - last.turn) < ASTRAY)
-                place[beyond] = turn[beyond] = np.nan
-        return place - turn * self._middle, turn
+                beyond = side * angles > side * limit
+                beyond |= (side * angles > side * last.angle) & ~(abs(phase - last.turn) < ASTRAY)
+                position[beyond] = phase[beyond] = np.nan
+        return position - phase * self._middle, phase
 
     def _reduced(self, angles: Array) -> Array:
         """Return crank angles of the path for which the pivots stand as at those asked for."""
@@ -163,8 +163,8 @@ class TriadPath:
         if whole is not None:
             return angles - whole * np.floor(angles / whole)
         # a path blocked on one side of a motion that repeats is blocked on the other
-        far = (1 + MOST_ROUNDS) * period
-        low, high = self.end(-1, -far), self.end(1, far)
+        limit = (1 + MOST_ROUNDS) * period
+        low, high = self.end(-1, -limit), self.end(1, limit)
         if low is None or high is None or high - low >= period:
             # without a gap between its ends the path would be left for another unseen
             return angles if low is None or high is None else shifted_into(angles, (low, high), 0.0, period)
@@ -180,34 +180,36 @@ class TriadPath:
                 np.array([node.place for node in nodes]),
                 np.array([node.turn for node in nodes]),
             )
-        known, places, turns = self._table
-        up = np.searchsorted(known, angles, side="right") - 1
-        at = np.where(angles >= 0.0, up, np.minimum(np.searchsorted(known, angles), len(known) - 1))
+        table_angles, positions, turns = self._table
+        up = np.searchsorted(table_angles, angles, side="right") - 1
+        index = np.where(
+            angles >= 0.0, up, np.minimum(np.searchsorted(table_angles, angles), len(table_angles) - 1)
+        )
         pivots = self._pivots.at_all(angles)
-        return close(places[at], turns[at], pivots, self._platform, self._legs, steps)
+        return close(positions[index], turns[index], pivots, self._platform, self._legs, steps)
 
-    def _node(self, angle: float, place: complex, turn: complex) -> Node:
-        vectors = leg_vectors(place, turn, self._pivots.at(angle), self._platform)
-        return Node(angle, place, turn, determinant(vectors, moments(vectors, turn, self._platform)))
+    def _node(self, angle: float, position: complex, phase: complex) -> Node:
+        vectors = leg_vectors(position, phase, self._pivots.at(angle), self._platform)
+        return Node(angle, position, phase, determinant(vectors, moments(vectors, phase, self._platform)))
 
     def _advance(self, side: int) -> None:
         """Take the longest step the theorem allows, or find the dead centre ahead."""
         nodes = self._nodes[side]
-        here = nodes[-1]
-        step = self._longest_step(here)
+        current = nodes[-1]
+        step = self._longest_step(current)
         if step < SHORTEST:
             self._ends[side] = self._dead_centre(nodes)
             return
         if len(nodes) > MOST_STEPS:
             raise AssemblyError(
-                f"the triad needs more than {MOST_STEPS} steps to reach crank angle {here.angle:.6g} rad; "
+                f"the triad needs more than {MOST_STEPS} steps to reach crank angle {current.angle:.6g} rad; "
                 "ask for fewer turns"
             )
-        angle = here.angle + side * step
-        place, turn = close(
-            here.place, here.turn, self._pivots.at(angle), self._platform, self._legs, steps=5
+        angle = current.angle + side * step
+        position, phase = close(
+            current.place, current.turn, self._pivots.at(angle), self._platform, self._legs, steps=5
         )
-        nodes.append(self._node(angle, place, turn))
+        nodes.append(self._node(angle, position, phase))
         self._table = None
 
     def _longest_step(self, node: Node) -> float:
@@ -217,28 +219,28 @@ class TriadPath:
         vectors = leg_vectors(node.place, node.turn, self._pivots.at(node.angle), self._platform)
         shift, turning = inverse(vectors, moments(vectors, node.turn, self._platform))
         gains = [abs(complex(abs(s) / self._size, t)) for s, t in zip(shift, turning, strict=True)]
-        bend = sum(gain * b for gain, b in zip(gains, self._bends, strict=True))
+        second_derivative = sum(gain * b for gain, b in zip(gains, self._bends, strict=True))
         travel = sum(g * leg * v for g, leg, v in zip(gains, self._legs, self._travel, strict=True))
-        step = KANTOROVICH / (bend * travel) if travel > 0.0 else np.pi
-        while not self._certified(gains, bend, step):
+        step = KANTOROVICH / (second_derivative * travel) if travel > 0.0 else np.pi
+        while not self._certified(gains, second_derivative, step):
             step *= 0.8
         return step
 
-    def _certified(self, gains: list[float], bend: float, step: float) -> bool:
+    def _certified(self, gains: list[float], second_derivative: float, step: float) -> bool:
         """Say whether Newton-Kantorovich holds for every crank angle up to a step away.
 
         With moves of at most d the legs stand open by r d + d^2/2 and their gradients have changed by
         d times the arm; the bends hold while no leg grows to twice its length.
         """
         moves = [v * step for v in self._travel]
-        parts = list(zip(gains, moves, self._legs, self._arms, strict=True))
-        turned = sum(gain * move * arm for gain, move, _, arm in parts)
-        if turned >= 0.5:
+        terms = list(zip(gains, moves, self._legs, self._arms, strict=True))
+        rotated = sum(gain * move * arm for gain, move, _, arm in terms)
+        if rotated >= 0.5:
             return False
-        newton = sum(gain * move * (leg + 0.5 * move) for gain, move, leg, _ in parts) / (1.0 - turned)
-        if newton * bend / (1.0 - turned) > KANTOROVICH:
+        newton = sum(gain * move * (leg + 0.5 * move) for gain, move, leg, _ in terms) / (1.0 - rotated)
+        if newton * second_derivative / (1.0 - rotated) > KANTOROVICH:
             return False
-        return all(move + 2.0 * newton * arm <= leg for _, move, leg, arm in parts)
+        return all(move + 2.0 * newton * arm <= leg for _, move, leg, arm in terms)
 
     def _dead_centre(self, path: list[Node]) -> float:
         """Return where the determinant d vanishes, from angle = end + p d^2 + q d^3 through three nodes."""

@@ -46,8 +46,8 @@ class TrigPolynomial:
 
     def value(self, angle: float, derivative: int = 0) -> float:
         """Return the value or a derivative at one angle."""
-        turned = (1j * self.order) ** derivative * self.harmonics * np.exp(1j * self.order * angle)
-        return float(turned.sum().real)
+        terms = (1j * self.order) ** derivative * self.harmonics * np.exp(1j * self.order * angle)
+        return float(terms.sum().real)
 
     def over(self, angle: Values) -> Any:
         """Return the values at angles, (n,), as jets if these are."""
@@ -65,36 +65,38 @@ class TrigPolynomial:
 
     def touching(self) -> tuple[float, ...]:
         """Return where the polynomial touches zero to within rounding, rising, in [-pi, pi)."""
-        found: list[float] = []
+        roots: list[float] = []
         for guess in self._zeros(1, TRIED):
-            at = _wrapped(self._polished(guess, 1))
-            flat = abs(self.value(at)) <= FLAT * self.scale and abs(self.value(at, 1)) <= LEVEL * self.scale
-            known = any(abs(_wrapped(at - other)) < np.sqrt(LEVEL) for other in found)
-            if flat and not known and abs(self.value(at, 2)) > LEVEL * self.scale:
-                found.append(at)
-        return tuple(sorted(found))
+            root = _wrapped(self._polished(guess, 1))
+            flat = (
+                abs(self.value(root)) <= FLAT * self.scale and abs(self.value(root, 1)) <= LEVEL * self.scale
+            )
+            duplicate = any(abs(_wrapped(root - other)) < np.sqrt(LEVEL) for other in roots)
+            if flat and not duplicate and abs(self.value(root, 2)) > LEVEL * self.scale:
+                roots.append(root)
+        return tuple(sorted(roots))
 
     def without(self, touching: float) -> "TrigPolynomial":
         """Return what is left after division by sin2((f - touching) / 2), of one degree less."""
         z = np.exp(1j * touching)
-        left, _ = np.polydiv(self.harmonics[::-1], np.array([1.0, -2.0 * z, z * z]))
-        left = -4.0 * z * left[::-1]
+        remaining, _ = np.polydiv(self.harmonics[::-1], np.array([1.0, -2.0 * z, z * z]))
+        remaining = -4.0 * z * remaining[::-1]
         # what rounding takes from the symmetry
-        return TrigPolynomial(0.5 * (left + left[::-1].conj()))
+        return TrigPolynomial(0.5 * (remaining + remaining[::-1].conj()))
 
-    def _zeros(self, derivative: int, near: float) -> Array:
+    def _zeros(self, derivative: int, tolerance: float) -> Array:
         """Return angles of the zeros close to the unit circle of z^n times the polynomial, z = exp(i f)."""
         coefficients = (1j * self.order) ** derivative * self.harmonics
         zeros = np.roots(coefficients[::-1])
-        return np.asarray(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < near]), dtype=np.float64)
+        return np.asarray(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < tolerance]), dtype=np.float64)
 
     def _polished(self, guess: float, derivative: int) -> float:
         angle = float(guess)
         for _ in range(8):
-            slope = self.value(angle, derivative + 1)
-            if abs(slope) <= LEVEL * self.scale:
+            derivative_value = self.value(angle, derivative + 1)
+            if abs(derivative_value) <= LEVEL * self.scale:
                 break
-            angle -= float(np.clip(self.value(angle, derivative) / slope, -1e-2, 1e-2))
+            angle -= float(np.clip(self.value(angle, derivative) / derivative_value, -1e-2, 1e-2))
         return angle
 
 
@@ -115,15 +117,15 @@ class SignedRoot:
 
         Accuracy: relative error of a few ulp also close to a double root.
         """
-        found = np.sqrt(self.rest.over(angle))
-        for at in self.touching:
-            found = found * np.sin(0.5 * (angle - at))
-        return found
+        roots = np.sqrt(self.rest.over(angle))
+        for angle_of_root in self.touching:
+            roots = roots * np.sin(0.5 * (angle - angle_of_root))
+        return roots
 
     def folded(self, angle: Values) -> Any:
         """Return the root's absolute value at angles as `over` does; where it is zero, its rates beyond."""
-        at = values(angle)
-        beyond = at + BESIDE * (1.0 + np.abs(at))
+        angles = values(angle)
+        beyond = angles + BESIDE * (1.0 + np.abs(angles))
         signs = np.sign(np.sin(0.5 * np.subtract.outer(beyond, np.array(self.touching))))
         return self.over(angle) * signs.prod(-1)
 
@@ -141,15 +143,15 @@ def sampled(polynomial: Callable[[Array], Array], degree: int) -> TrigPolynomial
 
 def signed_root(polynomial: TrigPolynomial) -> SignedRoot:
     """Return the square root that passes double roots smoothly."""
-    at = polynomial.touching()
+    touching = polynomial.touching()
     rest = polynomial
-    for one in at:
-        rest = rest.without(one)
-    kept = tuple(one for one in at if rest.value(one) > 0.0)
-    if kept != at:
+    for root in touching:
+        rest = rest.without(root)
+    kept = tuple(root for root in touching if rest.value(root) > 0.0)
+    if kept != touching:
         rest = polynomial
-        for one in kept:
-            rest = rest.without(one)
+        for root in kept:
+            rest = rest.without(root)
     return SignedRoot(rest, kept)
 
 
@@ -177,9 +179,9 @@ class Arcs:
         if self.full or not self.arcs:
             return 0.0
         for low, high in self.arcs:
-            for turn in (0.0, REVOLUTION):
-                if low < turn < high:
-                    return turn if high - low > REVOLUTION else 0.0
+            for angle in (0.0, REVOLUTION):
+                if low < angle < high:
+                    return angle if high - low > REVOLUTION else 0.0
         low, high = max(self.arcs, key=lambda arc: arc[1] - arc[0])
         return (low + high) / 2.0
 
@@ -189,17 +191,17 @@ class Arcs:
         return " and ".join(f"from {low:.6g} to {high:.6g} rad" for low, high in self.arcs)
 
 
-def reachable_arcs(margin: Callable[[Array], Array], degree: int) -> Arcs:
+def reachable_arcs(discriminant: Callable[[Array], Array], degree: int) -> Arcs:
     """Return where a trigonometric polynomial of the crank angle is positive.
 
     Args:
-        margin: the polynomial, evaluated at (n,) angles.
+        discriminant: the polynomial, evaluated at (n,) angles.
         degree: its highest harmonic.
 
     Accuracy: simple roots to a few ulp (polished by Newton's method on the polynomial itself); a
         double root, where two assemblies meet but the crank turns on, counts as no root.
     """
-    rest = sampled(margin, degree)
+    rest = sampled(discriminant, degree)
     for double in rest.touching():
         rest = rest.without(double)
     ends = rest.roots()
@@ -234,5 +236,5 @@ def _joined(gaps: list[tuple[float, float]], heights: list[float]) -> Arcs:
         arcs = [(arcs[-1][0], arcs[0][1] + REVOLUTION), *arcs[1:-1]]
     if len(arcs) == 1 and arcs[0][1] >= arcs[0][0] + REVOLUTION:
         return Arcs(True, ((-np.pi, np.pi),))
-    turned = [(low - REVOLUTION, high - REVOLUTION) if low >= np.pi else (low, high) for low, high in arcs]
-    return Arcs(False, tuple(sorted(turned)))
+    wrapped = [(low - REVOLUTION, high - REVOLUTION) if low >= np.pi else (low, high) for low, high in arcs]
+    return Arcs(False, tuple(sorted(wrapped)))

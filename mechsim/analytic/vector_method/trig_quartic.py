@@ -72,18 +72,18 @@ def real_roots(coefficients: Array) -> Array:
     scale = np.abs(coefficients).max(0)
     # the quartic's leading coefficient is the polynomial's value opposite the origin of the angle:
     # turned to where it is largest, no root is lost to infinity
-    marks = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
-    sizes = np.abs(value(coefficients[:, None], marks[:, None]))  # (8, n)
-    origin = marks[np.argmax(sizes, 0)] + np.pi
+    angles = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    sizes = np.abs(value(coefficients[:, None], angles[:, None]))  # (8, n)
+    origin = angles[np.argmax(sizes, 0)] + np.pi
     quartic = half_angle(_turned(coefficients, origin))
     companion = np.zeros((n, 4, 4))
     companion[:, 0] = -(quartic[1:] / quartic[0]).T
     companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
     usable = np.isfinite(companion).all((1, 2))
     companion[~usable] = 0.0
-    found = np.linalg.eigvals(companion).T  # (4, n)
-    roots = 2.0 * np.arctan(found.real) + origin
-    nearly = (np.abs(found.imag) < NEARLY_REAL * (1.0 + np.abs(found) ** 2)) & usable
+    eigenvalues = np.linalg.eigvals(companion).T  # (4, n)
+    roots = 2.0 * np.arctan(eigenvalues.real) + origin
+    nearly = (np.abs(eigenvalues.imag) < NEARLY_REAL * (1.0 + np.abs(eigenvalues) ** 2)) & usable
     for _ in range(3):
         rise = slope(coefficients, roots)
         step = value(coefficients, roots) / np.where(rise == 0.0, np.inf, rise)

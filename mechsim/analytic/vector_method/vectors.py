@@ -37,7 +37,7 @@ def norm(a: Values) -> Any:
 
 def column(v: Any) -> Array:
     """Return one vector as a (3, 1) column that broadcasts against (3, n); of many designs (3, n)."""
-    if any(isinstance(part, np.ndarray) and part.ndim for part in v):
+    if any(isinstance(component, np.ndarray) and component.ndim for component in v):
         return np.stack(np.broadcast_arrays(*v)).astype(np.float64, copy=False)
     return np.asarray(v, dtype=np.float64).reshape(3, 1)
 
@@ -61,20 +61,20 @@ def turned_twice(first: Array, second: Array) -> Array:
     """Return the product of two turns, (3, 3) each or (3, 3, n) of many designs."""
     if first.ndim == second.ndim == 2:
         return first @ second
-    wide = [one if one.ndim == 3 else one[..., None] for one in (first, second)]
+    wide = [matrix if matrix.ndim == 3 else matrix[..., None] for matrix in (first, second)]
     return (wide[0][:, :, None] * wide[1][None]).sum(1)
 
 
-def spun(mark: Array, axis: Array, angle: Values) -> Any:
+def spun(reference: Array, axis: Array, angle: Values) -> Any:
     """Return a unit vector turned about an axis across it, (3, n).
 
     Args:
-        mark: the vector at angle zero, (3, 1).
+        reference: the vector at angle zero, (3, 1).
         axis: unit vector, (3, 1).
         angle: anticlockwise seen from the tip of the axis, (n,) in [rad].
     """
     c, s = cos_sin(angle)
-    return c * mark + s * cross(axis, mark)
+    return c * reference + s * cross(axis, reference)
 
 
 def turn(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None = None) -> Array:
@@ -94,10 +94,10 @@ def turn(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None
     axis = about / norm(about)
     along = dot(vector, axis) * axis
     across = vector - along
-    turned = along + across * np.cos(angle) + cross(axis, across) * np.sin(angle)
+    rotated = along + across * np.cos(angle) + cross(axis, across) * np.sin(angle)
     if length is None:
-        return turned
-    return turned * (np.asarray(length) / norm(vector))
+        return rotated
+    return rotated * (np.asarray(length) / norm(vector))
 
 
 def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Any:
@@ -169,10 +169,10 @@ def circle_sphere(
     ahead = flat / reach
     if across is not None:
         sine = across / (2.0 * radius * reach)
-        known = values(sine)
+        sine_values = values(sine)
         cosine = np.where(values(off) < 1.0, 1.0, -1.0) * np.sqrt(1.0 - sine * sine)
-        usual = np.where(known < 0.0, -1.0, 1.0) * np.sqrt(_possible(off * (2.0 - off)))
-        small = np.abs(known) < SMALL
+        usual = np.where(sine_values < 0.0, -1.0, 1.0) * np.sqrt(_possible(off * (2.0 - off)))
+        small = np.abs(sine_values) < SMALL
         return chosen(small, cosine, 1.0 - off) * ahead + chosen(small, sine, usual) * cross(ahead, axis)
     return (1.0 - off) * ahead + sign * np.sqrt(_possible(off * (2.0 - off))) * cross(ahead, axis)
 
@@ -184,8 +184,8 @@ def sine_of(cosine: Values) -> Any:
 
 def _possible(square: Values) -> Any:
     """Return a squared sine rid of rounding below zero; NaN where it is negative by more."""
-    given = values(square)
-    return revalued(square, np.where(given >= -ROUNDING, np.maximum(given, 0.0), np.nan))
+    number = values(square)
+    return revalued(square, np.where(number >= -ROUNDING, np.maximum(number, 0.0), np.nan))
 
 
 def _dot(a: Array, b: Array) -> Array:

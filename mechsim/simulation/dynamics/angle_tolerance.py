@@ -71,11 +71,11 @@ def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeSteppin
         change = _apart(half, run)
         order = believed_order(before[1], change, steps / before[0])
         before = steps, change
-        left = change / (2.0**SURE - 1.0) if order >= SURE else change
+        remaining = change / (2.0**SURE - 1.0) if order >= SURE else change
         return Attempt(
             run=run,
             steps=run.steps.steps,
-            estimates={"halving": left},
+            estimates={"halving": remaining},
             order=order,
             trials=spent,
             change=change,
@@ -95,5 +95,5 @@ def _apart(coarse: FreeStepping, fine: FreeStepping) -> float:
     """Return how far two runs' crank angles are apart at the instants they share, in [rad]."""
     if "diverged" in (coarse.steps.outcome, fine.steps.outcome):
         return np.inf
-    place, n = fine.loops.crank_address, min(len(coarse.steps.time), len(fine.steps.time))
-    return worst(fine.steps.qpos[:n, place] - coarse.steps.qpos[:n, place])
+    address, n = fine.loops.crank_address, min(len(coarse.steps.time), len(fine.steps.time))
+    return worst(fine.steps.qpos[:n, address] - coarse.steps.qpos[:n, address])

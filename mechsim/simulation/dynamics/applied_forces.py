@@ -18,10 +18,10 @@ from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, Loaded
 Fields = Mapping[str, Array]
 
 
-def add_force(stack: Array, fields: Fields, body: int, place: Array, force: Array) -> None:
+def add_force(stack: Array, fields: Fields, body: int, point: Array, force: Array) -> None:
     """Add forces (n, 3) on a body at places (n, 3) to wrenches about centres of mass (n, nbody, 6)."""
     stack[:, body, :3] += force
-    stack[:, body, 3:] += np.cross(place - fields["xipos"][:, body], force)
+    stack[:, body, 3:] += np.cross(point - fields["xipos"][:, body], force)
 
 
 def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
@@ -30,7 +30,7 @@ def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
     forces = AppliedForces(np.zeros((n, model.nu)), np.zeros((n, model.nv)), np.zeros((n, model.nbody, 6)))
     for i in range(model.nu):
         effort, gear = fields["actuator_force"][:, i, None], model.actuator_gear[i]
-        target, reference = (int(one) for one in model.actuator_trnid[i])
+        target, reference = (int(index) for index in model.actuator_trnid[i])
         if model.actuator_trntype[i] != SITE:
             forces.generalised[:, model.jnt_dofadr[target]] += effort[:, 0] * gear[0]
             continue
@@ -52,14 +52,14 @@ def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) 
         return
     stretch = fields["ten_length"][:, i] - model.tendon_lengthspring[i, 0]
     springs, dampers = model.tendon_stiffness, model.tendon_damping
-    stiffness, damping = (float(np.ravel(part[i])[0]) for part in (springs, dampers))
+    stiffness, damping = (float(np.ravel(values[i])[0]) for values in (springs, dampers))
     tension = stiffness * stretch + damping * fields["ten_velocity"][:, i]
     sites = model.wrap_objid[first : first + 2]
     a, b = (fields["site_xpos"][:, site] for site in sites)
     length = np.sqrt(((b - a) ** 2).sum(1))
     force = (tension / np.where(length > 0.0, length, 1.0))[:, None] * (b - a)
-    for site, place, sign in ((sites[0], a, 1.0), (sites[1], b, -1.0)):
-        add_force(wrenches, fields, int(model.site_bodyid[site]), place, sign * force)
+    for site, point, sign in ((sites[0], a, 1.0), (sites[1], b, -1.0)):
+        add_force(wrenches, fields, int(model.site_bodyid[site]), point, sign * force)
 
 
 def dry_friction(loaded: LoadedModel, fields: Fields, qvel: Array) -> AppliedForces:
@@ -85,7 +85,11 @@ def sliding(loaded: LoadedModel, fields: Fields, qvel: Array) -> Array:
         fields["ten_velocity"][:, model.tendon_frictionloss > 0.0],
     ]
     # the spin of a ball joint has no sign; it passes from one direction to another without a jump
-    rates += [fields["actuator_velocity"][:, one.actuators] for one in loaded.dry if len(one.actuators) == 1]
+    rates += [
+        fields["actuator_velocity"][:, friction.actuators]
+        for friction in loaded.dry
+        if len(friction.actuators) == 1
+    ]
     return np.sign(np.concatenate(rates, 1))
 
 
@@ -95,10 +99,10 @@ def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> Appl
     for number, pair in enumerate(loops.pairs):
         force = multipliers[:, 3 * number : 3 * number + 3]
         for (body, local), sign in zip(pair.ends, (1.0, -1.0), strict=True):
-            place = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
-            add_force(forces.wrenches, fields, body, place, sign * force)
-    turned = multipliers[:, loops.frame_rows].reshape(len(multipliers), -1, 3)
-    for pair, moment in zip(loops.frames, np.moveaxis(turned, 1, 0), strict=True):
+            point = fields["xpos"][:, body] + fields["xmat"][:, body].reshape(-1, 3, 3) @ local
+            add_force(forces.wrenches, fields, body, point, sign * force)
+    moments = multipliers[:, loops.frame_rows].reshape(len(multipliers), -1, 3)
+    for pair, moment in zip(loops.frames, np.moveaxis(moments, 1, 0), strict=True):
         rotations = (fields["xmat"][:, body].reshape(-1, 3, 3) for body in pair.bodies)
         couple = (np.swapaxes(pair.rotation_error(*rotations)[1], 1, 2) @ moment[..., None])[..., 0]
         for body, sign in zip(pair.bodies, (1.0, -1.0), strict=True):
@@ -106,12 +110,12 @@ def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> Appl
     return forces
 
 
-def together(*parts: AppliedForces) -> AppliedForces:
+def together(*applied: AppliedForces) -> AppliedForces:
     """Return the sum of what is applied."""
     return AppliedForces(
-        sum((part.controls for part in parts[1:]), parts[0].controls),
-        sum((part.generalised for part in parts[1:]), parts[0].generalised),
-        sum((part.wrenches for part in parts[1:]), parts[0].wrenches),
+        sum((forces.controls for forces in applied[1:]), applied[0].controls),
+        sum((forces.generalised for forces in applied[1:]), applied[0].generalised),
+        sum((forces.wrenches for forces in applied[1:]), applied[0].wrenches),
     )
 
 
@@ -131,8 +135,8 @@ def coupling_forces(
     for row, mesh in zip(toothed, meshes.values(), strict=True):
         force, point = _at_pitch_point(loaded, fields, mesh, multipliers[:, row])
         for own, sign in ((mesh.driven, 1.0), (mesh.driver, -1.0)):
-            near, far = loaded.ends(own.joint)
-            wheel, carrier = (far, near) if own.sign > 0.0 else (near, far)
+            proximal, distal = loaded.ends(own.joint)
+            wheel, carrier = (distal, proximal) if own.sign > 0.0 else (proximal, distal)
             add_force(forces.wrenches, fields, loaded.body(wheel), point, sign * force)
             add_force(forces.wrenches, fields, loaded.body(carrier), point, -sign * force)
     return forces
@@ -141,12 +145,12 @@ def coupling_forces(
 def mesh_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> dict[str, MeshForce]:
     """Return the tooth force of each coupling that has a pitch point."""
     names, first = [*loaded.mechanism.named_laws], loaded.loops.coupled_rows.start
-    found: dict[str, MeshForce] = {}
+    forces: dict[str, MeshForce] = {}
     for name, mesh in meshes_of(loaded.mechanism).items():
         effort = multipliers[:, first + names.index(name)]
         force, point = _at_pitch_point(loaded, fields, mesh, effort)
-        found[name] = MeshForce(link=mesh.driven.link, by=mesh.driver.link, force=force, point=point)
-    return found
+        forces[name] = MeshForce(link=mesh.driven.link, by=mesh.driver.link, force=force, point=point)
+    return forces
 
 
 def thread_efforts(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Iterator[tuple[Array, Array]]:
@@ -192,23 +196,21 @@ def soften(model: mujoco.MjModel, compliance: float) -> float:
     return factor
 
 
-def rigid_forces(
-    look: Callable[[Array], Mapping[str, Array]], states: int, freedoms: int
-) -> dict[str, Array]:
+def rigid_forces(look: Callable[[Array], Mapping[str, Array]], states: int, dofs: int) -> dict[str, Array]:
     """Return what MuJoCo makes of states whose constraints are rigid, with "qfrc_constraint" their force.
 
     Args:
         look: MuJoCo's fields of the states under generalised forces (n, nv) beside what acts otherwise.
         states: their number n.
-        freedoms: nv.
+        dofs: nv.
     """
-    force = np.zeros((states, freedoms))
+    force = np.zeros((states, dofs))
     fields, before = look(force), np.full(states, np.inf)
     for number in range(PASSES):
         if number:
             fields = look(force)
         lacking = fields["qfrc_constraint"]
-        size = np.abs(lacking).max(1, initial=0.0)
-        good = (size < SHRINKING * before) | (number < 2)
-        force, before = force + np.where(good[:, None], lacking, 0.0), size
+        magnitude = np.abs(lacking).max(1, initial=0.0)
+        converged = (magnitude < SHRINKING * before) | (number < 2)
+        force, before = force + np.where(converged[:, None], lacking, 0.0), magnitude
     return {**fields, "qfrc_constraint": force}

@@ -26,47 +26,50 @@ TINY = 1e-9
 
 def settled(loaded: LoadedModel) -> Known:
     """Return which components of the joints' forces and moments the loop constraints determine."""
-    known = {joint.name: np.ones(6, dtype=np.bool_) for joint in loaded.mechanism.joints}
+    determined = {joint.name: np.ones(6, dtype=np.bool_) for joint in loaded.mechanism.joints}
     qpos = follow.follow(loaded.loops, loaded.qpos, loaded.angle + _turned(loaded))
     jacobian = loaded.loops.linearise(qpos)[1]
     rows = jacobian.shape[1]
     if not rows:
-        return known
+        return determined
     scale = row_scale(loaded, rows)
-    left, values, _ = np.linalg.svd(jacobian * scale[:, None] * loaded.loops.units)
+    u, values, _ = np.linalg.svd(jacobian * scale[:, None] * loaded.loops.units)
     rank = int(significant(values).sum(1).min())
     if rank == rows:
-        return known
+        return determined
     n = len(qpos)
-    at = situation(loaded, States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv))))
-    size = np.array([1.0] * 3 + [loaded.mechanism.size] * 3)
+    state = situation(loaded, States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv))))
+    units = np.array([1.0] * 3 + [loaded.mechanism.size] * 3)
 
     def carried(multipliers: Array) -> dict[str, Array]:
         stressed = together(
-            loop_forces(loaded, at.plain, multipliers),
-            coupling_forces(loaded, at.plain, at.jacobian, multipliers),
+            loop_forces(loaded, state.plain, multipliers),
+            coupling_forces(loaded, state.plain, state.jacobian, multipliers),
         )
-        fields = loaded.look(loaded.looking(native=False), at.states, stressed)
+        fields = loaded.look(loaded.looking(native=False), state.states, stressed)
         found = {
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         }
-        return {name: np.concatenate([one.force, one.moment], 1) / size for name, one in found.items()}
+        return {
+            name: np.concatenate([stresses.force, stresses.moment], 1) / units
+            for name, stresses in found.items()
+        }
 
     alone = carried(np.zeros((n, rows)))
     for k in range(rank, rows):
-        stressed = carried(scale * left[:, :, k] * loaded.loops.characteristic_length)
-        for name, one in stressed.items():
-            known[name] &= np.abs(one - alone[name]).max(0) <= TINY
-    return known
+        stressed = carried(scale * u[:, :, k] * loaded.loops.characteristic_length)
+        for name, stresses in stressed.items():
+            determined[name] &= np.abs(stresses - alone[name]).max(0) <= TINY
+    return determined
 
 
 def _turned(loaded: LoadedModel) -> Array:
     """Return by how much the crank turns from the closed state to poses it can reach, (n,) in [rad]."""
-    turned = STEP * np.arange(float(POSES))
+    displaced = STEP * np.arange(float(POSES))
     for sign in (1.0, -1.0):
         try:
-            follow.follow(loaded.loops, loaded.qpos, loaded.angle + sign * turned)
+            follow.follow(loaded.loops, loaded.qpos, loaded.angle + sign * displaced)
         except AssemblyError:
             continue
-        return sign * turned
+        return sign * displaced
     return np.zeros(1)

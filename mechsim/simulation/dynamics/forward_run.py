@@ -278,7 +278,7 @@ def _steps(
             records.append((data.qpos.copy(), data.qvel.copy()))
     finally:
         mujoco.set_mjcb_control(before)
-    states = States(times[: len(records)], *(np.array(part) for part in zip(*records, strict=True)))
+    states = States(times[: len(records)], *(np.array(values) for values in zip(*records, strict=True)))
     return states, len(records) < len(times)
 
 
@@ -349,9 +349,9 @@ def _motion(
                 (address,), (dof,) = _dofs(model, {name: 0.0})
             except InputError:
                 continue
-            part = None if kind.single else i
+            index = None if kind.single else i
             values = states.qpos[:, address], states.qvel[:, dof], accelerations[:, dof]
-            joints[name] = JointMotion(*values, "m" if unit == "m" else "rad", part)
+            joints[name] = JointMotion(*values, "m" if unit == "m" else "rad", index)
     first = next(iter(joints.values()))
     return Motion(
         source="step",

@@ -134,11 +134,11 @@ def free_run(
             raise InputError("a free run was given a time step and a tolerance; leave one of them out")
         # Runge's method is stable for steps of five times that; only a trial takes such
         plan = replace(plan, longest=COARSER * plan.longest)
-        stepping, promise = within(plan.let_run, tolerance, REVOLUTION / plan.fastest / plan.longest)
-        found = _recorded(plan, stepping)
-        if found.free.outcome == "done" and not promise.satisfied:
-            found = replace(found, free=replace(found.free, outcome="failed", reason=promise.reason))
-        return replace(found, tolerance_report=promise)
+        stepping, report = within(plan.let_run, tolerance, REVOLUTION / plan.fastest / plan.longest)
+        record = _recorded(plan, stepping)
+        if record.free.outcome == "done" and not report.satisfied:
+            record = replace(record, free=replace(record.free, outcome="failed", reason=report.reason))
+        return replace(record, tolerance_report=report)
     if timestep is None:
         return _recorded(plan, plan.let_run(settings.steps_per_turn))
     return _recorded(plan, plan.let_run(settings.steps_per_turn, timestep=timestep))
@@ -261,21 +261,21 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     kept = np.unique(np.append(np.arange(0, len(run.time), stepping.every), len(run.time) - 1))
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
     work, lost = _work(loaded, States(run.time, run.qpos, run.qvel))
-    found = efforts_of(loaded, loops.model, stepping.settings.compliance_used, states)
-    motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=found.acceleration)
+    forces = efforts_of(loaded, loops.model, stepping.settings.compliance_used, states)
+    motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=forces.acceleration)
     return SteppedFreeRun(
         motion=motion,
-        efforts=found,
+        efforts=forces,
         free=FreeRun(
             time=states.time,
-            angle=found.angle,
-            speed=found.speed,
-            acceleration=found.acceleration,
-            kinetic=found.kinetic,
-            potential=found.potential,
+            angle=forces.angle,
+            speed=forces.speed,
+            acceleration=forces.acceleration,
+            kinetic=forces.kinetic,
+            potential=forces.potential,
             work=work[kept],
             lost=lost[kept],
-            motor=loaded.forces.motor_torque(found.speed),
+            motor=loaded.forces.motor_torque(forces.speed),
             outcome=run.outcome,
             reason=run.reason,
         ),
@@ -293,8 +293,8 @@ def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
     outer = forces.motor or forces.courses
     if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
         return np.zeros(n), np.zeros(n)
-    parts = [powers(loaded, situation(loaded, states.chunk(i))) for i in range(0, n, CHUNK)]
-    lost, loads, motor = (np.concatenate(part) for part in zip(*parts, strict=True))
+    chunks = [powers(loaded, situation(loaded, states.chunk(i))) for i in range(0, n, CHUNK)]
+    lost, loads, motor = (np.concatenate(powers_of_chunks) for powers_of_chunks in zip(*chunks, strict=True))
     return _integral(states.time, loads + motor), _integral(states.time, lost)
 
 

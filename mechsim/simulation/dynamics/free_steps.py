@@ -63,67 +63,69 @@ def step_freely(
         fastest: speed to be expected in [rad/s].
         watch: told after every block how far the run has come.
     """
-    place, dof = loops.crank_address, loops.crank
+    address, dof = loops.crank_address, loops.crank
     timestep = float(loops.model.opt.timestep)
     soft, creep = _softened(loaded, start, timestep)
     rest = max(REST * fastest, creep)
     records = [(np.zeros(1), start[0][None], start[1][None])]
-    outcome, reason, done = ("done" if turns is None else "time over"), "", 0
+    outcome, reason, finished = ("done" if turns is None else "time over"), "", 0
     advance = _advance(loaded, loops, start, soft)
-    while done < total:
-        count = min(stride * max(1, BLOCK // stride), total - done)
+    while finished < total:
+        count = min(stride * max(1, BLOCK // stride), total - finished)
         time, qpos, qvel, bad = advance(count, stride)
-        number = np.arange(1.0, len(time) + 1.0) * stride + done
-        good = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time > timestep * (number - 0.5))
-        last = len(time) if good.all() else int(np.argmin(good))
-        done += count
+        number = np.arange(1.0, len(time) + 1.0) * stride + finished
+        valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time > timestep * (number - 0.5))
+        last = len(time) if valid.all() else int(np.argmin(valid))
+        finished += count
         if turns is not None:
-            there = (qpos[:last, place] - start[0][place]) * np.sign(turns) >= REVOLUTION * abs(turns)
-            if there.any():
-                last, outcome = int(np.argmax(there)) + 1, "done"
+            arrived = (qpos[:last, address] - start[0][address]) * np.sign(turns) >= REVOLUTION * abs(turns)
+            if arrived.any():
+                last, outcome = int(np.argmax(arrived)) + 1, "done"
         records.append((timestep * number[:last], qpos[:last], qvel[:last]))
         if outcome == "done" and turns is not None:
             break
-        if bad or not good.all():
-            outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * done:.6g} s"
+        if bad or not valid.all():
+            outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * finished:.6g} s"
             break
         made = (
-            0.0 if turns is None else float(abs(qpos[-1, place] - start[0][place])) / REVOLUTION / abs(turns)
+            0.0
+            if turns is None
+            else float(abs(qpos[-1, address] - start[0][address])) / REVOLUTION / abs(turns)
         )
-        watch(f"{done:,} steps", min(1.0, max(made, done / total)))
-        end = _given_up(loaded, records, turns, rest, place, dof)
+        watch(f"{finished:,} steps", min(1.0, max(made, finished / total)))
+        end = _given_up(loaded, records, turns, rest, address, dof)
         if end is not None:
             outcome, reason = end
             break
-    time, qpos, qvel = (np.concatenate(parts) for parts in zip(*records, strict=True))
+    time, qpos, qvel = (np.concatenate(chunks) for chunks in zip(*records, strict=True))
     if outcome == "time over":
-        made = (qpos[-1, place] - start[0][place]) / REVOLUTION
+        made = (qpos[-1, address] - start[0][address]) / REVOLUTION
         reason = f"{made:.6g} of {turns:g} turns in {time[-1]:.6g} s"
-    return FreeSteps(time, qpos, qvel, outcome, reason, done)  # pyright: ignore[reportArgumentType]
+    return FreeSteps(time, qpos, qvel, outcome, reason, finished)  # pyright: ignore[reportArgumentType]
 
 
 def _given_up(
-    loaded: LoadedModel, records: list[Any], turns: float | None, rest: float, place: int, dof: int
+    loaded: LoadedModel, records: list[Any], turns: float | None, rest: float, address: int, dof: int
 ) -> tuple[Outcome, str] | None:
     """Return how a run for turns ends that will not make them; None while it may."""
     if turns is None or _over_time(loaded):
         return None
-    angle = np.concatenate([qpos[:, place] for _, qpos, _ in records])
+    angle = np.concatenate([qpos[:, address] for _, qpos, _ in records])
     speed = np.concatenate([qvel[:, dof] for _, _, qvel in records]) * np.sign(turns)
-    gone = abs(float(angle[-1] - angle[0]))
+    displacement = abs(float(angle[-1] - angle[0]))
     from_rest = speed[0] == 0.0
     if (np.abs(records[-1][2][:, dof]) < rest).all():
-        if from_rest and gone < 1e-3:
+        if from_rest and displacement < 1e-3:
             return "cannot start", f"the crank stays at {angle[0]:.6g} rad: what drives it is too weak"
         return "stopped", f"the crank came to rest at {angle[-1]:.6g} rad"
     ahead = np.flatnonzero(speed > rest)
     back = np.flatnonzero(speed < -rest)
     if back.size and (not ahead.size or back[-1] > ahead[0]):
-        at = int(np.argmax(angle * np.sign(turns)))
-        made = abs(angle[at] - angle[0]) / REVOLUTION
-        where = f"{angle[at]:.6g} rad, {made:.3g} turns from its start"
-        why = f"the crank turns back at {where}; give more torque or speed"
-        return ("cannot start" if from_rest else "turned back"), why
+        index = int(np.argmax(angle * np.sign(turns)))
+        made = abs(angle[index] - angle[0]) / REVOLUTION
+        where = f"{angle[index]:.6g} rad, {made:.3g} turns from its start"
+        reason = f"the crank turns back at {where}; give more torque or speed"
+        return ("cannot start" if from_rest else "turned back"), reason
     return None
 
 
@@ -138,15 +140,15 @@ def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) 
     """
     if not loaded.dry:
         return [], 0.0
-    one, none = np.zeros(1), np.zeros((1, loaded.model.nv))
-    rest = States(one, start[0][None], none)
+    unit, none = np.zeros(1), np.zeros((1, loaded.model.nv))
+    rest = States(unit, start[0][None], none)
     inertia = loaded.look(loaded.looking(), rest, loaded.nothing(1))["inertia"]
     rates = tangent(loaded, rest.qpos, inertia)
-    moving = loaded.look(loaded.looking(), States(one, rest.qpos, rates), loaded.nothing(1))
+    moving = loaded.look(loaded.looking(), States(unit, rest.qpos, rates), loaded.nothing(1))
     turning = moving["actuator_velocity"][0]
     whole = float((rates[0] @ inertia[0] @ rates[0]).item())
     soft = softness(loaded.dry, turning, whole, timestep)
-    held = sum(one.size * float(np.sqrt((turning[one.actuators] ** 2).sum())) for one in loaded.dry)
+    held = sum(unit.size * float(np.sqrt((turning[unit.actuators] ** 2).sum())) for unit in loaded.dry)
     return soft, STEPS * timestep * held / whole
 
 
@@ -191,7 +193,7 @@ def _with_callback(
             for _ in range(count // stride):
                 mujoco.mj_step(model, data, nstep=stride)
                 rows.append((data.time, data.qpos.copy(), data.qvel.copy()))
-        time, qpos, qvel = (np.array(part) for part in zip(*rows, strict=True))
+        time, qpos, qvel = (np.array(values) for values in zip(*rows, strict=True))
         return time, qpos, qvel, bool(any(warning.number for warning in data.warning))
 
     return advance
@@ -253,8 +255,8 @@ def expect_speed(
     for spring in forces.springs:
         stored += 0.5 * spring.stiffness * loaded.mechanism.size**2
     least = float(inertia.min())
-    far = REVOLUTION * abs(turns) if turns is not None else REVOLUTION
-    driven = min(float(np.sqrt(2.0 * torque * far / least)), limit)
+    distance = REVOLUTION * abs(turns) if turns is not None else REVOLUTION
+    driven = min(float(np.sqrt(2.0 * torque * distance / least)), limit)
     if duration is not None:
         driven = min(driven, torque * duration / least)
     # the crank is fastest where the inertia is least
@@ -285,26 +287,26 @@ EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 def bends(loops: ModelLoops) -> bool:
     """Say whether the loops of a model have couplings that bend."""
-    return any(one.nonlinear for one in loops.couplings)
+    return any(coupling.nonlinear for coupling in loops.couplings)
 
 
 @contextmanager
 def bending(loops: ModelLoops) -> Generator[None]:
     """Let couplings bend while steps are taken one by one, and whatever acted before again afterwards."""
     before = mujoco.get_mjcb_passive()
-    bent, rows = [one for one in loops.couplings if one.nonlinear], list[int]()
+    nonlinear, rows = [coupling for coupling in loops.couplings if coupling.nonlinear], list[int]()
 
     # MuJoCo calls it once openings are known, before it asks for accelerations by them
     def opened(_: mujoco.MjModel, data: mujoco.MjData) -> None:
         if not rows:
-            held = np.where(data.efc_type == EQUALITY, data.efc_id, -1).tolist()
-            rows.extend(held.index(one.equality) for one in bent)
+            constrained = np.where(data.efc_type == EQUALITY, data.efc_id, -1).tolist()
+            rows.extend(constrained.index(coupling.equality) for coupling in nonlinear)
         qpos, qvel = data.qpos[None], data.qvel[None]
-        for one, row in zip(bent, rows, strict=True):
+        for coupling, row in zip(nonlinear, rows, strict=True):
             stiffness, _, impedance, _ = data.efc_KBIP[row]
-            data.efc_pos[row] -= float(one.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
+            data.efc_pos[row] -= float(coupling.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
 
-    mujoco.set_mjcb_passive(opened if bent else before)
+    mujoco.set_mjcb_passive(opened if nonlinear else before)
     try:
         yield
     finally:

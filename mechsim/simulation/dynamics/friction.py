@@ -33,13 +33,13 @@ class DryJoint:
 
 def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[DryJoint]:
     """Return the joints of a model whose dry friction is controls."""
-    known = {model.actuator(i).name: i for i in range(model.nu)}
-    found = []
+    indices = {model.actuator(i).name: i for i in range(model.nu)}
+    joints = []
     for one in friction:
-        numbers = [known[name] for axis in AXES if (name := f"{coulomb_name(one.joint)}.{axis}") in known]
+        numbers = [indices[name] for axis in AXES if (name := f"{coulomb_name(one.joint)}.{axis}") in indices]
         if numbers:
-            found.append(DryJoint(np.array(numbers, dtype=np.int64), one.coulomb))
-    return found
+            joints.append(DryJoint(np.array(numbers, dtype=np.int64), one.coulomb))
+    return joints
 
 
 def oppose(
@@ -53,11 +53,11 @@ def oppose(
         controls: of all actuators; those of dry friction are set.
         soft: speed in [rad/s] of each friction below which it is proportional to the speed.
     """
-    for i, one in enumerate(dry):
-        rate = velocity[:, one.actuators]
+    for i, joint in enumerate(dry):
+        rate = velocity[:, joint.actuators]
         fast = np.sqrt((rate * rate).sum(1))[:, None]
         least = max(soft[i], TINY) if soft is not None else TINY
-        controls[:, one.actuators] = -one.size * rate / np.maximum(fast, least)
+        controls[:, joint.actuators] = -joint.size * rate / np.maximum(fast, least)
 
 
 def softness(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:
@@ -70,5 +70,6 @@ def softness(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep:
         timestep: in [s].
     """
     return [
-        STEPS * timestep * one.size * float((velocity[one.actuators] ** 2).sum()) / inertia for one in dry
+        STEPS * timestep * joint.size * float((velocity[joint.actuators] ** 2).sum()) / inertia
+        for joint in dry
     ]

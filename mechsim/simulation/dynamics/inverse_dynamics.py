@@ -62,53 +62,53 @@ def tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
     A link whose spin nothing determines then has no momentum about its own line.
     """
     _, jacobian = loaded.loops.linearise(qpos)
-    held = _held(loaded, jacobian)
-    right = np.zeros(held.shape[:2])
+    rows = _held(loaded, jacobian)
+    right = np.zeros(rows.shape[:2])
     right[:, -1] = 1.0
-    return _least(held, row_scale(loaded, held.shape[1]), inertia, right)[0]
+    return _least(rows, row_scale(loaded, rows.shape[1]), inertia, right)[0]
 
 
-def needed(loaded: LoadedModel, at: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
+def needed(loaded: LoadedModel, state: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
     """Return accelerations (n, nv), loop multipliers (n, m) and drive torque (n,) of a prescribed crank.
 
     M q'' + h = Q + J' multipliers + torque on the crank, J q'' + J' q' = 0, the crank's q'' given.
     """
-    links = link_motions(loaded.model, loaded.track, at.plain)
-    opened = closure_acceleration(loaded.loops, at.states, at.plain["qacc"], links)
-    lacking = crank_acceleration - at.plain["qacc"][:, loaded.loops.crank]
+    links = link_motions(loaded.model, loaded.track, state.plain)
+    opened = closure_acceleration(loaded.loops, state.states, state.plain["qacc"], links)
+    lacking = crank_acceleration - state.plain["qacc"][:, loaded.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
-    held = _held(loaded, at.jacobian)
-    change, multipliers = _least(held, row_scale(loaded, held.shape[1]), at.plain["inertia"], right)
-    return at.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
+    rows = _held(loaded, state.jacobian)
+    change, multipliers = _least(rows, row_scale(loaded, rows.shape[1]), state.plain["inertia"], right)
+    return state.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
 
 
-def constrained(loaded: LoadedModel, at: Situation, fields: Fields) -> tuple[Array, Array]:
+def constrained(loaded: LoadedModel, state: Situation, fields: Fields) -> tuple[Array, Array]:
     """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that goes with them.
 
     Args:
         loaded: the mechanism.
-        at: the situation.
+        state: the situation.
         fields: what the stepped model makes of it.
     """
-    forces, scale = fields["qfrc_constraint"], row_scale(loaded, at.jacobian.shape[1])
+    forces, scale = fields["qfrc_constraint"], row_scale(loaded, state.jacobian.shape[1])
     # MuJoCo knows no rows for what programs drive: forces on these coordinates stand for them
-    told = loaded.loops.driven_rows.start
+    first_driven = loaded.loops.driven_rows.start
     units = loaded.loops.units
-    turned = np.swapaxes(at.jacobian * scale[:, None] * units, 1, 2)[..., :told]
+    scaled = np.swapaxes(state.jacobian * scale[:, None] * units, 1, 2)[..., :first_driven]
     multipliers = np.zeros(scale.shape + forces.shape[:1]).T
-    if told:
-        found = pseudo_inverse(turned) @ (forces * units)[..., None]
-        multipliers[:, :told] = scale[:told] * found[..., 0]
+    if first_driven:
+        found = pseudo_inverse(scaled) @ (forces * units)[..., None]
+        multipliers[:, :first_driven] = scale[:first_driven] * found[..., 0]
 
     def drive(dof: int) -> Array:
-        spent = (at.plain["inertia"][:, dof] * fields["qacc"]).sum(1)
-        return spent - at.plain["qfrc_smooth"][:, dof] - forces[:, dof]
+        spent = (state.plain["inertia"][:, dof] * fields["qacc"]).sum(1)
+        return spent - state.plain["qfrc_smooth"][:, dof] - forces[:, dof]
 
     drives = loaded.loops.drivers
     if drives is None:
         return multipliers, drive(loaded.loops.crank)
-    multipliers[:, told:] = np.stack([drive(int(dof)) for dof in drives.dofs], 1)
-    return multipliers, _on_clock(loaded, at.jacobian, multipliers)
+    multipliers[:, first_driven:] = np.stack([drive(int(dof)) for dof in drives.dofs], 1)
+    return multipliers, _on_clock(loaded, state.jacobian, multipliers)
 
 
 def _on_clock(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array:
@@ -118,32 +118,32 @@ def _on_clock(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array
 
 
 def efforts(
-    loaded: LoadedModel, at: Situation, qacc: Array, multipliers: Array, torque: Array
+    loaded: LoadedModel, state: Situation, qacc: Array, multipliers: Array, torque: Array
 ) -> ForceRecord:
     """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
     n, crank = len(qacc), loaded.loops.crank
-    drive = loaded.nothing(n)
+    drive_forces = loaded.nothing(n)
     driven = loaded.loops.drivers
     if driven is None:
-        drive.generalised[:, crank] = torque
+        drive_forces.generalised[:, crank] = torque
     else:
-        drive.generalised[:, driven.dofs] = multipliers[:, loaded.loops.driven_rows]
-    placed = native(loaded.model, at.plain)
-    loops = loop_forces(loaded, at.plain, multipliers)
-    coupled = coupling_forces(loaded, at.plain, at.jacobian, multipliers)
-    everything = together(at.outer, placed, loops, coupled, drive)
-    fields = loaded.look(loaded.looking(native=False), at.states, everything)
-    lost, outer, motor = powers(loaded, at)
-    rates = at.states.qvel
+        drive_forces.generalised[:, driven.dofs] = multipliers[:, loaded.loops.driven_rows]
+    placed = native(loaded.model, state.plain)
+    loops = loop_forces(loaded, state.plain, multipliers)
+    coupled = coupling_forces(loaded, state.plain, state.jacobian, multipliers)
+    everything = together(state.outer, placed, loops, coupled, drive_forces)
+    fields = loaded.look(loaded.looking(native=False), state.states, everything)
+    lost, outer, motor = powers(loaded, state)
+    rates = state.states.qvel
     # rounding is measured by accelerations: links that all turn evenly have none, and those that creep next
     # to none beside what their weight would give them without the loops
     even = float(np.abs(rates[:, crank]).max()) ** 2
-    kept = float(np.abs(at.plain["qacc"]).max())
+    kept = float(np.abs(state.plain["qacc"]).max())
     largest = max(float(np.abs(qacc).max()), kept, even, np.finfo(np.float64).tiny)
     return ForceRecord(
         size=loaded.mechanism.size,
-        time=at.states.time,
-        angle=at.states.qpos[:, loaded.loops.crank_address],
+        time=state.states.time,
+        angle=state.states.qpos[:, loaded.loops.crank_address],
         speed=rates[:, crank],
         acceleration=qacc[:, crank],
         torque=torque,
@@ -151,18 +151,18 @@ def efforts(
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         },
         gears=_coupled(loaded, multipliers, [*loaded.mechanism.named_laws], 0),
-        meshes=mesh_forces(loaded, at.plain, multipliers),
+        meshes=mesh_forces(loaded, state.plain, multipliers),
         drives=_drives(loaded, multipliers),
         locked=_holds(loaded, multipliers) if driven is None else {},
         drive_accelerations=_drive_accelerations(loaded, qacc),
         straight=loaded.mechanism.straight,
-        kinetic=_kinetic(loaded, rates, at.plain["inertia"]),
-        potential=at.plain["energy"][:, 0] + _wound(loaded, at.plain),
+        kinetic=_kinetic(loaded, rates, state.plain["inertia"]),
+        potential=state.plain["energy"][:, 0] + _wound(loaded, state.plain),
         power_in=torque * rates[:, crank] + motor,
         power_loads=outer,
         power_lost=lost,
         residual=np.abs(fields["qacc"] - qacc).max(1) / largest,
-        sliding=sliding(loaded, at.plain, rates),
+        sliding=sliding(loaded, state.plain, rates),
     )
 
 
@@ -188,17 +188,17 @@ def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Arr
     lower = np.linalg.cholesky(inertia)
     weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2)
     weighted = weighted * scale[:, None]
-    left, values, turned = np.linalg.svd(weighted, full_matrices=False)
+    u, values, vt = np.linalg.svd(weighted, full_matrices=False)
     kept = values > RANK_TOLERANCE * values[:, :1]
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
-    part = inverse * (np.swapaxes(left, 1, 2) @ (scale * right)[..., None])[..., 0]
-    x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(turned, 1, 2) @ part[..., None])[..., 0]
-    return np.asarray(x, dtype=np.float64), scale * (left @ (inverse * part)[..., None])[..., 0]
+    scaled = inverse * (np.swapaxes(u, 1, 2) @ (scale * right)[..., None])[..., 0]
+    x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(vt, 1, 2) @ scaled[..., None])[..., 0]
+    return np.asarray(x, dtype=np.float64), scale * (u @ (inverse * scaled)[..., None])[..., 0]
 
 
 def _drive_accelerations(loaded: LoadedModel, qacc: Array) -> dict[str, Array]:
-    drive = loaded.loops.drivers
-    return {} if drive is None else dict(zip(drive.names, qacc[:, drive.dofs].T, strict=True))
+    drivers = loaded.loops.drivers
+    return {} if drivers is None else dict(zip(drivers.names, qacc[:, drivers.dofs].T, strict=True))
 
 
 def _kinetic(loaded: LoadedModel, rates: Array, inertia: Array) -> Array:
@@ -217,11 +217,11 @@ def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], afte
 
 def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
     """Return the force of each driver and hold; nothing where a crank is driven."""
-    drive = loaded.loops.drivers
-    if drive is None:
+    drivers = loaded.loops.drivers
+    if drivers is None:
         return {}
     forces = multipliers[:, loaded.loops.driven_rows].T
-    return {**dict(zip(drive.names, forces, strict=True)), **_holds(loaded, multipliers)}
+    return {**dict(zip(drivers.names, forces, strict=True)), **_holds(loaded, multipliers)}
 
 
 def _holds(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
@@ -236,13 +236,13 @@ def _wound(loaded: LoadedModel, fields: Fields) -> Array:
     return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
 
 
-def powers(loaded: LoadedModel, at: Situation) -> tuple[Array, Array, Array]:
+def powers(loaded: LoadedModel, state: Situation) -> tuple[Array, Array, Array]:
     """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
-    model, kinds, rates = loaded.model, loaded.actuators, at.states.qvel
-    power = at.plain["actuator_force"] * at.plain["actuator_velocity"]
-    lost = -(at.plain["qfrc_damper"] * rates).sum(1) - power[:, kinds.friction].sum(1)
+    model, kinds, rates = loaded.model, loaded.actuators, state.states.qvel
+    power = state.plain["actuator_force"] * state.plain["actuator_velocity"]
+    lost = -(state.plain["qfrc_damper"] * rates).sum(1) - power[:, kinds.friction].sum(1)
     lost += (model.dof_frictionloss * np.abs(rates)).sum(1)
-    lost += (model.tendon_frictionloss * np.abs(at.plain["ten_velocity"])).sum(1)
+    lost += (model.tendon_frictionloss * np.abs(state.plain["ten_velocity"])).sum(1)
     loads = slice(kinds.crank_torque.start, kinds.couples.stop)
     return lost, power[:, loads].sum(1), power[:, kinds.motor].sum(1)
 
@@ -288,46 +288,48 @@ def required(
     Accuracy: rounding.
     """
     qpos, path = follow.follow_path(loaded.loops, loaded.qpos, angle)
-    near = list(path.near_change_points(angle))
-    away = moved_away(qpos, near)
-    parts = []
+    neighbourhoods = list(path.near_change_points(angle))
+    away = moved_away(qpos, neighbourhoods)
+    chunks = []
     for first in range(0, len(time), CHUNK):
-        part = slice(first, first + CHUNK)
-        states = States(time[part], away[part], _rates(loaded, away[part]) * speed[part, None])
+        chunk = slice(first, first + CHUNK)
+        states = States(time[chunk], away[chunk], _rates(loaded, away[chunk]) * speed[chunk, None])
         at = situation(loaded, states)
-        parts.append((states, efforts(loaded, at, *needed(loaded, at, acceleration[part]))))
-        done = min(first + CHUNK, len(time))
-        watch(f"{done:,} of {len(time):,} poses", done / len(time))
-    found = join([found for _, found in parts])
-    beside = np.zeros(len(time), dtype=np.bool_)
-    for meeting, rows, turned in near:
-        for row, at in zip(rows, turned, strict=True):
-            crank = (float(one[row]) for one in (time, angle, speed, acceleration))
-            found = replace_instants(found, np.array([row]), _beside(loaded, meeting, at, *crank))
-        beside[rows] = True
-    found = replace(found, at_branch_point=beside)
-    return Posed(qpos, join([states for states, _ in parts]), near, found)
+        chunks.append((states, efforts(loaded, at, *needed(loaded, at, acceleration[chunk]))))
+        finished = min(first + CHUNK, len(time))
+        watch(f"{finished:,} of {len(time):,} poses", finished / len(time))
+    record = join([record for _, record in chunks])
+    interpolated = np.zeros(len(time), dtype=np.bool_)
+    for change_point, rows, angles_mod_2pi in neighbourhoods:
+        for row, at in zip(rows, angles_mod_2pi, strict=True):
+            crank = (float(values[row]) for values in (time, angle, speed, acceleration))
+            record = replace_instants(record, np.array([row]), _beside(loaded, change_point, at, *crank))
+        interpolated[rows] = True
+    record = replace(record, at_branch_point=interpolated)
+    return Posed(qpos, join([states for states, _ in chunks]), neighbourhoods, record)
 
 
 def _beside(
     loaded: LoadedModel,
-    meeting: ChangePoint,
-    turned: float,
+    change_point: ChangePoint,
+    angle_mod_2pi: float,
     time: float,
     angle: float,
     speed: float,
     acceleration: float,
 ) -> ForceRecord:
     """Return what one instant needs so near to a meeting that the loops say nothing: read off around it."""
-    count, laps = len(meeting.nodes), angle - turned
-    qpos = meeting.states.copy()
-    qpos[:, loaded.loops.crank_address] += laps
+    count, revolutions = len(change_point.nodes), angle - angle_mod_2pi
+    qpos = change_point.states.copy()
+    qpos[:, loaded.loops.crank_address] += revolutions
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
-    at = situation(loaded, states)
-    around = efforts(loaded, at, *needed(loaded, at, np.full(count, acceleration)))
-    found = weighted_sums(around, fit_weights(meeting.nodes, meeting.angle, np.array([turned])))
+    state = situation(loaded, states)
+    around = efforts(loaded, state, *needed(loaded, state, np.full(count, acceleration)))
+    record = weighted_sums(
+        around, fit_weights(change_point.nodes, change_point.angle, np.array([angle_mod_2pi]))
+    )
     # how friction acts is told, not reckoned with
-    return replace(found, angle=np.array([angle]), sliding=np.round(found.sliding))
+    return replace(record, angle=np.array([angle]), sliding=np.round(record.sliding))
 
 
 def _rates(loaded: LoadedModel, qpos: Array) -> Array:
@@ -369,20 +371,20 @@ def efforts_of(
         force = force.reshape(len(force), -1)[:, : len(moved)]
         set_armature(model, moved, LIGHTER * model.dof_armature[moved])
     _couple(loaded, model, softened)
-    parts = []
+    records = []
     for first in range(0, len(states.time), CHUNK):
-        part = _straightened(loaded, states.chunk(first))
-        at = situation(loaded, part)
-        acting = replace(at.outer, generalised=at.outer.generalised.copy())
+        chunk = _straightened(loaded, states.chunk(first))
+        state = situation(loaded, chunk)
+        acting = replace(state.outer, generalised=state.outer.generalised.copy())
         if force is not None:
             acting.generalised[:, moved] += LIGHTER * force[first : first + CHUNK]
-        bent = _bent(loaded, at)
-        acting.generalised[:] -= (at.plain["inertia"] @ bent[..., None])[..., 0]
-        fields = _looked(loaded, model, part, acting)
-        fields["qacc"] = fields["qacc"] + bent
-        multipliers, torque = constrained(loaded, at, fields)
-        parts.append(efforts(loaded, at, fields["qacc"], multipliers, torque))
-    return join(parts)
+        nonlinear = _bent(loaded, state)
+        acting.generalised[:] -= (state.plain["inertia"] @ nonlinear[..., None])[..., 0]
+        fields = _looked(loaded, model, chunk, acting)
+        fields["qacc"] = fields["qacc"] + nonlinear
+        multipliers, torque = constrained(loaded, state, fields)
+        records.append(efforts(loaded, state, fields["qacc"], multipliers, torque))
+    return join(records)
 
 
 def _looked(
@@ -405,8 +407,8 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> No
     dofs = loops.actuated_dofs[len(loops.driven_dofs) :]
     set_armature(model, dofs, loops.model.dof_armature[dofs])
     model.dof_invweight0[dofs] = compliance * loops.model.dof_invweight0[dofs]
-    model.eq_active0[[one.equality for one in loops.followers]] = 1
-    model.eq_solref[[one.equality for one in loops.couplings if one.nonlinear]] = 0.0
+    model.eq_active0[[coupling.equality for coupling in loops.followers]] = 1
+    model.eq_solref[[coupling.equality for coupling in loops.couplings if coupling.nonlinear]] = 0.0
     rescale_coupled_tendons(loops, model)
 
 
@@ -417,7 +419,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     by acceleration alone.
     """
     loops = loaded.loops
-    if not any(one.nonlinear for one in loops.couplings):
+    if not any(coupling.nonlinear for coupling in loops.couplings):
         return states
     if loops.drivers is not None:
         loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
@@ -431,19 +433,21 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     return replace(states, qpos=qpos, qvel=qvel)
 
 
-def _bent(loaded: LoadedModel, at: Situation) -> Array:
+def _bent(loaded: LoadedModel, state: Situation) -> Array:
     """Return accelerations, (n, nv), by which couplings bend: p'' times the square of the right side's rate.
 
     All else stays closed, crank and drivers at rest. MuJoCo's rows (1, -p') leave them out: what is left
     of q'' beside them obeys its rows, under the force that these take.
     """
     couplings, rows = loaded.loops.couplings, loaded.loops.coupled_rows
-    if not any(one.nonlinear for one in couplings):
-        return np.zeros_like(at.states.qvel)
-    held = _held(loaded, at.jacobian)
-    right = np.zeros(held.shape[:2])
-    right[:, rows] = np.stack([one.velocity_product(at.states.qpos, at.states.qvel) for one in couplings], 1)
-    return _least(held, row_scale(loaded, held.shape[1]), at.plain["inertia"], right)[0]
+    if not any(coupling.nonlinear for coupling in couplings):
+        return np.zeros_like(state.states.qvel)
+    constraints = _held(loaded, state.jacobian)
+    right = np.zeros(constraints.shape[:2])
+    right[:, rows] = np.stack(
+        [coupling.velocity_product(state.states.qpos, state.states.qvel) for coupling in couplings], 1
+    )
+    return _least(constraints, row_scale(loaded, constraints.shape[1]), state.plain["inertia"], right)[0]
 
 
 def stiffen_friction(model: mujoco.MjModel, timestep: float) -> None:

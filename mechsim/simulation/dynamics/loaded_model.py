@@ -99,7 +99,9 @@ class LoadedModel(ClosedModel):
         if forces.loads:
             values[:, kinds.loads] = np.hstack([load.force.evaluate(angle, time) for load in forces.loads])
         if forces.couples:
-            values[:, kinds.couples] = np.hstack([one.moment.evaluate(angle, time) for one in forces.couples])
+            values[:, kinds.couples] = np.hstack(
+                [couple.moment.evaluate(angle, time) for couple in forces.couples]
+            )
         return values
 
     def nothing(self, n: int) -> AppliedForces:

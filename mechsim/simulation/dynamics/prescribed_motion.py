@@ -101,12 +101,12 @@ def driven(
     if method == "pose" or (method is None and tolerance is None):
         return _kept(_solved(loaded, profile, samples, watch), tolerance)
     # all of it, so that a crank that cannot go there is refused before anything is stepped
-    met = passed_change_points(loaded, profile)
-    require_regular_start(loaded.loops, met, float(profile.state(np.zeros(1))[0][0]))
-    settings, note = settings or HARD, undecided_note(loaded.loops, met)
+    passed = passed_change_points(loaded, profile)
+    require_regular_start(loaded.loops, passed, float(profile.state(np.zeros(1))[0][0]))
+    settings, note = settings or HARD, undecided_note(loaded.loops, passed)
     if tolerance is None:
         run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
-        return replace(run, note="; ".join(one for one in (note, run.note) if one))
+        return replace(run, note="; ".join(text for text in (note, run.note) if text))
 
     def whole(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
@@ -120,7 +120,7 @@ def driven(
         return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, watch)
 
     run = within(loaded, tolerance, whole, trial)
-    return replace(run, note="; ".join(one for one in (note, run.note) if one))
+    return replace(run, note="; ".join(text for text in (note, run.note) if text))
 
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
@@ -144,8 +144,8 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     """Return a run by poses, judged by a tolerance if there is one."""
     if tolerance is None:
         return run
-    promise = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
-    return replace(run, outcome="passed" if promise.satisfied else "failed", tolerance_report=promise)
+    report = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
+    return replace(run, outcome="passed" if report.satisfied else "failed", tolerance_report=report)
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Progress) -> Driven:
@@ -172,7 +172,7 @@ def _stepped(
     loaded: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int, watch: Progress
 ) -> Driven:
     total = samples * stride
-    first, speed, _ = (float(one[0]) for one in profile.state(np.zeros(1)))
+    first, speed, _ = (float(value[0]) for value in profile.state(np.zeros(1)))
     loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
     model = loops.model
     stiffen_friction(model, profile.duration / total)
@@ -180,21 +180,21 @@ def _stepped(
     controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
     steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, watch)
     states = steps.states
-    found = efforts_of(loaded, model, settings.compliance_used, states, steps.force)
-    drivers = [*found.drive_accelerations.values()]
+    record = efforts_of(loaded, model, settings.compliance_used, states, steps.force)
+    drivers = [*record.drive_accelerations.values()]
     motion = evaluate(
         loaded.loops,
         loaded.track,
         states,
         "step",
-        crank_acceleration=found.acceleration,
+        crank_acceleration=record.acceleration,
         driver_acceleration=np.stack(drivers, 1) if drivers else None,
     )
     if steps.diverged:
         motion = replace(motion, broken=f"MuJoCo's state went bad after {states.time[-1]:.6g} s")
     return Driven(
         motion=motion,
-        efforts=found,
+        efforts=record,
         outcome="diverged" if steps.diverged else "done",
         method="step",
         steps=steps.count,
@@ -208,16 +208,16 @@ def _stepped(
 
 def _barely_held(loaded: LoadedModel, states: States) -> str:
     """Return in one sentence where the loops of a run are nearly singular; nothing where they are not."""
-    loops, parts = loaded.loops, range(0, len(states.time), CHUNK)
-    held = np.concatenate(
-        [loops.conditioning(loops.linearise(states.chunk(first).qpos)[1]) for first in parts]
+    loops, starts = loaded.loops, range(0, len(states.time), CHUNK)
+    conditioning = np.concatenate(
+        [loops.conditioning(loops.linearise(states.chunk(first).qpos)[1]) for first in starts]
     )
-    least = int(np.argmin(held))
-    if not held[least] < BARELY:
+    least = int(np.argmin(conditioning))
+    if not conditioning[least] < BARELY:
         return ""
     return (
         f"at {loops.driver_text(float(states.qpos[least, loops.crank_address]))} the loops hardly hold the "
-        f"links (conditioning {held[least]:.2g}), as where a redundant crank lies almost in line with the "
-        "others: forces grow there, and errors of stepped ones with them; solved poses have none "
+        f"links (conditioning {conditioning[least]:.2g}), as where a redundant crank lies almost in line "
+        "with the others: forces grow there, and errors of stepped ones with them; solved poses have none "
         "(method pose)"
     )

@@ -24,8 +24,8 @@ def transmitted(
         multipliers: of the loop constraints, (n, m); each acts on a pair's first point, which is on link a.
     """
     axes = fields["xmat"].reshape(len(multipliers), -1, 3, 3)
-    near, far = loaded.ends(joint)
-    first, second = loaded.body(near), loaded.body(far)
+    proximal, distal = loaded.ends(joint)
+    first, second = loaded.body(proximal), loaded.body(distal)
     point = fields["xpos"][:, second] + axes[:, second] @ np.asarray(joint.b.point)
     numbers = loaded.cut_pairs(joint)
     if numbers:
@@ -37,7 +37,7 @@ def transmitted(
             moment += np.cross(fields["xpos"][:, body] + axes[:, body] @ local - point, on_second)
         moment += _welding(loaded, joint, axes, multipliers)
     else:
-        below = loaded.parent(far) == near
+        below = loaded.parent(distal) == proximal
         body, sign = (second, 1.0) if below else (first, -1.0)
         wrench = sign * fields["cfrc_int"][:, body]  # on the child by its parent: moment, force
         root = fields["subtree_com"][:, loaded.model.body_rootid[body]]

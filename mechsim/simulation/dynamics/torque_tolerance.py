@@ -51,23 +51,23 @@ def within(
         trial: steps a turn -> a run of the same crank motion, one turn of it where its speed is steady,
             recorded at `TRIAL_SAMPLES` instants a turn.
     """
-    known = settled(loaded)
+    determined = settled(loaded)
     runs = [trial(steps) for steps in TRIALS]
-    first, second = (max(against_poses(loaded, run, known)) for run in runs)
+    first, second = (max(against_poses(loaded, run, determined)) for run in runs)
     order = believed_order(first, second, TRIALS[1] / TRIALS[0])
 
     def attempt(steps: int) -> Attempt[Driven]:
         run = whole(steps)
-        torque, reactions = against_poses(loaded, run, known)
+        torque, reactions = against_poses(loaded, run, determined)
         halving, spent = np.inf, 0
         if run.outcome == "done":
             coarse, fine = trial(steps // 2), trial(steps)
-            halving = _halved(loaded, coarse, fine, known) / (2.0**order - 1.0)
+            halving = _halved(loaded, coarse, fine, determined) / (2.0**order - 1.0)
             spent = coarse.steps + fine.steps
         estimates = {"torque": torque, "reactions": reactions, "halving": halving}
         return Attempt(run=run, steps=run.steps, estimates=estimates, order=order, trials=spent)
 
-    run, promise = refine(
+    run, report = refine(
         attempt,
         tolerance,
         rounded(steps_for(TRIALS[1], second, TARGET_FRACTION * tolerance, order), EVEN),
@@ -76,8 +76,8 @@ def within(
         trial_steps=TRIALS[1],
         multiple=EVEN,
     )
-    missed = "diverged" if run.outcome == "diverged" else "failed"
-    return replace(run, outcome="passed" if promise.satisfied else missed, tolerance_report=promise)
+    outcome = "diverged" if run.outcome == "diverged" else "failed"
+    return replace(run, outcome="passed" if report.satisfied else outcome, tolerance_report=report)
 
 
 def _why(steps: int, estimate: float) -> str:
@@ -90,17 +90,17 @@ def _why(steps: int, estimate: float) -> str:
     )
 
 
-def against_poses(loaded: LoadedModel, run: Driven, known: Known) -> tuple[float, float]:
+def against_poses(loaded: LoadedModel, run: Driven, determined: Known) -> tuple[float, float]:
     """Return the errors of torque and reactions of a stepped run beside solved poses."""
     try:
         true = _posed(loaded, run)
     except AssemblyError:
         # a pose that does not close says nothing of the forces there
         return np.inf, np.inf
-    return _errors(loaded, _gaps(loaded, run.efforts, true, known), true)
+    return _errors(loaded, _gaps(loaded, run.efforts, true, determined), true)
 
 
-def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, known: Known) -> float:
+def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: Known) -> float:
     """Return how far torque or reactions of two runs are apart at the same instants.
 
     Where the drive is not steady its acceleration differs from run to run; that is no error of the
@@ -108,12 +108,12 @@ def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, known: Known) -> 
     """
     if "diverged" in (coarse.outcome, fine.outcome):
         return np.inf
-    gaps = _gaps(loaded, coarse.efforts, fine.efforts, known)
+    gaps = _gaps(loaded, coarse.efforts, fine.efforts, determined)
     true = fine.efforts
     change = np.abs(coarse.motion.acceleration - fine.motion.acceleration).max()
     if change > SAME * np.abs(fine.motion.speed).max() ** 2:
-        one, true = _posed(loaded, coarse), _posed(loaded, fine)
-        driven = _gaps(loaded, one, true, known)
+        estimate, true = _posed(loaded, coarse), _posed(loaded, fine)
+        driven = _gaps(loaded, estimate, true, determined)
         gaps = [(kind, gap - moved) for (kind, gap), (_, moved) in zip(gaps, driven, strict=True)]
     return max(_errors(loaded, gaps, true))
 
@@ -127,27 +127,30 @@ def _posed(loaded: LoadedModel, run: Driven) -> ForceRecord:
 
 
 def _gaps(
-    loaded: LoadedModel, found: ForceRecord, true: ForceRecord, known: Known
+    loaded: LoadedModel, estimate: ForceRecord, true: ForceRecord, determined: Known
 ) -> list[tuple[str, Array]]:
     """Return the differences of torque [N m], and of forces and moments over the size [N]; (n, k) each."""
-    size = loaded.mechanism.size
+    length = loaded.mechanism.size
     # where a joint with dry friction turns round, forces jump from one value to another
-    fair = (found.sliding == true.sliding).all(1)[:, None]
-    gaps = [("torque", (found.torque - true.torque)[:, None])]
-    for name, one in true.reactions.items():
-        other = found.reactions[name]
-        gaps.append(("force", np.where(known[name][:3], other.force - one.force, 0.0)))
-        gaps.append(("force", np.where(known[name][3:], (other.moment - one.moment) / size, 0.0)))
-    gaps += [("force", (found.gears[name] - one)[:, None] / size) for name, one in true.gears.items()]
+    fair = (estimate.sliding == true.sliding).all(1)[:, None]
+    gaps = [("torque", (estimate.torque - true.torque)[:, None])]
+    for name, expected in true.reactions.items():
+        other = estimate.reactions[name]
+        gaps.append(("force", np.where(determined[name][:3], other.force - expected.force, 0.0)))
+        gaps.append(("force", np.where(determined[name][3:], (other.moment - expected.moment) / length, 0.0)))
+    gaps += [
+        ("force", (estimate.gears[name] - expected)[:, None] / length)
+        for name, expected in true.gears.items()
+    ]
     return [(kind, np.where(fair, gap, 0.0)) for kind, gap in gaps]
 
 
 def _errors(loaded: LoadedModel, gaps: list[tuple[str, Array]], true: ForceRecord) -> tuple[float, float]:
     """Return the largest errors of torque and of reactions, as in `within`."""
     torque = max(rms(true.torque), IDLE * worst(true.kinetic))
-    force = max(rms(np.linalg.norm(one.force, axis=1)) for one in true.reactions.values())
+    force = max(rms(np.linalg.norm(reaction.force, axis=1)) for reaction in true.reactions.values())
     scale = {"torque": torque, "force": force or torque / loaded.mechanism.size}
-    found = dict.fromkeys(scale, 0.0)
+    errors = dict.fromkeys(scale, 0.0)
     for kind, gap in gaps:
-        found[kind] = max(found[kind], worst(np.linalg.norm(gap, axis=1)) / scale[kind])
-    return found["torque"], found["force"]
+        errors[kind] = max(errors[kind], worst(np.linalg.norm(gap, axis=1)) / scale[kind])
+    return errors["torque"], errors["force"]
