@@ -271,7 +271,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
     with progress("dynamics", None) as report:
         names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
         steps = iter(_sections(report, names))
-        study = prescribed_along(model, *profile.state(time), time=time, watch=next(steps))
+        study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
         steady, even = _steady_turns(model, options)
         run, verdict = None, None
         if method != "none":
@@ -284,7 +284,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
                 tolerance=options.tolerance,
                 # with a tolerance the fewest steps that satisfy it determine the instants
                 samples=options.instants if options.tolerance is None else None,
-                watch=next(steps),
+                progress=next(steps),
             )
             verdict = crosscheck_driven(run, model, progress=next(steps))
     _write(options.csv, study, model.mechanism, shown if labelled else None)
@@ -363,7 +363,7 @@ def _free(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, lab
                 turns=options.turns,
                 tolerance=options.tolerance,
                 samples=options.instants,
-                watch=report,
+                progress=report,
             )
         verdict = crosscheck_free(stepped, model)
     _write(options.csv, run, model.mechanism, shown if labelled else None)

@@ -44,7 +44,7 @@ def crosscheck_driven(
     if run.outcome == "diverged" or motion.broken:
         return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
     instants = (motion.angle, motion.speed, motion.acceleration)
-    study = prescribed(model, *instants, time=motion.time, as_run=motion, watch=progress)
+    study = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
     tolerance = (
         None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
     )

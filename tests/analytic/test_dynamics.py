@@ -432,7 +432,7 @@ def test_many_instants_solved_in_parts_are_what_they_are_in_one_go(name, monkeyp
     whole = dynamics.prescribed(*asked, time=time)
     monkeypatch.setattr(prescribed_motion, "PART", 16)
     told = []
-    parts = dynamics.prescribed(*asked, time=time, watch=lambda done, part: told.append((done, part)))
+    parts = dynamics.prescribed(*asked, time=time, progress=lambda done, part: told.append((done, part)))
     assert told[0] == ("16 of 41 instants", 16 / 41)
     assert [part for _, part in told] == [16 / 41, 32 / 41, 1.0]
     columns = put_together(parts)

@@ -12,7 +12,7 @@ from mechsim.model.forces import Forces, Friction
 from mechsim.model.motors import TorqueSpeedLine
 from mechsim.simulation import Settings, swing, tolerance
 from mechsim.simulation.dynamics import torque_tolerance
-from mechsim.simulation.dynamics.determinacy import settled
+from mechsim.simulation.dynamics.determinacy import determined_components
 from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -79,10 +79,13 @@ def test_each_of_the_two_estimates_sees_an_error_that_is_there(monkeypatch):
 
 
 def test_only_forces_that_the_loops_settle_are_compared():
-    known = settled(loaded_model(catalog.make("four_bar").mechanism, Forces()))
+    known = determined_components(loaded_model(catalog.make("four_bar").mechanism, Forces()))
     assert known["crank"].tolist() == [True, True, False, False, False, True]
-    assert all(one.all() for one in settled(loaded_model(catalog.make("rssr").mechanism, Forces())).values())
-    bennett = settled(loaded_model(catalog.make("bennett").mechanism, Forces()))
+    assert all(
+        one.all()
+        for one in determined_components(loaded_model(catalog.make("rssr").mechanism, Forces())).values()
+    )
+    bennett = determined_components(loaded_model(catalog.make("bennett").mechanism, Forces()))
     assert not any(one.all() for one in bennett.values())
 
 

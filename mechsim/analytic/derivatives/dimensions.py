@@ -103,7 +103,7 @@ def changes(
             if left out.
 
     Raises:
-        InputError: where a description has a kink at a dimension, or cannot be made beside it.
+        InputError: where a description has a kink at a dimension, or fails for a perturbed value.
 
     Accuracy: a description is arithmetic: differences of eighth order over binary steps give its derivatives
         to about 1e-13 of themselves, over the step at which a sixth order agrees best; one that disagrees by
@@ -142,7 +142,7 @@ def _change(
         return best
     raise InputError(
         f"{family.name}: the description has no derivative by {dimension.name} at {dimension.value:.6g}: "
-        "it has a kink there, or cannot be made beside it; move the dimension a little"
+        "it has a kink there, or fails for a perturbed value; move the dimension a little"
     )
 
 

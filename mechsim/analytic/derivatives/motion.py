@@ -238,7 +238,7 @@ def record_of(
     mechanism: GivenMechanism | None,
     form: Form,
 ) -> Motion:
-    """Return a motion as a record; of a mechanism with other numbers, whose conditioning is not told."""
+    """Return a motion as a record; of a mechanism with other numbers, without its conditioning."""
     described = path.loops.tree.original if mechanism is None else mechanism
     record = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, described)
     if mechanism is not None:
@@ -297,7 +297,7 @@ class MotionBeside:
         assembly into which this one goes over as its dimensions become the other ones.
 
         Raises:
-            AssemblyError: where the loops do not close, or another assembly is too near to be told apart.
+            AssemblyError: where the loops do not close, or another assembly is too near to be distinguished.
         """
         return self.followed(mechanism, ahead).motion()
 

@@ -14,7 +14,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 from mechsim.units import si
 
-# the smallest coefficient of fluctuation that can be told from rounding
+# the smallest coefficient of fluctuation above rounding
 LEAST = 1e-9
 # crank angles over the turn; smooth coefficients are resolved to rounding by far fewer
 ANGLES = 1024
@@ -40,7 +40,7 @@ def fluctuation(model: DynamicModel, mean: float | str) -> Fluctuation:
 def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> Fluctuation:
     """Return the turn with the smallest flywheel that keeps the coefficient of speed fluctuation.
 
-    The flywheel found replaces that of the machine's forces; it is zero where none is needed.
+    The returned flywheel replaces that of the machine's forces; it is zero where none is needed.
 
     Raises:
         InputError: for a coefficient so small that rounding of the speed is larger.

@@ -22,7 +22,7 @@ from mechsim.numerics.newton import root
 PATIENCE = 1000.0
 # times a run may come to rest and start again before it is called off
 MOST_RESTS = 10_000
-# of a torque beside its own parts: below this it is rounding of a balance
+# of a torque relative to its terms: below this it is rounding of a balance
 BALANCED = 1e-12
 # a step tried this many turns past the end, or this far in [rad] where there is none, leads nowhere
 PAST, FAR = 2.0, 1e9

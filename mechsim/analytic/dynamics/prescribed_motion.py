@@ -101,7 +101,7 @@ def prescribed(
     *,
     t: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    watch: Callable[[str, float], None] = lambda _, __: None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
     as_run: Motion | None = None,
 ) -> InverseDynamics:
     """Return the drive torque and everything the joints carry at prescribed crank motion, or at times.
@@ -120,7 +120,7 @@ def prescribed(
         time: of crank angles, (n,) in [s]; None at constant speed counts it from crank angle zero.
         as_run: motion under the same motion laws, whose drivers' values and rates are taken; angles, speed
             and acceleration are then those of the motion.
-        watch: told now and then how far it has come, in words and as a part of the whole, 0 to 1.
+        progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
         InputError: for rates that are not finite, loads over time where no time is known, crank angles where
@@ -137,7 +137,7 @@ def prescribed(
             raise InputError(f"{model.mechanism.name}: the crank's speed is missing; give speed= in rad/s")
     time = instants.time if time is None else time
     return prescribed_along(
-        model, instants.parameter, instants.rate, instants.second, time=time, watch=watch, as_run=as_run
+        model, instants.parameter, instants.rate, instants.second, time=time, progress=progress, as_run=as_run
     )
 
 
@@ -148,7 +148,7 @@ def prescribed_along(
     second: ArrayLike = 0.0,
     *,
     time: ArrayLike | None = None,
-    watch: Callable[[str, float], None] = lambda _, __: None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
     as_run: Motion | None = None,
 ) -> InverseDynamics:
     """Return what `prescribed` does, at values of the path parameter and its rates.
@@ -178,7 +178,7 @@ def prescribed_along(
         run = None if as_run is None else select_instants(as_run, rows)
         chunks.append(_solved(model, angle[rows], w[rows], e[rows], instants, standing[rows], run))
         finished = min(first + PART, n)
-        watch(f"{finished:,} of {n:,} instants", finished / n)
+        progress(f"{finished:,} of {n:,} instants", finished / n)
     return chunks[0] if len(chunks) == 1 else _joined(chunks)
 
 

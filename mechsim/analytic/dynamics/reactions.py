@@ -21,7 +21,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import least_norm, null_space
 
 # part of a self-stress below which a joint takes no part in it
-SETTLED = 1e-9
+DETERMINED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
         frozenset(
             name
             for name in mechanism.named_laws
-            if (np.abs(slack[sound, _row(mechanism, name, multipliers)]) > SETTLED).any()
+            if (np.abs(slack[sound, _row(mechanism, name, multipliers)]) > DETERMINED).any()
         ),
         imbalance / scale,
         slack.shape[-1],
@@ -96,9 +96,9 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
 
 
 def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return least-norm solutions, (n, m), what the matrix takes to nought everywhere, (n, m, s), and where.
+    """Return least-norm solutions, (n, m), what the matrix takes to zero everywhere, (n, m, s), and where.
 
-    At the other instants, (n,) False, it takes more to nought.
+    At the other instants, (n,) False, it takes more to zero.
     """
     u, values, vt = np.linalg.svd(np.real(matrix), full_matrices=True)
     significant = values > RANK_TOLERANCE * values[:, :1]
@@ -152,15 +152,15 @@ def _reaction(
         force=wrench[:, :3, 0],
         moment=wrench[:, 3:, 0],
         point=point,
-        determined=undone <= SETTLED,
-        projector=_sure(alone) if slack.shape[-1] else None,
+        determined=undone <= DETERMINED,
+        projector=_determined_projector(alone) if slack.shape[-1] else None,
     )
 
 
-def _sure(alone: Array) -> Array:
+def _determined_projector(alone: Array) -> Array:
     """Return projections of force and moment on what self-stresses (n, 6, s) leave alone, (n, 2, 3, 3)."""
     u, values, _ = np.linalg.svd(alone.reshape(len(alone), 2, 3, -1), full_matrices=False)
-    loose = u * (values > SETTLED)[..., None, :]
+    loose = u * (values > DETERMINED)[..., None, :]
     return np.eye(3) - loose @ np.swapaxes(loose, -1, -2)
 
 

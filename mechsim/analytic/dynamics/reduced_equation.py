@@ -31,7 +31,7 @@ HALVINGS = 5
 # the last coefficients may be this part of the largest values: rounding of a closed form, and of poses
 # assembled by Newton's method; near a dead centre rounding grows as the inverse square of the conditioning,
 # and an arc this many times shorter than the longest is taken with less, one that can hardly be halved again
-# with least: a crank passes dead centres that lie a part of 1e-9 of the size beside its path
+# with least: a crank passes dead centres that lie a part of 1e-9 of the size from its path
 RESOLVED, ASSEMBLED, NOISY, SHORTER = 3e-14, 1e-12, 1e-11, 16.0
 ROUGH, HARDLY = 1e-8, 16.0
 
@@ -173,7 +173,7 @@ class CrankTable:
         """Return an arc with values at its points if they resolve every column."""
         tail = np.abs(_TRANSFORM[-3:] @ values).max(0)
         largest = np.abs(values).max(0)
-        # what a slope is off by counts by what it adds up to over the arc, beside the inertia
+        # what a slope is off by counts by what it adds up to over the arc, compared with the inertia
         largest[1] = max(largest[1], largest[0] / (high - low))
         largest[2:4] = largest[2:4].max()
         largest[2:] = np.maximum(largest[2:], _floors(self.model, len(largest) - 2))
@@ -183,7 +183,7 @@ class CrankTable:
 
 
 def _floors(model: DynamicModel, count: int) -> Array:
-    """Return below what the columns from the static torque on are rounding of nought, (count,).
+    """Return below what the columns from the static torque on are rounding of zero, (count,).
 
     As of a planar linkage's way out of its plane, or of a joint that never turns.
     """

@@ -1,7 +1,7 @@
 """Sheets: the real roots of an equation, followed as the crank turns until they meet another.
 
 A root t of g(crank angle, t) = 0 keeps the sign of dg/dt until it meets a root of the other sign, in a
-dead centre; that sign tells most roots apart. Where two roots of one sign stand side by side, the sheet
+dead centre; that sign distinguishes most roots. Where two roots of one sign stand side by side, the sheet
 says which is which: it is laid once over the whole turn, so that an answer depends on the crank angle
 alone and never on the angle asked before.
 """

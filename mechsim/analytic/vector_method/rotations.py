@@ -4,8 +4,8 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 
-# an element of a rotation this small is nought; its square would underflow some steps later
-NOUGHT = 1e-40
+# an element of a rotation this small counts as zero; its square would underflow some steps later
+ZERO = 1e-40
 
 
 def skew(v: Array) -> Array:
@@ -46,4 +46,4 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     rotated = (np.eye(3) + a * k + b * (k @ k)) @ rotation
     # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
     rotated = rotated @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(rotated, -1, -2) @ rotated)
-    return np.where(np.abs(rotated) < NOUGHT, 0.0, rotated)
+    return np.where(np.abs(rotated) < ZERO, 0.0, rotated)

@@ -42,7 +42,7 @@ def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array
         x, y in [m] and theta in [0, 2 pi) rad of up to six poses, by rising theta, (..., 6, 3); NaN
         where there are fewer. Poses that touch to rounding count as one.
 
-    Accuracy: legs close to a few ulp of the triad's size. Two poses are told apart from 1e-7 (rad,
+    Accuracy: legs close to a few ulp of the triad's size. Two poses are distinguished from 1e-7 (rad,
         parts of the size) on. Where all three legs are shorter than 0.03 of the size, the six roots
         crowd together, the sextic blurs them, and poses may be missed.
 

@@ -12,12 +12,12 @@ from mechsim.analytic.vector_method.jets import Values, cos_sin, values
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
-# a polynomial this small beside its largest harmonic is rounding of the lengths it is made of
+# a polynomial this small relative to its largest harmonic is rounding of the lengths it is made of
 FLAT = 256.0 * np.finfo(np.float64).eps
 # zeros of the complex polynomial this far from the unit circle are tried as real ones: a simple one, and
 # one of the derivative
 NEAR, TRIED = 1e-5, 1e-3
-# slopes this small beside the largest harmonic are those of an extremum
+# derivatives this small relative to the largest harmonic are those of an extremum
 LEVEL = 1e-9
 # an angle, as a part of itself, that may be a root but for rounding
 BESIDE = 4.0 * np.finfo(np.float64).eps

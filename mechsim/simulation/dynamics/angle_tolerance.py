@@ -21,7 +21,7 @@ from mechsim.simulation.tolerance import MAX_STEPS, Attempt, ToleranceReport, re
 COARSEST = 60
 # an error that falls by this order or more is taken to fall by this order; else all that the last halving
 # changed counts
-SURE = 3.4
+HIGH_ORDER = 3.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeSteppin
         change = _apart(half, run)
         order = believed_order(before[1], change, steps / before[0])
         before = steps, change
-        remaining = change / (2.0**SURE - 1.0) if order >= SURE else change
+        remaining = change / (2.0**HIGH_ORDER - 1.0) if order >= HIGH_ORDER else change
         return Attempt(
             run=run,
             steps=run.steps.steps,
@@ -82,10 +82,10 @@ def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeSteppin
         )
 
     spent = first.steps.steps + second.steps.steps
-    return refine(attempt, tolerance, 4 * coarsest, _why, trials=spent, multiple=2)
+    return refine(attempt, tolerance, 4 * coarsest, _reason, trials=spent, multiple=2)
 
 
-def _why(steps: int, estimate: float) -> str:
+def _reason(steps: int, estimate: float) -> str:
     most = f"{MAX_STEPS} steps a turn, the most that are spent,"
     end = most if steps >= MAX_STEPS else f"{steps} steps a turn"
     return f"{end} leave the crank angle off by {estimate:.2g} rad; run fewer turns or allow more"

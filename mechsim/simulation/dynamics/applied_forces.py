@@ -153,7 +153,7 @@ def mesh_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> dict
     return forces
 
 
-def thread_efforts(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Iterator[tuple[Array, Array]]:
+def thread_forces(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Iterator[tuple[Array, Array]]:
     """Yield force along and moment about the axis of a screw on its link b, (n,) each; nothing of others."""
     threads, first = threads_of(loaded.mechanism), loaded.loops.coupled_rows.start
     for i, (name, law) in enumerate(loaded.mechanism.named_laws.items()):
@@ -172,7 +172,7 @@ def _at_pitch_point(loaded: LoadedModel, fields: Fields, mesh: Mesh, effort: Arr
 # factor on MuJoCo's inverse weights at which forces are looked for. Harder, rounding over it is left where
 # rows repeat each other; softer, two passes leave 1e-3 near a dead centre
 # (validation/robustness/torque_scale.py)
-SOFTNESS = 1e-5
+COMPLIANCE_FACTOR = 1e-5
 # steps of Newton's method in each pass, and passes
 ITERATIONS, PASSES = 10, 3
 # of the correction before it: a third that is no smaller part is rounding
@@ -189,7 +189,7 @@ def soften(model: mujoco.MjModel, compliance: float) -> float:
     Returns:
         The factor by which they were multiplied, 1 or more.
     """
-    factor = max(1.0, SOFTNESS / compliance)
+    factor = max(1.0, COMPLIANCE_FACTOR / compliance)
     model.body_invweight0[:] *= factor
     model.dof_invweight0[:] *= factor
     model.opt.iterations = ITERATIONS
@@ -200,7 +200,7 @@ def rigid_forces(look: Callable[[Array], Mapping[str, Array]], states: int, dofs
     """Return what MuJoCo makes of states whose constraints are rigid, with "qfrc_constraint" their force.
 
     Args:
-        look: MuJoCo's fields of the states under generalised forces (n, nv) beside what acts otherwise.
+        look: MuJoCo's fields of the states under generalised forces (n, nv) added to what acts otherwise.
         states: their number n.
         dofs: nv.
     """

@@ -9,22 +9,22 @@ from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
 from mechsim.simulation.dynamics.applied_forces import coupling_forces, loop_forces, together
-from mechsim.simulation.dynamics.inverse_dynamics import row_scale, situation
+from mechsim.simulation.dynamics.inverse_dynamics import loaded_state, row_scale
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recording import States
 
-# joint -> whether fx, fy, fz, mx, my, mz is settled, (6,)
-Known = Mapping[str, NDArray[np.bool_]]
+# joint -> whether fx, fy, fz, mx, my, mz is determined, (6,)
+DeterminedComponents = Mapping[str, NDArray[np.bool_]]
 
 # turn of the crank from one pose looked at to the next, in [rad], and how many
 STEP, POSES = 0.05, 4
-# a component that changes by less than this part of the self-stress is settled
+# a component that changes by less than this part of the self-stress is determined
 TINY = 1e-9
 
 
-def settled(loaded: LoadedModel) -> Known:
+def determined_components(loaded: LoadedModel) -> DeterminedComponents:
     """Return which components of the joints' forces and moments the loop constraints determine."""
     determined = {joint.name: np.ones(6, dtype=np.bool_) for joint in loaded.mechanism.joints}
     qpos = follow.follow(loaded.loops, loaded.qpos, loaded.angle + _turned(loaded))
@@ -38,7 +38,7 @@ def settled(loaded: LoadedModel) -> Known:
     if rank == rows:
         return determined
     n = len(qpos)
-    state = situation(loaded, States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv))))
+    state = loaded_state(loaded, States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv))))
     units = np.array([1.0] * 3 + [loaded.mechanism.size] * 3)
 
     def carried(multipliers: Array) -> dict[str, Array]:

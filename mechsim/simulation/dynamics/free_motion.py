@@ -18,9 +18,9 @@ from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.free_steps import expect_speed, step_freely
 from mechsim.simulation.dynamics.inverse_dynamics import (
-    efforts_of,
+    forces_of_states,
+    loaded_state,
     powers,
-    situation,
     started,
     stiffen_friction,
 )
@@ -74,7 +74,7 @@ def free_run(
     timestep: float | str | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> SteppedFreeRun:
     """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
 
@@ -94,9 +94,9 @@ def free_run(
         samples: instants recorded after the first, about as many where only turns are given.
         timestep: longest step in [s], shortened so that records are even; None takes the settings' part of a
             turn at the speed to be expected.
-        settings: how to step; the flywheel in them is left out.
+        settings: how to step; the virtual drive inertia in them is left out.
         cut: joints at which the loops are cut; None lets the generator choose.
-        watch: told now and then how far the run has come, in words and as a part of the whole, 0 to 1.
+        progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
         InputError: where it is not said when to end, or values cannot be used.
@@ -121,7 +121,7 @@ def free_run(
     settings = settings or Settings()
     first = mechanism.start if angle is None else angle
     plan = _Plan(
-        loaded, settings, started(loaded, first, speed), turns, duration, samples, 0.0, np.inf, watch
+        loaded, settings, started(loaded, first, speed), turns, duration, samples, 0.0, np.inf, progress
     )
     if timestep is None or duration is None or tolerance is not None or open_choice:
         expected = expect_speed(loaded, first, speed, turns, duration)
@@ -157,7 +157,7 @@ class _Plan:
         samples: as asked for.
         fastest: speed to be expected, in [rad/s]; 0 where it is not needed.
         longest: time step that damping allows, in [s].
-        watch: told how far a run has come.
+        progress: called with a text and the finished fraction.
     """
 
     loaded: LoadedModel
@@ -168,7 +168,7 @@ class _Plan:
     samples: int
     fastest: float
     longest: float
-    watch: Progress
+    progress: Progress
 
     def let_run(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> FreeStepping:
         """Return the run with so many steps in a turn at the speed to be expected.
@@ -198,7 +198,9 @@ class _Plan:
         step, total, stride = step / per_record, total * per_record, stride * per_record
         loops = _prepared(self.loaded, settings, step)
         begin = clock.perf_counter()
-        run = step_freely(self.loaded, loops, self.start, total, stride, self.turns, self.fastest, self.watch)
+        run = step_freely(
+            self.loaded, loops, self.start, total, stride, self.turns, self.fastest, self.progress
+        )
         seconds = clock.perf_counter() - begin
         return FreeStepping(run, loops, settings, seconds, every)
 
@@ -231,7 +233,7 @@ def _steadier(plan: _Plan) -> Settings:
     """
     longest = REVOLUTION / plan.fastest
     short = replace(
-        plan, turns=None, duration=min(plan.duration or longest, longest), samples=SEEN, watch=no_progress
+        plan, turns=None, duration=min(plan.duration or longest, longest), samples=SEEN, progress=no_progress
     )
 
     def drift(settings: Settings) -> float:
@@ -246,10 +248,10 @@ def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoop
     """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
     loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
     crank = np.array([loops.crank])
-    flywheel = float(loops.model.dof_armature[loops.crank])
+    drive_inertia = float(loops.model.dof_armature[loops.crank])
     settings.apply(loops, step, velocity_products=True)
     stiffen_friction(loops.model, step)
-    set_armature(loops.model, crank, flywheel)
+    set_armature(loops.model, crank, drive_inertia)
     # a driven crank forgives what one step of Newton's method leaves; here it would move the crank
     loops.model.opt.iterations = max(loops.model.opt.iterations, ITERATIONS)
     return loops
@@ -261,7 +263,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     kept = np.unique(np.append(np.arange(0, len(run.time), stepping.every), len(run.time) - 1))
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
     work, lost = _work(loaded, States(run.time, run.qpos, run.qvel))
-    forces = efforts_of(loaded, loops.model, stepping.settings.compliance_used, states)
+    forces = forces_of_states(loaded, loops.model, stepping.settings.compliance_used, states)
     motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=forces.acceleration)
     return SteppedFreeRun(
         motion=motion,
@@ -293,7 +295,7 @@ def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
     outer = forces.motor or forces.courses
     if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
         return np.zeros(n), np.zeros(n)
-    chunks = [powers(loaded, situation(loaded, states.chunk(i))) for i in range(0, n, CHUNK)]
+    chunks = [powers(loaded, loaded_state(loaded, states.chunk(i))) for i in range(0, n, CHUNK)]
     lost, loads, motor = (np.concatenate(powers_of_chunks) for powers_of_chunks in zip(*chunks, strict=True))
     return _integral(states.time, loads + motor), _integral(states.time, lost)
 

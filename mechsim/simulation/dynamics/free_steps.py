@@ -49,7 +49,7 @@ def step_freely(
     stride: int,
     turns: float | None,
     fastest: float,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> FreeSteps:
     """Step a model that is set up for it.
 
@@ -61,7 +61,7 @@ def step_freely(
         stride: steps from one record to the next.
         turns: of the crank after which to end; None takes all steps.
         fastest: speed to be expected in [rad/s].
-        watch: told after every block how far the run has come.
+        progress: called after every block.
     """
     address, dof = loops.crank_address, loops.crank
     timestep = float(loops.model.opt.timestep)
@@ -92,7 +92,7 @@ def step_freely(
             if turns is None
             else float(abs(qpos[-1, address] - start[0][address])) / REVOLUTION / abs(turns)
         )
-        watch(f"{finished:,} steps", min(1.0, max(made, finished / total)))
+        progress(f"{finished:,} steps", min(1.0, max(made, finished / total)))
         end = _given_up(loaded, records, turns, rest, address, dof)
         if end is not None:
             outcome, reason = end

@@ -35,7 +35,7 @@ from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_t
 
 
 @dataclass(frozen=True, slots=True)
-class Situation:
+class LoadedState:
     """States and all that acts in them but loops and drive; `plain` is what MuJoCo then makes of them."""
 
     states: States
@@ -44,7 +44,7 @@ class Situation:
     plain: Fields
 
 
-def situation(loaded: LoadedModel, states: States) -> Situation:
+def loaded_state(loaded: LoadedModel, states: States) -> LoadedState:
     """Return states under loads, springs, friction and motor, with their loops open and no drive."""
     angle = states.qpos[:, loaded.loops.crank_address]
     model = loaded.looking()
@@ -53,7 +53,9 @@ def situation(loaded: LoadedModel, states: States) -> Situation:
     rates = loaded.look(model, states, applied)
     oppose(loaded.dry, rates["actuator_velocity"], applied.controls)
     outer = together(applied, dry_friction(loaded, rates, states.qvel))
-    return Situation(states, loaded.loops.linearise(states.qpos)[1], outer, loaded.look(model, states, outer))
+    return LoadedState(
+        states, loaded.loops.linearise(states.qpos)[1], outer, loaded.look(model, states, outer)
+    )
 
 
 def tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
@@ -62,13 +64,15 @@ def tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
     A link whose spin nothing determines then has no momentum about its own line.
     """
     _, jacobian = loaded.loops.linearise(qpos)
-    rows = _held(loaded, jacobian)
+    rows = _constraint_rows(loaded, jacobian)
     right = np.zeros(rows.shape[:2])
     right[:, -1] = 1.0
     return _least(rows, row_scale(loaded, rows.shape[1]), inertia, right)[0]
 
 
-def needed(loaded: LoadedModel, state: Situation, crank_acceleration: Array) -> tuple[Array, Array, Array]:
+def drive_and_constraint_forces(
+    loaded: LoadedModel, state: LoadedState, crank_acceleration: Array
+) -> tuple[Array, Array, Array]:
     """Return accelerations (n, nv), loop multipliers (n, m) and drive torque (n,) of a prescribed crank.
 
     M q'' + h = Q + J' multipliers + torque on the crank, J q'' + J' q' = 0, the crank's q'' given.
@@ -77,17 +81,17 @@ def needed(loaded: LoadedModel, state: Situation, crank_acceleration: Array) -> 
     opened = closure_acceleration(loaded.loops, state.states, state.plain["qacc"], links)
     lacking = crank_acceleration - state.plain["qacc"][:, loaded.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
-    rows = _held(loaded, state.jacobian)
+    rows = _constraint_rows(loaded, state.jacobian)
     change, multipliers = _least(rows, row_scale(loaded, rows.shape[1]), state.plain["inertia"], right)
     return state.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
 
 
-def constrained(loaded: LoadedModel, state: Situation, fields: Fields) -> tuple[Array, Array]:
+def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -> tuple[Array, Array]:
     """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that goes with them.
 
     Args:
         loaded: the mechanism.
-        state: the situation.
+        state: the loaded_state.
         fields: what the stepped model makes of it.
     """
     forces, scale = fields["qfrc_constraint"], row_scale(loaded, state.jacobian.shape[1])
@@ -118,7 +122,7 @@ def _on_clock(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array
 
 
 def efforts(
-    loaded: LoadedModel, state: Situation, qacc: Array, multipliers: Array, torque: Array
+    loaded: LoadedModel, state: LoadedState, qacc: Array, multipliers: Array, torque: Array
 ) -> ForceRecord:
     """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
     n, crank = len(qacc), loaded.loops.crank
@@ -136,7 +140,7 @@ def efforts(
     lost, outer, motor = powers(loaded, state)
     rates = state.states.qvel
     # rounding is measured by accelerations: links that all turn evenly have none, and those that creep next
-    # to none beside what their weight would give them without the loops
+    # to none compared with what their weight would give them without the loops
     even = float(np.abs(rates[:, crank]).max()) ** 2
     kept = float(np.abs(state.plain["qacc"]).max())
     largest = max(float(np.abs(qacc).max()), kept, even, np.finfo(np.float64).tiny)
@@ -166,7 +170,7 @@ def efforts(
     )
 
 
-def _held(loaded: LoadedModel, jacobian: Array) -> Array:
+def _constraint_rows(loaded: LoadedModel, jacobian: Array) -> Array:
     """Return the loops' Jacobian with a last row for the crank, (n, m + 1, nv)."""
     row = np.zeros((len(jacobian), 1, loaded.model.nv))
     row[..., loaded.loops.crank] = 1.0
@@ -236,7 +240,7 @@ def _wound(loaded: LoadedModel, fields: Fields) -> Array:
     return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
 
 
-def powers(loaded: LoadedModel, state: Situation) -> tuple[Array, Array, Array]:
+def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array]:
     """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
     model, kinds, rates = loaded.model, loaded.actuators, state.states.qvel
     power = state.plain["actuator_force"] * state.plain["actuator_velocity"]
@@ -259,8 +263,8 @@ class Posed:
 
     Attributes:
         qpos: closed states, (n, nq).
-        states: the same, but held off from meetings of assemblies, with their rates.
-        near: which are close to such meetings.
+        states: the same, but moved away from change points, with their rates.
+        near: which are close to change points.
         found: the efforts.
     """
 
@@ -270,13 +274,13 @@ class Posed:
     found: ForceRecord
 
 
-def required(
+def inverse_dynamics(
     loaded: LoadedModel,
     time: Array,
     angle: Array,
     speed: Array,
     acceleration: Array,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> Posed:
     """Return the closed states of a crank motion, (n,) each in SI, and what it needs, by inverse dynamics.
 
@@ -294,22 +298,26 @@ def required(
     for first in range(0, len(time), CHUNK):
         chunk = slice(first, first + CHUNK)
         states = States(time[chunk], away[chunk], _rates(loaded, away[chunk]) * speed[chunk, None])
-        at = situation(loaded, states)
-        chunks.append((states, efforts(loaded, at, *needed(loaded, at, acceleration[chunk]))))
+        at = loaded_state(loaded, states)
+        chunks.append(
+            (states, efforts(loaded, at, *drive_and_constraint_forces(loaded, at, acceleration[chunk])))
+        )
         finished = min(first + CHUNK, len(time))
-        watch(f"{finished:,} of {len(time):,} poses", finished / len(time))
+        progress(f"{finished:,} of {len(time):,} poses", finished / len(time))
     record = join([record for _, record in chunks])
     interpolated = np.zeros(len(time), dtype=np.bool_)
     for change_point, rows, angles_mod_2pi in neighbourhoods:
         for row, at in zip(rows, angles_mod_2pi, strict=True):
             crank = (float(values[row]) for values in (time, angle, speed, acceleration))
-            record = replace_instants(record, np.array([row]), _beside(loaded, change_point, at, *crank))
+            record = replace_instants(
+                record, np.array([row]), _interpolated_forces(loaded, change_point, at, *crank)
+            )
         interpolated[rows] = True
     record = replace(record, at_branch_point=interpolated)
     return Posed(qpos, join([states for states, _ in chunks]), neighbourhoods, record)
 
 
-def _beside(
+def _interpolated_forces(
     loaded: LoadedModel,
     change_point: ChangePoint,
     angle_mod_2pi: float,
@@ -323,12 +331,12 @@ def _beside(
     qpos = change_point.states.copy()
     qpos[:, loaded.loops.crank_address] += revolutions
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
-    state = situation(loaded, states)
-    around = efforts(loaded, state, *needed(loaded, state, np.full(count, acceleration)))
+    state = loaded_state(loaded, states)
+    around = efforts(loaded, state, *drive_and_constraint_forces(loaded, state, np.full(count, acceleration)))
     record = weighted_sums(
         around, fit_weights(change_point.nodes, change_point.angle, np.array([angle_mod_2pi]))
     )
-    # how friction acts is told, not reckoned with
+    # the direction of friction is a sign: round it
     return replace(record, angle=np.array([angle]), sliding=np.round(record.sliding))
 
 
@@ -339,12 +347,12 @@ def _rates(loaded: LoadedModel, qpos: Array) -> Array:
     return tangent(loaded, qpos, loaded.look(loaded.looking(), rest, loaded.nothing(n))["inertia"])
 
 
-# factor on the flywheel, and on what drives it, where the crank's speed changes: beside so large a torque
+# factor on the virtual drive inertia and its torque where the speed changes: next to so large a torque
 # that of the machine would be lost in rounding
 LIGHTER = 1e-6
 
 
-def efforts_of(
+def forces_of_states(
     loaded: LoadedModel,
     stepped: mujoco.MjModel,
     compliance: float,
@@ -374,15 +382,15 @@ def efforts_of(
     records = []
     for first in range(0, len(states.time), CHUNK):
         chunk = _straightened(loaded, states.chunk(first))
-        state = situation(loaded, chunk)
+        state = loaded_state(loaded, chunk)
         acting = replace(state.outer, generalised=state.outer.generalised.copy())
         if force is not None:
             acting.generalised[:, moved] += LIGHTER * force[first : first + CHUNK]
-        nonlinear = _bent(loaded, state)
+        nonlinear = _coupling_accelerations(loaded, state)
         acting.generalised[:] -= (state.plain["inertia"] @ nonlinear[..., None])[..., 0]
         fields = _looked(loaded, model, chunk, acting)
         fields["qacc"] = fields["qacc"] + nonlinear
-        multipliers, torque = constrained(loaded, state, fields)
+        multipliers, torque = constraint_forces(loaded, state, fields)
         records.append(efforts(loaded, state, fields["qacc"], multipliers, torque))
     return join(records)
 
@@ -401,7 +409,8 @@ def _looked(
 def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> None:
     """Let constraints hold all that couplings bend, also what was stepped as the crank is.
 
-    They ask for no acceleration by how far they stand open: with the bend added (`_bent`), none is lacking.
+    Their reference acceleration ignores the constraint violation; `_coupling_accelerations` adds the
+    velocity-product term.
     """
     loops = loaded.loops
     dofs = loops.actuated_dofs[len(loops.driven_dofs) :]
@@ -433,16 +442,16 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     return replace(states, qpos=qpos, qvel=qvel)
 
 
-def _bent(loaded: LoadedModel, state: Situation) -> Array:
+def _coupling_accelerations(loaded: LoadedModel, state: LoadedState) -> Array:
     """Return accelerations, (n, nv), by which couplings bend: p'' times the square of the right side's rate.
 
     All else stays closed, crank and drivers at rest. MuJoCo's rows (1, -p') leave them out: what is left
-    of q'' beside them obeys its rows, under the force that these take.
+    of the accelerations obeys its rows, under the force that these take.
     """
     couplings, rows = loaded.loops.couplings, loaded.loops.coupled_rows
     if not any(coupling.nonlinear for coupling in couplings):
         return np.zeros_like(state.states.qvel)
-    constraints = _held(loaded, state.jacobian)
+    constraints = _constraint_rows(loaded, state.jacobian)
     right = np.zeros(constraints.shape[:2])
     right[:, rows] = np.stack(
         [coupling.velocity_product(state.states.qpos, state.states.qvel) for coupling in couplings], 1
@@ -451,7 +460,7 @@ def _bent(loaded: LoadedModel, state: Situation) -> Array:
 
 
 def stiffen_friction(model: mujoco.MjModel, timestep: float) -> None:
-    """Let dry friction hold within two steps: MuJoCo's default of 20 ms is long beside a turn."""
+    """Let dry friction hold within two steps: MuJoCo's default of 20 ms is long compared with a turn."""
     for name in ("dof_solref", "tendon_solref_fri"):
         getattr(model, name)[:] = 2.0 * timestep, 1.0
     for name in ("dof_solimp", "tendon_solimp_fri"):

@@ -12,7 +12,12 @@ from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
 from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
-from mechsim.simulation.dynamics.inverse_dynamics import efforts_of, required, started, stiffen_friction
+from mechsim.simulation.dynamics.inverse_dynamics import (
+    forces_of_states,
+    inverse_dynamics,
+    started,
+    stiffen_friction,
+)
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
 from mechsim.simulation.mjcf import quiet
@@ -30,8 +35,8 @@ SAMPLES = 72
 # constraints ten thousand times harder than places need: near a dead centre the gap that carries the forces
 # showed in the torque, 1e-3 of it in an elliptic trammel (validation/robustness/torque_scale.py)
 HARD = Settings(compliance=1e-12)
-# conditioning of loops below which it is told that stepped forces err: 2e-3 left 3e-5 of the torque where a
-# third crank lies 0.1 mm beside the line of pivots, 7e-3 left less than the bound
+# conditioning of loops below which a note says that stepped forces err: 2e-3 left 3e-5 of the torque where a
+# third crank lies 0.1 mm off the line of pivots, 7e-3 left less than the bound
 BARELY = 5e-3
 
 
@@ -49,7 +54,7 @@ def driven(
     samples: int | None = None,
     settings: Settings | None = None,
     cut: tuple[str, ...] | None = None,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> Driven:
     """Return drive torque, joint reactions and energies of a machine under a prescribed crank.
 
@@ -74,7 +79,7 @@ def driven(
         samples: instants recorded after the first, evenly spread; None takes about 72 a turn.
         settings: how to step, None as `HARD` has it; with a tolerance their number of steps is replaced.
         cut: joints at which the loops are cut; None lets the generator choose.
-        watch: told now and then how far it has come, in words and as a part of the whole, 0 to 1; with a
+        progress: called with a text and the finished fraction, 0 to 1; with a
             tolerance each trial begins anew.
 
     Raises:
@@ -99,25 +104,25 @@ def driven(
             raise InputError("neither a crank speed nor a profile was given; give one of them")
         profile = constant(speed, turns, mechanism.start)
     if method == "pose" or (method is None and tolerance is None):
-        return _kept(_solved(loaded, profile, samples, watch), tolerance)
+        return _kept(_solved(loaded, profile, samples, progress), tolerance)
     # all of it, so that a crank that cannot go there is refused before anything is stepped
     passed = passed_change_points(loaded, profile)
     require_regular_start(loaded.loops, passed, float(profile.state(np.zeros(1))[0][0]))
     settings, note = settings or HARD, undecided_note(loaded.loops, passed)
     if tolerance is None:
-        run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), watch)
+        run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), progress)
         return replace(run, note="; ".join(text for text in (note, run.note) if text))
 
     def whole(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
-        return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples), watch)
+        return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples), progress)
 
     short = _one_turn(profile)
     count = max(short.min_instants, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
 
     def trial(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
-        return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, watch)
+        return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, progress)
 
     run = within(loaded, tolerance, whole, trial)
     return replace(run, note="; ".join(text for text in (note, run.note) if text))
@@ -148,12 +153,12 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     return replace(run, outcome="passed" if report.satisfied else "failed", tolerance_report=report)
 
 
-def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, watch: Progress) -> Driven:
+def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, progress: Progress) -> Driven:
     count = samples or max(profile.min_instants, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()
-    posed = required(loaded, time, angle, speed, acceleration, watch)
+    posed = inverse_dynamics(loaded, time, angle, speed, acceleration, progress)
     seconds = clock.perf_counter() - begin
     motion = evaluate(loaded.loops, loaded.track, posed.states, "pose", crank_acceleration=acceleration)
     motion = interpolated(motion, loaded.loops, loaded.track, posed.qpos, posed.near, (speed, acceleration))
@@ -169,7 +174,12 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, wat
 
 
 def _stepped(
-    loaded: LoadedModel, profile: CrankProfile, settings: Settings, samples: int, stride: int, watch: Progress
+    loaded: LoadedModel,
+    profile: CrankProfile,
+    settings: Settings,
+    samples: int,
+    stride: int,
+    progress: Progress,
 ) -> Driven:
     total = samples * stride
     first, speed, _ = (float(value[0]) for value in profile.state(np.zeros(1)))
@@ -178,9 +188,9 @@ def _stepped(
     stiffen_friction(model, profile.duration / total)
     time = profile.duration / total * np.arange(float(total))
     controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
-    steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, watch)
+    steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, progress)
     states = steps.states
-    record = efforts_of(loaded, model, settings.compliance_used, states, steps.force)
+    record = forces_of_states(loaded, model, settings.compliance_used, states, steps.force)
     drivers = [*record.drive_accelerations.values()]
     motion = evaluate(
         loaded.loops,
@@ -201,12 +211,12 @@ def _stepped(
         seconds=steps.seconds,
         settings=replace(settings, compliance=settings.compliance_used),
         timestep=steps.timestep,
-        note=_barely_held(loaded, states),
+        note=_conditioning_note(loaded, states),
         masses=masses_of(loaded.mechanism),
     )
 
 
-def _barely_held(loaded: LoadedModel, states: States) -> str:
+def _conditioning_note(loaded: LoadedModel, states: States) -> str:
     """Return in one sentence where the loops of a run are nearly singular; nothing where they are not."""
     loops, starts = loaded.loops, range(0, len(states.time), CHUNK)
     conditioning = np.concatenate(

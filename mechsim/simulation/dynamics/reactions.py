@@ -8,7 +8,7 @@ from mechsim.model.force_record import Reaction
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.applied_forces import thread_efforts
+from mechsim.simulation.dynamics.applied_forces import thread_forces
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 
 
@@ -44,7 +44,7 @@ def transmitted(
         force = wrench[:, 3:]
         moment = wrench[:, :3] + np.cross(root - point, force)
     force, moment = _constraint_part(joint, axes[:, first], axes[:, second], force, moment)
-    for along, about in thread_efforts(loaded, joint, multipliers):
+    for along, about in thread_forces(loaded, joint, multipliers):
         axis = axes[:, second] @ np.asarray(joint.b.axis)
         force, moment = force + along[:, None] * axis, moment + about[:, None] * axis
     return Reaction(link=joint.b.link, by=joint.a.link, force=force, moment=moment, point=point)

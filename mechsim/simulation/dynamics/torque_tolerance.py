@@ -14,8 +14,8 @@ from mechsim.errors import AssemblyError
 from mechsim.model.force_record import ForceRecord
 from mechsim.numerics.arrays import Array, rms, worst
 from mechsim.numerics.convergence import believed_order
-from mechsim.simulation.dynamics.determinacy import Known, settled
-from mechsim.simulation.dynamics.inverse_dynamics import required
+from mechsim.simulation.dynamics.determinacy import DeterminedComponents, determined_components
+from mechsim.simulation.dynamics.inverse_dynamics import inverse_dynamics
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.result import Driven
 from mechsim.simulation.tolerance import MAX_STEPS, TARGET_FRACTION, Attempt, refine, rounded, steps_for
@@ -51,7 +51,7 @@ def within(
         trial: steps a turn -> a run of the same crank motion, one turn of it where its speed is steady,
             recorded at `TRIAL_SAMPLES` instants a turn.
     """
-    determined = settled(loaded)
+    determined = determined_components(loaded)
     runs = [trial(steps) for steps in TRIALS]
     first, second = (max(against_poses(loaded, run, determined)) for run in runs)
     order = believed_order(first, second, TRIALS[1] / TRIALS[0])
@@ -71,7 +71,7 @@ def within(
         attempt,
         tolerance,
         rounded(steps_for(TRIALS[1], second, TARGET_FRACTION * tolerance, order), EVEN),
-        _why,
+        _reason,
         trials=sum(one.steps for one in runs),
         trial_steps=TRIALS[1],
         multiple=EVEN,
@@ -80,7 +80,7 @@ def within(
     return replace(run, outcome="passed" if report.satisfied else outcome, tolerance_report=report)
 
 
-def _why(steps: int, estimate: float) -> str:
+def _reason(steps: int, estimate: float) -> str:
     """Return why a tolerance is not kept."""
     if steps >= MAX_STEPS:
         return f"{MAX_STEPS} steps a turn, the most that are spent, leave {estimate:.2g}"
@@ -90,8 +90,8 @@ def _why(steps: int, estimate: float) -> str:
     )
 
 
-def against_poses(loaded: LoadedModel, run: Driven, determined: Known) -> tuple[float, float]:
-    """Return the errors of torque and reactions of a stepped run beside solved poses."""
+def against_poses(loaded: LoadedModel, run: Driven, determined: DeterminedComponents) -> tuple[float, float]:
+    """Return the errors of torque and reactions of a stepped run relative to solved poses."""
     try:
         true = _posed(loaded, run)
     except AssemblyError:
@@ -100,7 +100,7 @@ def against_poses(loaded: LoadedModel, run: Driven, determined: Known) -> tuple[
     return _errors(loaded, _gaps(loaded, run.efforts, true, determined), true)
 
 
-def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: Known) -> float:
+def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: DeterminedComponents) -> float:
     """Return how far torque or reactions of two runs are apart at the same instants.
 
     Where the drive is not steady its acceleration differs from run to run; that is no error of the
@@ -123,11 +123,11 @@ def _posed(loaded: LoadedModel, run: Driven) -> ForceRecord:
     motion = run.motion
     if run.outcome == "diverged" or motion.time is None:
         raise AssemblyError("the run diverged")
-    return required(loaded, motion.time, motion.angle, motion.speed, motion.acceleration).found
+    return inverse_dynamics(loaded, motion.time, motion.angle, motion.speed, motion.acceleration).found
 
 
 def _gaps(
-    loaded: LoadedModel, estimate: ForceRecord, true: ForceRecord, determined: Known
+    loaded: LoadedModel, estimate: ForceRecord, true: ForceRecord, determined: DeterminedComponents
 ) -> list[tuple[str, Array]]:
     """Return the differences of torque [N m], and of forces and moments over the size [N]; (n, k) each."""
     length = loaded.mechanism.size
