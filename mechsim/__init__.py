@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from mechsim.subjects.simulate_by_name import simulate
     from mechsim.theory.continuation import trace
     from mechsim.verdict.checks import Check, Verdict
-    from mechsim.verdict.judge import crosscheck
+    from mechsim.verdict.crosscheck import crosscheck
     from mechsim.verdict.tolerances import Tolerance
 
 # public name -> where it is: modules, then what is in one
@@ -81,7 +81,7 @@ _HOMES = _MODULES | {
     "Spring": "model.forces",
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
-    "crosscheck": "verdict.judge",
+    "crosscheck": "verdict.crosscheck",
     "fit": "studies.fit.calibration",
     "load": "subjects.readers",
     "moved": "studies.sensitivity.sensitivity",

@@ -15,7 +15,7 @@ WHOLE = "analytic/loops/motion.py"
 RATES = "analytic/loops/path_rates.py"
 LAYOUT = "analytic/loops/tree.py"
 CHECKS = "verdict/checks.py"
-JUDGE = "verdict/judge.py"
+CROSSCHECK = "verdict/crosscheck.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
@@ -121,11 +121,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (
         CHECKS,
-        "part = np.divide(error, bound, out=np.where(error > 0.0, np.inf, error), where=bound > 0.0)",
-        "part = np.divide(error, bound, out=np.where(error > 1.0, np.inf, error), where=bound > 0.0)",
+        "fraction = np.divide(error, allowed, out=np.where(error > 0.0, np.inf, error), where=allowed > 0.0)",
+        "fraction = np.divide(error, allowed, out=np.where(error > 1.0, np.inf, error), where=allowed > 0.0)",
     ): "where nothing is allowed at any instant, any of the errors may be the one that is told",
     (
-        JUDGE,
+        CROSSCHECK,
         "allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 0.0, turns=turns), bounds)",
         "allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 1.0, turns=turns), bounds)",
     ): "bounds of a run that was asked for nothing have no part of what was asked",
@@ -186,9 +186,9 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SPEED,
     (MANY, "step = max(1, CHUNK // max(1, len(columns)))", "..."): SPEED,
     (
-        "verdict/judge.py",
-        "pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))",
-        "pairs = np.unique(np.linspace(0, max(1, len(angle) - 2), MOST_PAIRS).astype(int))",
+        "verdict/crosscheck.py",
+        "pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MAX_PAIRS).astype(int))",
+        "pairs = np.unique(np.linspace(0, max(1, len(angle) - 2), MAX_PAIRS).astype(int))",
     ): "of a single record the next is the same",
     **{
         (

@@ -57,7 +57,7 @@ KILLERS: dict[str, list[str]] = {
     "verdict/quantities.py": VERDICT,
     "verdict/record_errors.py": ["verdict/test_error_sizes.py"],
     "verdict/checks.py": VERDICT,
-    "verdict/judge.py": [*VERDICT, "verdict/test_programmed.py", "verdict/test_other_assembly.py"],
+    "verdict/crosscheck.py": [*VERDICT, "verdict/test_programmed.py", "verdict/test_other_assembly.py"],
     "analytic/loops/maximal_coordinates.py": CLOSURE,
     "analytic/loops/oracle.py": CLOSURE,
     "analytic/loops/record.py": ["analytic/test_joint_motion.py", *CLOSURE],

@@ -188,8 +188,8 @@ def _off_by(check: Check) -> str:
 
 def _instant(check: Check) -> str:
     if check.at_unit == "rad":
-        return f"{math.degrees(check.at) % 360.0:.4g}°"
-    return f"row {check.at:g}" if check.at_unit == "row" else f"t = {check.at:.4g} s"
+        return f"{math.degrees(check.instant) % 360.0:.4g}°"
+    return f"row {check.instant:g}" if check.at_unit == "row" else f"t = {check.instant:.4g} s"
 
 
 def readable(value: float, unit: str) -> str:

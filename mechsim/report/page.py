@@ -282,8 +282,8 @@ def degrees(x: Any) -> str:
 def instant(check: Check) -> str:
     """Return where the error of a check is worst: a crank angle, or a time under motion laws."""
     if check.at_unit == "rad":
-        return degrees(check.at)
-    return f"row {check.at:g}" if check.at_unit == "row" else f"{check.at:.4g} s"
+        return degrees(check.instant)
+    return f"row {check.instant:g}" if check.at_unit == "row" else f"{check.instant:.4g} s"
 
 
 def value(x: Any) -> list[str]:

@@ -12,7 +12,7 @@ from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict
-from mechsim.verdict.judge import judge_efforts, judge_free_run
+from mechsim.verdict.crosscheck import crosscheck_forces, crosscheck_free_run
 from mechsim.verdict.tolerances import Tolerance
 
 # steps of MuJoCo for each step of the integrator of order eight: 4000 a period of a pendulum, for which that
@@ -37,7 +37,7 @@ def crosscheck_driven(
     Args:
         run: from `simulation.dynamics.prescribed_motion.driven`.
         model: the analytic side.
-        bounds: as in `judge_efforts`.
+        bounds: as in `crosscheck_forces`.
         progress: told now and then how far it has come, in words and as a part of the whole.
     """
     motion = run.motion
@@ -48,7 +48,7 @@ def crosscheck_driven(
     tolerance = (
         None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
     )
-    return judge_efforts(
+    return crosscheck_forces(
         run.efforts,
         study.efforts,
         method=run.method,
@@ -66,14 +66,14 @@ def crosscheck_free(
     Args:
         run: from `simulation.dynamics.free_running.free_run`.
         model: the analytic side.
-        bounds: as in `judge_free_run`.
+        bounds: as in `crosscheck_free_run`.
     """
     record = run.free
     if record.outcome == "diverged" or len(record) < 2:
-        return judge_free_run(record, record)
+        return crosscheck_free_run(record, record)
     exact = free_run(model, angle=float(record.angle[0]), speed=float(record.speed[0]), times=record.time)
     tolerance = None if run.tolerance_report is None else run.tolerance_report.tolerance
-    return judge_free_run(record, exact, tolerance=tolerance, bounds=bounds)
+    return crosscheck_free_run(record, exact, tolerance=tolerance, bounds=bounds)
 
 
 def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: InitialValues) -> Verdict:
@@ -146,7 +146,7 @@ def _forward_check(name: str, unit: str, times: Array, values: list[Array], floo
         method="step",
         unit=unit,
         worst=float(error[worst]),
-        at=float(times[worst]),
+        instant=float(times[worst]),
         at_unit="s",
         rms=float(np.sqrt((error**2).mean())),
         tolerance=change + floor,

@@ -28,7 +28,7 @@ from mechsim.studies.scene.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.verdict.checks import Verdict, check_of, checks_of, combined, concluded, tolerances_of
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import EPS, RecordInstants, Requested, Tolerance
 

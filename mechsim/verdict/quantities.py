@@ -1,4 +1,4 @@
-"""The table of quantities: how each error comes from two records, in which unit, and how large it may be.
+"""The table of quantities: error, unit, scale, tolerance by method and its reason.
 
 Verdicts, the trade-off, its plots and the report all read this one table.
 """
@@ -14,16 +14,16 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import half_extent
 from mechsim.verdict import record_errors as errors
-from mechsim.verdict.record_errors import Error, Subjects, alone, of
+from mechsim.verdict.record_errors import Error, Subjects, field_error, field_value
 from mechsim.verdict.tolerances import EPS, FRACTION_OF, ToleranceRule
 
-# a drive torque that is a smaller part of the energy of motion counts as none
+# a drive torque that is a smaller fraction of the kinetic energy counts as zero
 IDLE = 1e-3
-# of a crank that is placed
+# rounding of a prescribed crank angle in [rad]
 PLACED_TO = 2000.0 * EPS
-# points that move by a smaller part of what they are from the origin stand still: it is rounding
+# points that move by a smaller fraction of their distance from the origin stand still: it is rounding
 STILL = 1e-12
-# what errors of a stepped run look like beside the error of place, as multiples of place x speed^k:
+# errors of a stepped run relative to its position error, as multiples of position x speed^k:
 # measured 2 and 5 for the catalogue at 100 steps a turn or more (validation/choices/
 # constraint_settings.py), 12 and 69 for random mechanisms at 400 (validation/robustness/bounds.py)
 RATE_GAIN, ACCELERATION_GAIN = 30.0, 300.0
@@ -31,17 +31,17 @@ RATE_GAIN, ACCELERATION_GAIN = 30.0, 300.0
 
 @dataclass(frozen=True, slots=True)
 class ComparedQuantity:
-    """What is compared of two records.
+    """A quantity in which two records are compared.
 
     Attributes:
         name: its kind.
         unit: of the error.
-        error: (found, exact, subject) -> sizes of the error (n,); None where there is none to speak of.
-        scale: what errors and bounds are a part of, a key of `motion_scales` or its like.
-        bounds: road -> bound.
-        over: (found, exact) -> the points, links or joints to compare.
-        text: as a reader sees it, {} for the subject; empty is the name.
-        title: as a plot's axis has it.
+        error: (computed, exact, subject) -> errors >= 0, (n,); None where the quantity is undefined.
+        scale: of errors and tolerances; a key of `motion_scales`, `force_scales` or `free_scales`.
+        bounds: method -> tolerance.
+        over: (computed, exact) -> the points, links or joints to compare.
+        text: label, {} for the subject; empty is the name.
+        title: of a plot's axis.
     """
 
     name: str
@@ -53,14 +53,16 @@ class ComparedQuantity:
     text: str = ""
     title: str = ""
 
-    def said(self, subject: str = "") -> str:
+    def label(self, subject: str = "") -> str:
         """Return the quantity of a point, link or joint in words."""
         return (self.text or self.name).format(subject)
 
-    def largest(self, found: Any, exact: Any, scales: Mapping[str, float]) -> float:
-        """Return the largest error as a part of its scale; 0 where there is none to speak of."""
-        sizes = (self.error(found, exact, subject) for subject in self.over(found, exact))
-        return max((worst(size) for size in sizes if size is not None), default=0.0) / scales[self.scale]
+    def largest(self, computed: Any, exact: Any, scales: Mapping[str, float]) -> float:
+        """Return the largest error as a fraction of its scale; 0 where the quantity is undefined."""
+        errors_of = (self.error(computed, exact, subject) for subject in self.over(computed, exact))
+        return (
+            max((worst(error) for error in errors_of if error is not None), default=0.0) / scales[self.scale]
+        )
 
 
 SWING = "x position bound x crank speed{}: the loop's swing"
@@ -69,7 +71,7 @@ LEVERS = ToleranceRule("position bound over the stroke, for levers a tenth as lo
 
 
 def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "rounding") -> ToleranceRule:
-    """Return the bound of a solved pose: so many eps, where so many were measured over random drives."""
+    """Return the tolerance of a solved pose in multiples of eps; `measured` is over random mechanisms."""
     return ToleranceRule(f"{how}: {eps} eps, measured {measured}", eps * EPS, power=power, scale=scale)
 
 
@@ -159,7 +161,7 @@ MOTION = (
     ComparedQuantity(
         "loop",
         "m",
-        alone("closure"),
+        field_value("closure"),
         "stroke",
         {
             "pose": _rounding(256, 51, 0, "reach"),
@@ -171,16 +173,18 @@ MOTION = (
         title="loop residual",
     ),
 )
-# of the crank beside its motion as it was wanted
-DRIVE = (
+# the crank compared with its requested motion
+CRANK_DRIVE = (
     ComparedQuantity(
         "drive speed",
         "rad/s",
-        of("speed"),
+        field_error("speed"),
         "crank speed",
         {
             "pose": ToleranceRule(PLACED, PLACED_TO),
-            "step": ToleranceRule("flywheel of 1e12 times the links: no reaction changes its speed", 1e-8),
+            "step": ToleranceRule(
+                "virtual drive inertia of 1e12 times the links: no reaction changes its speed", 1e-8
+            ),
         },
         text="drive: crank speed",
     ),
@@ -191,25 +195,25 @@ DRIVE = (
         "rad",
         {
             "pose": ToleranceRule(PLACED, 10.0 * PLACED_TO),
-            "step": ToleranceRule("does not enter the errors, which are taken at the angle reached", 1e-7),
+            "step": ToleranceRule("does not enter the errors, which are computed at the angle reached", 1e-7),
         },
         text="drive: crank angle",
         title="error of the crank angle over time",
     ),
 )
 
-HELD_FORCE = (
-    "does not enter the errors, taken where the drivers were; a force held over a step errs by its square: "
-    "measured 2.4e-4 at 100 steps a turn"
+CONSTANT_FORCE = (
+    "does not enter the errors, taken where the drivers were; a force constant over a step errs by its "
+    "square: measured 2.4e-4 at 100 steps a turn"
 )
-# of drivers beside their programs
+# drivers compared with their motion laws
 PROGRAMMED = (
     ComparedQuantity(
         "driver angle",
         "rad",
         errors.of_joints("rad"),
         "rad",
-        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(HELD_FORCE, 1e-3)},
+        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(CONSTANT_FORCE, 1e-3)},
         over=errors.drivers,
         text="drive: {}",
     ),
@@ -218,7 +222,7 @@ PROGRAMMED = (
         "m",
         errors.of_joints("m"),
         "reach",
-        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(HELD_FORCE, 1e-3)},
+        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(CONSTANT_FORCE, 1e-3)},
         over=errors.drivers,
         text="drive: {}",
     ),
@@ -229,22 +233,22 @@ SPRINGS = ToleranceRule(
     1e-10,
     power=5,
 )
-ASKED = ToleranceRule(f"{FRACTION_OF}asked for", requested=1.0)
+REQUESTED = ToleranceRule(f"{FRACTION_OF}asked for", requested=1.0)
 AS_TORQUE = ToleranceRule(
     f"{FRACTION_OF}as the torque; rates of closed loops: measured 1e-9", 1e-8, requested=1.0
 )
-SHARED = ToleranceRule("redundant constraints share what their softness says: 1e-4", 1e-3)
+SHARED = ToleranceRule("redundant constraints share forces by their compliance: 1e-4", 1e-3)
 TORQUE = {
     "pose": SPRINGS,
     "step": ToleranceRule(
         f"{FRACTION_OF}error of 1,000 steps a turn, fourth order: measured 6e-8 at the worst", 1e-6
     ),
-    "asked": ASKED,
+    "asked": REQUESTED,
 }
 REACTION = {
     "pose": SPRINGS,
     "step": ToleranceRule(f"{FRACTION_OF}as the torque, and forces that add up to none in it: 1.5e-7", 1e-5),
-    "asked": ASKED,
+    "asked": REQUESTED,
 }
 ENERGY = {
     "pose": ToleranceRule(f"{FRACTION_OF}rounding: measured 1e-14", 1e-12, power=3),
@@ -262,7 +266,7 @@ RESIDUAL = {
     "asked": SHARED,
 }
 
-EFFORTS = (
+FORCES = (
     ComparedQuantity("drive torque", "N m", errors.torque, "torque", TORQUE),
     ComparedQuantity(
         "force", "N", errors.of_reactions("force"), "force", REACTION, errors.reactions, "force in {}"
@@ -277,11 +281,11 @@ EFFORTS = (
     ComparedQuantity(
         "driver effort", "N m", errors.drive_effort, "moment", REACTION, errors.drives, "drive of {}"
     ),
-    ComparedQuantity("kinetic energy", "J", of("kinetic"), "kinetic energy", ENERGY),
-    ComparedQuantity("potential energy", "J", of("potential"), "potential energy", ENERGY),
-    ComparedQuantity("power loads", "W", of("power_loads"), "power", POWER),
-    ComparedQuantity("power lost", "W", of("power_lost"), "power", POWER),
-    ComparedQuantity("accelerations under these forces", "1", alone("residual"), "1", RESIDUAL),
+    ComparedQuantity("kinetic energy", "J", field_error("kinetic"), "kinetic energy", ENERGY),
+    ComparedQuantity("potential energy", "J", field_error("potential"), "potential energy", ENERGY),
+    ComparedQuantity("power loads", "W", field_error("power_loads"), "power", POWER),
+    ComparedQuantity("power lost", "W", field_error("power_lost"), "power", POWER),
+    ComparedQuantity("accelerations under these forces", "1", field_value("residual"), "1", RESIDUAL),
 )
 
 GROWING = "1e-6 over 10 turns: an energy error that grows evenly shifts the angle by its square"
@@ -298,14 +302,14 @@ BALANCE = {
 }
 
 FREE = (
-    ComparedQuantity("crank angle", "rad", of("angle"), "rad", ANGLE),
-    ComparedQuantity("crank speed", "rad/s", of("speed"), "crank speed", SPEED),
-    ComparedQuantity("energy balance", "J", alone("imbalance"), "energy", BALANCE),
-    ComparedQuantity("work of motor and loads", "J", of("work"), "energy", BALANCE),
-    ComparedQuantity("energy lost", "J", of("lost"), "energy", BALANCE),
+    ComparedQuantity("crank angle", "rad", field_error("angle"), "rad", ANGLE),
+    ComparedQuantity("crank speed", "rad/s", field_error("speed"), "crank speed", SPEED),
+    ComparedQuantity("energy balance", "J", field_value("imbalance"), "energy", BALANCE),
+    ComparedQuantity("work of motor and loads", "J", field_error("work"), "energy", BALANCE),
+    ComparedQuantity("energy lost", "J", field_error("lost"), "energy", BALANCE),
 )
 
-QUANTITIES = {row.name: row for row in (*MOTION, *DRIVE, *PROGRAMMED, *EFFORTS, *FREE)}
+QUANTITIES = {row.name: row for row in (*MOTION, *CRANK_DRIVE, *PROGRAMMED, *FORCES, *FREE)}
 
 
 def motion_scales(
@@ -333,18 +337,18 @@ def motion_scales(
     }
 
 
-def efforts_scales(exact: ForceRecord) -> dict[str, float]:
-    """Return the scales of efforts: root mean squares of torque and forces, largest energies."""
+def force_scales(exact: ForceRecord) -> dict[str, float]:
+    """Return the scales of forces: root mean squares of torque and forces, largest energies."""
     kinetic = float(np.abs(exact.kinetic).max())
     torque = max(_rms(exact.torque), IDLE * kinetic)
-    largest = max(_rms(errors.lengths(one.force)) for one in exact.reactions.values())
+    largest = max(_rms(errors.lengths(reaction.force)) for reaction in exact.reactions.values())
     force = largest or torque / exact.size
     return {
         "torque": torque,
         "force": force,
         "moment": force * exact.size,
         "kinetic energy": kinetic,
-        # weight that does no work leaves rounding of places alone
+        # where weight does no work only the rounding of positions remains
         "potential energy": max(float(np.abs(exact.potential).max()), IDLE * force * exact.size),
         "power": torque * float(np.abs(exact.speed).max()),
         "1": 1.0,
@@ -369,8 +373,8 @@ def stroke_of(motion: Motion) -> float:
 
 def reach_of(motion: Motion) -> float:
     """Return the largest coordinate of any point or link's origin in [m]."""
-    known = (*motion.points.values(), *motion.links.values())
-    return float(max(np.abs(one.position).max() for one in known))
+    paths = (*motion.points.values(), *motion.links.values())
+    return float(max(np.abs(path.position).max() for path in paths))
 
 
 def _rms(values: Array) -> float:

@@ -1,6 +1,6 @@
-"""Bounds with reasons: what a verdict allows, and why.
+"""Tolerances of a verdict, each with its reason.
 
-A bound lies between the error measured and the effect of the smallest mistake worth catching: a link
+A tolerance lies between the measured error and the effect of the smallest mistake worth catching: a link
 0.1 % long moves a point of any catalogue mechanism by 1e-3 of the crank's stroke or more; a link's mass
 0.1 % off changes torque, forces and energies of every one by more than 1e-5.
 """
@@ -15,24 +15,24 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 
 EPS = 2.0**-52
-# conditioning of the loops from which they count as sound: below it bounds widen. Measured over random
-# drives: validation/robustness/bounds.py
+# conditioning of the loops below which tolerances widen. Measured over random mechanisms:
+# validation/robustness/bounds.py
 WELL_CONDITIONED = 0.1
-# turns over which errors of a free run are bounded; over more they may grow
+# revolutions over which the errors of a free run are bounded; over more they may grow
 FREE_TURNS = 10.0
-# before the reason of a bound that is a part of something measured
+# start of the reason of a tolerance relative to a measured scale
 FRACTION_OF = "{part:.0e} of {scale:.3g} {unit}; "
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """A bound, its unit, and the reason it is what it is.
+    """A tolerance, its unit and its reason.
 
     Attributes:
         value: where the loops are well conditioned.
-        unit: of the bound; "1" is a part of a quantity's scale.
+        unit: of the value; "1" is a fraction of a quantity's scale.
         reason: for the value.
-        power: of the loops' conditioning, in units of `SOUND`, by which it widens where that is less.
+        power: of conditioning over `WELL_CONDITIONED`, by which the tolerance widens where that is below 1.
     """
 
     value: float
@@ -41,49 +41,49 @@ class Tolerance:
     power: int = 0
 
     def widened(self, conditioning: Array | None, count: int) -> Array:
-        """Return the bound at each of so many instants of known conditioning, (n,)."""
+        """Return the tolerance at each of `count` instants of given conditioning, (n,)."""
         if conditioning is None or not self.power:
             return np.full(count, self.value)
         return self.value * np.maximum(1.0, WELL_CONDITIONED / np.maximum(conditioning, EPS)) ** self.power
 
 
-# rounding over the conditioning moves a pose, that over it once more its rates: measured 0.5 times this for
+# rounding divided by the conditioning moves a pose, by its square the rates: measured 0.5 times this for
 # closed forms of random four-bars at conditioning 1e-8 to 1e-4, mostly 0.3 and up to 70 for loop equations:
 # tests/cli/test_conditioning.py
 RATES = Tolerance(
     EPS / WELL_CONDITIONED**2,
     "1",
-    "accelerations beside their own size: rounding over conditioning²",
+    "accelerations relative to their magnitude: rounding over conditioning²",
     power=2,
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Requested:
-    """What a run was asked to keep, and how long it was.
+    """The tolerance requested of a run, and its length.
 
     Attributes:
-        tolerance: asked for; 0 where nothing was.
-        of: what it is a part of, in its unit.
+        tolerance: requested; 0 where nothing was.
+        scale: of the quantity it bounds, in the unit of the tolerance.
         turns: of a free crank.
     """
 
     tolerance: float = 0.0
-    of: float = 1.0
+    scale: float = 1.0
     turns: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class ToleranceRule:
-    """How a tolerance follows from a quantity's scale and from what was asked.
+    """How a tolerance follows from a quantity's scale and from the requested tolerance.
 
     Attributes:
-        reason: {part}, {scale} and {unit} stand for the bound as a part of the scale, and that.
-        fixed: part of the scale that is allowed in any case.
+        reason: text with {part}, the tolerance as a fraction of the scale, {scale} and {unit}.
+        fixed: fraction of the scale that is always allowed.
         requested: multiple of the requested tolerance that is allowed.
-        growth: power of the turns, beyond `FREE_TURNS`, by which the fixed part grows.
+        growth: power of the revolutions beyond `FREE_TURNS` by which the fixed fraction grows.
         power: of the conditioning, as in `Tolerance`.
-        scale: what the fixed part is a part of, where that is not the quantity's own.
+        scale: of the fixed fraction, where it is not the quantity's own.
     """
 
     reason: str
@@ -93,12 +93,13 @@ class ToleranceRule:
     power: int = 0
     scale: str = ""
 
-    def tolerance(self, unit: str, scale: float, asked: Requested) -> Tolerance:
+    def tolerance(self, unit: str, scale: float, requested: Requested) -> Tolerance:
         """Return the tolerance of a quantity with a scale in its unit."""
-        fixed = self.fixed * max(1.0, abs(asked.turns) / FREE_TURNS) ** self.growth
-        part = max(fixed, self.requested * asked.tolerance / asked.of)
-        bound = max(fixed * scale, self.requested * (asked.tolerance * (scale / asked.of)))
-        return Tolerance(bound, unit, self.reason.format(part=part, scale=scale, unit=unit), self.power)
+        fixed = self.fixed * max(1.0, abs(requested.turns) / FREE_TURNS) ** self.growth
+        fraction = max(fixed, self.requested * requested.tolerance / requested.scale)
+        tolerance = max(fixed * scale, self.requested * (requested.tolerance * (scale / requested.scale)))
+        reason = self.reason.format(part=fraction, scale=scale, unit=unit)
+        return Tolerance(tolerance, unit, reason, self.power)
 
 
 # rows are those of a table without times
@@ -119,7 +120,7 @@ class RecordInstants:
 
 
 def instants_of(record: Any) -> RecordInstants:
-    """Return the instants of a motion, efforts or a free run.
+    """Return the instants of a motion, a force record or a free run.
 
     The angle of a record under motion laws is an internal path parameter, so its times stand for it.
     """

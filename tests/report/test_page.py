@@ -50,7 +50,7 @@ def check(worst=3.2e-10, subject="P3", kind="position", road="step"):
         method=road,
         unit="m",
         worst=worst,
-        at=1.2,
+        instant=1.2,
         rms=1e-10,
         tolerance=1e-9,
         reason="a twentieth of what a link 0.1 % long does",

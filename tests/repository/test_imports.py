@@ -164,7 +164,7 @@ def test_no_two_classes_share_a_name():
         ("mechsim.analytic.catalog.rssr", "import mujoco"),
         ("mechsim.analytic.loops.oracle", "def f():\n    from mujoco import MjSpec"),
         ("mechsim.analytic.loops.oracle", "import importlib\nimportlib.import_module('mujoco')"),
-        ("mechsim.verdict.judge", "import mujoco"),
+        ("mechsim.verdict.crosscheck", "import mujoco"),
         ("mechsim.model.motion", "import matplotlib.pyplot as plt"),
         ("mechsim.units", "import mediapy"),
         ("mechsim.simulation.run", "import typer"),
@@ -183,8 +183,8 @@ def test_the_check_rejects_a_library_where_it_does_not_belong(name, source):
         ("mechsim.simulation.mjcf.generator", "def f():\n    from mechsim.analytic.catalog.rssr import Rssr"),
         ("mechsim.simulation.run", "import mechsim.analytic.loops as c"),
         ("mechsim.simulation.run", "from mechsim.pictures import render"),
-        ("mechsim.verdict.judge", "if TYPE_CHECKING:\n    from mechsim.simulation import Run"),
-        ("mechsim.model.mechanism", "from mechsim.verdict import judge"),
+        ("mechsim.verdict.crosscheck", "if TYPE_CHECKING:\n    from mechsim.simulation import Run"),
+        ("mechsim.model.mechanism", "from mechsim.verdict import crosscheck"),
     ],
 )
 def test_the_check_rejects_a_breach(name, source, graph):

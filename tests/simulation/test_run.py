@@ -18,7 +18,7 @@ from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
 from mechsim.subjects.readers import load
 from mechsim.units import rpm
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 CATALOGUE = ("rssr", "four_bar", "slider_crank")
 TURN = 2.0 * np.pi

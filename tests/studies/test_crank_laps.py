@@ -19,7 +19,7 @@ from mechsim.simulation import Settings, simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes.special_designs import special_designs
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 SWINGING = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")
 PARTS = st.floats(0.05, 0.95)

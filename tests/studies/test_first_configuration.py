@@ -6,7 +6,7 @@ import pytest
 from mechsim import catalog
 from mechsim.model.motion_laws import constant
 from mechsim.simulation import simulate
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
 SLIDER = {"crank": 0.05, "rod": 0.05, "offset": 0.0}

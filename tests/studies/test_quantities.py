@@ -18,7 +18,7 @@ from mechsim.studies.quantities import (
     record_columns,
     scalar_quantities,
 )
-from mechsim.verdict.quantities import EFFORTS
+from mechsim.verdict.quantities import FORCES
 
 ANGLES = np.linspace(0.3, 2.3, 9)
 STEP = 1e-6
@@ -94,7 +94,7 @@ def test_fields_of_forces_with_a_unit_have_names_and_rows():
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 2.0)
     columns = dict(study.columns())
     assert effort_units().keys() <= columns.keys()
-    units = {row.unit for row in EFFORTS}
+    units = {row.unit for row in FORCES}
     for name, unit in effort_units().items():
         assert quantity(name, form.mechanism).unit == unit
         assert unit in units or name not in vars(type(study.efforts))

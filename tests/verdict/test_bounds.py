@@ -7,8 +7,8 @@ import pytest
 
 from mechsim.verdict.quantities import (
     ACCELERATION_GAIN,
-    DRIVE,
-    EFFORTS,
+    CRANK_DRIVE,
+    FORCES,
     FREE,
     IDLE,
     MOTION,
@@ -157,7 +157,7 @@ def test_bounds_are_what_was_promised(name):
 
 
 def test_every_quantity_has_a_name_of_its_own_and_its_promise():
-    assert len(QUANTITIES) == len((*MOTION, *DRIVE, *PROGRAMMED, *EFFORTS, *FREE))
+    assert len(QUANTITIES) == len((*MOTION, *CRANK_DRIVE, *PROGRAMMED, *FORCES, *FREE))
     assert PROMISED.keys() == QUANTITIES.keys()
 
 

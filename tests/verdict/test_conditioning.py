@@ -12,7 +12,7 @@ from mechsim.studies import validate
 from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import check_of
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.tolerances import WELL_CONDITIONED, Tolerance
 
 FIVE_LINK = {
@@ -79,7 +79,7 @@ def test_each_instant_is_held_against_its_own_bound():
     error, angle = np.array([0.9, 0.9, 90.0, 3.9]), np.arange(4.0)
     check = check_of("position", "A", error, angle, tolerance, conditioning)
     assert check.passed
-    assert (check.worst, check.at, check.tolerance) == (3.9, 3.0, pytest.approx(4.0))
+    assert (check.worst, check.instant, check.tolerance) == (3.9, 3.0, pytest.approx(4.0))
     assert check.reason == "here; x 4 where the loops' conditioning is 0.05"
     # an error that is allowed where conditioning is poor is not where it is good
     assert not check_of("position", "A", error[[2, 0, 1, 3]], angle, tolerance, conditioning).passed

@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, PointMotion
 from mechsim.simulation import Settings, simulate
 from mechsim.verdict.checks import Verdict
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.tolerances import Tolerance
 
 SPEED = 62.8

@@ -114,9 +114,9 @@ def test_the_crank_is_off_by_how_far_it_lags_or_leads_where_there_is_time():
 
 def test_a_field_is_off_by_its_difference_or_alone_by_what_it_is():
     found, exact = efforts(torque=np.full(N, -3.0)), efforts(torque=np.full(N, 1.0))
-    assert_allclose(errors.of("torque")(found, exact, ""), 4.0)
-    assert_allclose(errors.alone("torque")(found, exact, ""), 3.0)
-    assert errors.alone("time")(found, exact, "") is None
+    assert_allclose(errors.field_error("torque")(found, exact, ""), 4.0)
+    assert_allclose(errors.field_value("torque")(found, exact, ""), 3.0)
+    assert errors.field_value("time")(found, exact, "") is None
 
 
 def test_the_torque_counts_unless_dry_friction_has_no_direction_and_the_crank_stands():

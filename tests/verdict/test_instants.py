@@ -38,9 +38,9 @@ def test_a_verdict_under_motion_laws_names_times(swung):
     assert not check.passed
     assert check.at_unit == "s"
     # the crank stands at 0.3 rad at a quarter of each second
-    assert min(abs(check.at - 0.25), abs(check.at - 1.25)) < 1e-9
+    assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 1e-9
     assert {one["at_unit"] for one in verdict.as_dict()["checks"]} == {"s"}
-    assert f"at {check.at:7.4f} s" in str(check)
+    assert f"at {check.instant:7.4f} s" in str(check)
     assert "at [s]" in verdict_html(verdict)
 
 
@@ -48,7 +48,7 @@ def test_a_verdict_on_a_crank_names_crank_angles():
     drive = ms.catalog.make("four_bar")
     verdict = ms.crosscheck(ms.simulate(drive, speed=3.0, samples=72), late(drive, np.pi / 3))
     check = next(one for one in verdict.checks if one.kind == "position")
-    assert (check.at, check.at_unit) == (pytest.approx(np.pi / 3), "rad")
+    assert (check.instant, check.at_unit) == (pytest.approx(np.pi / 3), "rad")
     assert "at [rad]" in verdict_html(verdict)
 
 
@@ -56,14 +56,14 @@ def test_efforts_under_motion_laws_are_judged_at_times(swung):
     run = driven(swung, samples=20)
     verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swung))
     assert {one.at_unit for one in verdict.checks} == {"s"}
-    assert max(one.at for one in verdict.checks) <= 2.0
+    assert max(one.instant for one in verdict.checks) <= 2.0
 
 
 def test_agreement_with_a_formula_under_motion_laws_names_times(swung):
     found = ms.validate(swung, late(ms.catalog.make("four_bar"), 0.3))
     (check,) = found.checks
     assert check.at_unit == "s"
-    assert min(abs(check.at - 0.25), abs(check.at - 1.25)) < 0.01
+    assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 0.01
     assert found.attribution["at_unit"] == "s"
     assert found.attribution["at"] % 1.0 == pytest.approx(0.25, abs=0.01)
 
@@ -79,7 +79,7 @@ def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
     np.savetxt(path, rows, delimiter=",", header="left,right,P.x,P.y,P.z", comments="", fmt="%.17g")
     found = ms.validate(ms.load("five_bar"), path, attribute=False)
     check = next(one for one in found.checks if not one.passed)
-    assert (check.at, check.at_unit) == (7.0, "row")
+    assert (check.instant, check.at_unit) == (7.0, "row")
 
 
 def test_a_table_of_both_kinds_of_instants_has_units_in_its_cells():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim.model.motion import Motion, PointMotion
-from mechsim.verdict.judge import elsewhere
+from mechsim.verdict.crosscheck import elsewhere
 
 N = 12
 ANGLE = np.linspace(0.5, 4.0, N)

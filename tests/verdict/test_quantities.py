@@ -9,20 +9,20 @@ from mechsim import catalog, dynamics
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction
 from mechsim.verdict.checks import Check, check_of, checks_of, concluded, tolerances_of
-from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
+from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces, crosscheck_free_run
 from mechsim.verdict.quantities import (
-    DRIVE,
-    EFFORTS,
+    CRANK_DRIVE,
+    FORCES,
     FREE,
     MOTION,
     PROGRAMMED,
     QUANTITIES,
     ComparedQuantity,
-    efforts_scales,
+    force_scales,
     motion_scales,
     stroke_of,
 )
-from mechsim.verdict.record_errors import of
+from mechsim.verdict.record_errors import field_error
 from mechsim.verdict.tolerances import Requested, Tolerance, ToleranceRule
 
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
@@ -112,19 +112,19 @@ def spoiled_efforts(kind):
 
 def test_potential_energy_that_is_rounding_is_measured_by_the_forces():
     exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
-    force, size = efforts_scales(exact)["force"], exact.size
+    force, size = force_scales(exact)["force"], exact.size
     rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * size))
-    assert judge_efforts(rounded, exact, method="pose").passed
+    assert crosscheck_forces(rounded, exact, method="pose").passed
     wrong = replace(exact, potential=np.full(len(ANGLES), 1e-12 * force * size))
-    assert missed(judge_efforts(wrong, exact, method="pose")) == {"potential energy"}
+    assert missed(crosscheck_forces(wrong, exact, method="pose")) == {"potential energy"}
 
 
 @pytest.mark.parametrize("road", ["pose", "step"])
-@pytest.mark.parametrize("kind", [row.name for row in EFFORTS])
+@pytest.mark.parametrize("kind", [row.name for row in FORCES])
 def test_each_quantity_of_efforts_is_missed_alone_where_it_alone_is_wrong(kind, road):
-    assert judge_efforts(EXACT, EXACT, method=road).passed
-    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, method=road)) == {kind}
-    assert missed(judge_efforts(spoiled_efforts(kind), EXACT, method=road, tolerance=1e-7)) == {kind}
+    assert crosscheck_forces(EXACT, EXACT, method=road).passed
+    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=road)) == {kind}
+    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=road, tolerance=1e-7)) == {kind}
 
 
 @pytest.mark.parametrize(
@@ -138,27 +138,27 @@ def test_each_quantity_of_efforts_is_missed_alone_where_it_alone_is_wrong(kind, 
     ],
 )
 def test_each_quantity_of_a_free_run_is_missed_where_it_is_wrong(field, kinds):
-    assert judge_free_run(RUN, RUN).passed
+    assert crosscheck_free_run(RUN, RUN).passed
     drifting = np.linspace(0.0, 1e-2, len(RUN))
     wrong = replace(RUN, **{field: getattr(RUN, field) + drifting})
-    assert missed(judge_free_run(wrong, RUN)) == kinds
-    assert missed(judge_free_run(wrong, RUN, tolerance=1e-5)) == kinds
+    assert missed(crosscheck_free_run(wrong, RUN)) == kinds
+    assert missed(crosscheck_free_run(wrong, RUN, tolerance=1e-5)) == kinds
 
 
 def test_a_free_run_that_goes_beyond_the_true_one_or_says_nothing_is_told_so():
     short = replace(RUN, **{name: values[:5] for name, values in RUN.columns()}, reason="held")
-    assert "ends after" in judge_free_run(RUN, short).reason
+    assert "ends after" in crosscheck_free_run(RUN, short).reason
     one = replace(RUN, **{name: values[:1] for name, values in RUN.columns()})
     with pytest.raises(InputError, match="fewer than two instants"):
-        judge_free_run(one, RUN)
+        crosscheck_free_run(one, RUN)
 
 
 def test_bounds_given_replace_those_of_the_table_as_parts_of_the_scale_or_in_the_unit():
     off = replace(EXACT, torque=EXACT.torque + 1e-3)
-    size = efforts_scales(EXACT)["torque"]
+    size = force_scales(EXACT)["torque"]
     for bound, unit in ((2e-3 / size, "1"), (2e-3, "N m")):
         own = {"drive torque": Tolerance(bound, unit, "as asked")}
-        verdict = judge_efforts(off, EXACT, method="pose", bounds=own)
+        verdict = crosscheck_forces(off, EXACT, method="pose", bounds=own)
         assert verdict.passed
         assert verdict.checks[0].tolerance == pytest.approx(2e-3)
         assert verdict.checks[0].reason.endswith("as asked")
@@ -168,13 +168,13 @@ def test_a_number_that_is_none_has_no_part_of_its_bound_and_no_tolerance_allows_
     tolerance = Tolerance(1.0, "m", "")
     check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
     assert check.fraction_of_tolerance is None
-    assert check.at == 0.5
+    assert check.instant == 0.5
     assert not check.passed
     assert concluded([check]).outcome == "diverged"
 
 
 def test_a_check_says_its_variant_road_quantity_and_subject():
-    numbers = {"unit": "m", "worst": 1.0, "at": 0.0, "rms": 1.0, "tolerance": 2.0, "reason": ""}
+    numbers = {"unit": "m", "worst": 1.0, "instant": 0.0, "rms": 1.0, "tolerance": 2.0, "reason": ""}
     check = Check(kind="position", subject="P3", **numbers)
     assert check.title == "position of P3"
     assert replace(check, method="step").title == "step: position of P3"
@@ -189,14 +189,14 @@ def test_a_longer_free_run_and_one_asked_for_less_have_wider_bounds():
         row.bounds["step"].tolerance("rad", 1.0, Requested(turns=turns)).value for turns in (1, 10, 100)
     ]
     assert bounds == pytest.approx([1e-6, 1e-6, 1e-4])
-    place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, of=0.3))
+    place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, scale=0.3))
     assert place.value == 1e-6
     assert place.reason == "asked for: 3e-06 of the stroke of 0.3 m"
 
 
 def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
-    known = {*motion_scales(1.0, 1.0), *efforts_scales(EXACT), "energy"}
-    assert len(QUANTITIES) == len(MOTION) + len(DRIVE) + len(PROGRAMMED) + len(EFFORTS) + len(FREE)
+    known = {*motion_scales(1.0, 1.0), *force_scales(EXACT), "energy"}
+    assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(PROGRAMMED) + len(FORCES) + len(FREE)
     for row in QUANTITIES.values():
         assert row.scale in known
         assert row.bounds
@@ -205,9 +205,9 @@ def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
 
 def test_a_quantity_more_is_one_row():
     crank = ComparedQuantity(
-        "crank", "rad/s2", of("acceleration"), "1", {"pose": ToleranceRule("none turns up", 1e-12)}
+        "crank", "rad/s2", field_error("acceleration"), "1", {"pose": ToleranceRule("none turns up", 1e-12)}
     )
-    rows = (*EFFORTS, crank)
-    allowed = tolerances_of(rows, "pose", efforts_scales(EXACT), Requested())
+    rows = (*FORCES, crank)
+    allowed = tolerances_of(rows, "pose", force_scales(EXACT), Requested())
     wrong = replace(EXACT, acceleration=EXACT.acceleration + 1.0)
     assert missed(concluded(checks_of(rows, wrong, EXACT, allowed))) == {"crank"}

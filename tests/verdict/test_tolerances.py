@@ -10,16 +10,16 @@ from mechsim.errors import InputError
 from mechsim.model.force_record import ForceRecord, FreeRun, Reaction
 from mechsim.model.motion import LinkMotion, Motion, PointMotion
 from mechsim.verdict.checks import Verdict, check_of, combined, concluded, tolerances_of
-from mechsim.verdict.judge import crosscheck, judge_efforts, judge_free_run
+from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces, crosscheck_free_run
 from mechsim.verdict.quantities import (
     QUANTITIES,
-    efforts_scales,
+    force_scales,
     free_scales,
     motion_scales,
     reach_of,
     stroke_of,
 )
-from mechsim.verdict.record_errors import of
+from mechsim.verdict.record_errors import field_error
 from mechsim.verdict.tolerances import EPS, RATES, WELL_CONDITIONED, Requested, Tolerance, ToleranceRule
 
 N = 5
@@ -48,7 +48,7 @@ def test_the_fixed_part_grows_by_its_power_beyond_ten_turns_either_way(turns, gr
 
 def test_the_larger_of_what_is_allowed_anyway_and_what_was_asked_counts():
     bound = ToleranceRule("{part:.3g} of {scale:.3g} {unit}", 1e-3, requested=2.0, power=3)
-    strict, loose = (bound.tolerance("m", 0.5, Requested(part, of=4.0)) for part in (1e-6, 0.1))
+    strict, loose = (bound.tolerance("m", 0.5, Requested(part, scale=4.0)) for part in (1e-6, 0.1))
     assert strict.value == pytest.approx(0.5e-3)
     assert strict.reason == "0.001 of 0.5 m"
     assert loose.value == pytest.approx(2.0 * 0.1 * 0.5 / 4.0)
@@ -101,7 +101,7 @@ def test_where_nothing_is_allowed_any_error_is_beyond_the_bound_and_none_is_with
     assert check_of("loop", "", np.zeros(N), ANGLE, none).passed
     off = np.array([0.0, 0.0, 1e-300, 0.0, 0.0])
     check = check_of("loop", "", off, ANGLE, none)
-    assert (check.passed, check.at, check.fraction_of_tolerance) == (False, ANGLE[2], None)
+    assert (check.passed, check.instant, check.fraction_of_tolerance) == (False, ANGLE[2], None)
     verdict = concluded([check])
     assert verdict.outcome == "failed"
     assert verdict.reason == "beyond the tolerance: loop residual by 1e-300 m where none is allowed"
@@ -212,7 +212,7 @@ def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0
 
 def test_scales_of_efforts_are_root_mean_squares_of_forces_and_largest_energies():
     found = efforts(FLAT + np.array([2.0, 0.0, 1.5]), potential=np.array([1.0, -7.0, 0.0, 0.0, 0.0]))
-    scales, torque = efforts_scales(found), np.sqrt(5.0)
+    scales, torque = force_scales(found), np.sqrt(5.0)
     assert scales["torque"] == pytest.approx(torque)
     assert (scales["force"], scales["moment"]) == pytest.approx((2.5, 0.5))
     assert (scales["kinetic energy"], scales["potential energy"]) == (2.0, 7.0)
@@ -221,7 +221,7 @@ def test_scales_of_efforts_are_root_mean_squares_of_forces_and_largest_energies(
 
 
 def test_where_no_joint_carries_a_force_or_no_torque_is_needed_another_scale_stands_in():
-    idle = efforts_scales(efforts(FLAT, torque=np.zeros(N)))
+    idle = force_scales(efforts(FLAT, torque=np.zeros(N)))
     assert idle["torque"] == pytest.approx(2e-3)
     assert idle["force"] == pytest.approx(2e-3 / 0.2)
 
@@ -391,7 +391,7 @@ def test_efforts_asked_for_a_tolerance_keep_it_and_others_what_their_road_can():
     for road, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
         for part, passed in ((0.99, True), (1.01, False)):
             found = replace(exact, torque=exact.torque + part * bound * np.sqrt(5.0))
-            assert judge_efforts(found, exact, method=road, tolerance=tolerance).passed == passed
+            assert crosscheck_forces(found, exact, method=road, tolerance=tolerance).passed == passed
 
 
 def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_more():
@@ -399,17 +399,17 @@ def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_m
         angle = np.linspace(1.0, 1.0 + turns * 2.0 * np.pi, N)
         exact = free(angle=angle, kinetic=ONES)
         for part, passed in ((0.99, True), (1.01, False)):
-            assert judge_free_run(replace(exact, angle=angle + part * bound), exact).passed == passed
+            assert crosscheck_free_run(replace(exact, angle=angle + part * bound), exact).passed == passed
     asked = free(kinetic=ONES)
-    assert judge_free_run(replace(asked, angle=asked.angle + 0.9e-3), asked, tolerance=1e-3).passed
-    assert not judge_free_run(replace(asked, angle=asked.angle + 1.1e-3), asked, tolerance=1e-3).passed
-    assert judge_free_run(free(outcome="diverged", reason="why"), asked).reason == "why"
-    assert judge_free_run(free(2), free(2, kinetic=np.ones(2))).checks
-    assert "ends after" in judge_free_run(asked, free(3)).reason
+    assert crosscheck_free_run(replace(asked, angle=asked.angle + 0.9e-3), asked, tolerance=1e-3).passed
+    assert not crosscheck_free_run(replace(asked, angle=asked.angle + 1.1e-3), asked, tolerance=1e-3).passed
+    assert crosscheck_free_run(free(outcome="diverged", reason="why"), asked).reason == "why"
+    assert crosscheck_free_run(free(2), free(2, kinetic=np.ones(2))).checks
+    assert "ends after" in crosscheck_free_run(asked, free(3)).reason
 
 
 def test_of_two_quantities_of_one_record_the_larger_error_is_told_as_a_part_of_its_scale():
-    row = replace(QUANTITIES["crank speed"], error=of("speed"))
+    row = replace(QUANTITIES["crank speed"], error=field_error("speed"))
     exact = free()
     found = replace(exact, speed=exact.speed + np.linspace(0.0, 0.5, N))
     assert row.largest(found, exact, {"crank speed": 2.0}) == pytest.approx(0.25)

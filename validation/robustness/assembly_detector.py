@@ -27,7 +27,7 @@ from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.errors import MechsimError
 from mechsim.model.motion import Motion
 from mechsim.simulation import Settings, simulate
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 Array = NDArray[np.float64]
 # the length that is moved until the crank only just passes

@@ -29,7 +29,7 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import Check, Verdict
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 # on the last point, in [N]; in the crank's bearing, in [N m s]; and of the motor, in [N m]
 PULL, DRAG, MOTOR = (0.2, -0.1, 0.0), 1e-5, 1e-3

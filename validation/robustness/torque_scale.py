@@ -31,7 +31,7 @@ from mechsim.simulation.dynamics import applied_forces
 from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
 from mechsim.studies.motion_source import weighing
 from mechsim.subjects import gallery
-from mechsim.verdict.quantities import efforts_scales
+from mechsim.verdict.quantities import force_scales
 
 SPEED = 20.0 * np.pi
 ROUNDS = 15
@@ -70,7 +70,7 @@ def tell(name: str, machine: DynamicModel, moved: dict[str, Any]) -> float:
     motion = run.motion
     at = (motion.angle, motion.speed, motion.acceleration)
     exact = prescribed(machine, *at, time=motion.time, as_run=motion).efforts
-    scales = efforts_scales(exact)
+    scales = force_scales(exact)
     error = float(np.abs(np.where(exact.unbounded, 0.0, run.efforts.torque - exact.torque)).max())
     parts = scales["torque"] / scales["moment"], error / scales["torque"], error / scales["moment"]
     print(f"{name:20s}" + "".join(f"{part:16.1e}" for part in parts))

@@ -25,7 +25,7 @@ from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion_laws import CrankProfile, within_range
 from mechsim.simulation import Settings, simulate
 from mechsim.studies.validate import case_of
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.quantities import stroke_of
 
 # a link this many times as long is wrong

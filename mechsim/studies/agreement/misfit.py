@@ -15,7 +15,7 @@ from mechsim.studies.agreement.noise import Noise, noise_of
 from mechsim.studies.quantities import Quantity
 from mechsim.studies.quantity_expressions import unit_powers
 from mechsim.verdict.checks import Check, check_of
-from mechsim.verdict.quantities import efforts_scales, reach_of, stroke_of
+from mechsim.verdict.quantities import force_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import EPS, Tolerance
 
 
@@ -101,7 +101,7 @@ def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> 
     rate = float(np.abs(evaluation.speed).max())
     if not any(candidate.quantity.loaded for candidate in candidates):
         return Scales(length, stroke, rate)
-    scales = efforts_scales(evaluation.efforts)
+    scales = force_scales(evaluation.efforts)
     return Scales(length, stroke, rate, scales["force"] or 1.0, scales["torque"] or 1.0)
 
 
@@ -202,7 +202,7 @@ def check(
         subject=subject,
         unit=candidate.quantity.unit,
         worst=noise.decisive.worst * noise.deviation,
-        at=float(evaluation.instants.value[noise.row]),
+        instant=float(evaluation.instants.value[noise.row]),
         at_unit=evaluation.instants.unit,
         rms=float(np.sqrt(np.mean(error**2))),
         tolerance=noise.decisive.limit * noise.deviation,

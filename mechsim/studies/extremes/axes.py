@@ -209,7 +209,7 @@ def far_start(solver: ClosedForm, value: float, seed: int) -> Trial:
 
 
 def _assembled(trial: Trial, solver: ClosedForm, mechanism: Mechanism) -> Trial:
-    from mechsim.verdict.judge import crosscheck
+    from mechsim.verdict.crosscheck import crosscheck
 
     try:
         run = simulate(mechanism, speed=SINGULAR_SPEED, method="pose", samples=12)

@@ -13,7 +13,7 @@ from mechsim.model.finding import Outcome
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import Run, simulate
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 # largest position error of a tracked point, in characteristic lengths
 POSITION_TOLERANCE = 1e-6

@@ -49,7 +49,7 @@ from mechsim.studies.sweep.table import (
     write_sweep,
 )
 from mechsim.studies.sweep.task import BUILT, Measured, SweepTask, nothing_measured
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 if TYPE_CHECKING:
     from xarray import Dataset

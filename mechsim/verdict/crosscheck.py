@@ -1,4 +1,4 @@
-"""The judges: two motions, two records of efforts or two free runs to a verdict."""
+"""Comparisons of two motions, two force records or two free runs; each returns a verdict."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,12 +15,12 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers, require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
 from mechsim.verdict.quantities import (
-    DRIVE,
-    EFFORTS,
+    CRANK_DRIVE,
+    FORCES,
     FREE,
     MOTION,
     PROGRAMMED,
-    efforts_scales,
+    force_scales,
     free_scales,
     motion_scales,
     reach_of,
@@ -49,13 +49,13 @@ def differentiated(function: PointFunction, angle: Array, speed: Array, accelera
             f"the function gives a {type(around[4]).__name__}; give a dictionary from points to places (n, 3)"
         )
     for name in around[4]:
-        parts = [numbers(one[name]) for one in around]
-        if {part.shape for part in parts} != {(len(angle), 3)}:
+        samples = [numbers(values[name]) for values in around]
+        if {sample.shape for sample in samples} != {(len(angle), 3)}:
             raise InputError(
-                f"the function gives point {name!r} of shape {parts[4].shape} for {len(angle)} crank "
+                f"the function gives point {name!r} of shape {samples[4].shape} for {len(angle)} crank "
                 f"angles; give ({len(angle)}, 3)"
             )
-        values = np.stack(parts)
+        values = np.stack(samples)
         first = np.tensordot(FIRST, values, 1) / SPACING
         second = np.tensordot(SECOND, values, 1) / SPACING**2
         points[name] = PointMotion(
@@ -64,21 +64,22 @@ def differentiated(function: PointFunction, angle: Array, speed: Array, accelera
     return Motion("user", angle, speed, acceleration, points)
 
 
-# a simulation this much nearer to another assembly than to the right one is in the other
+# a simulation is in another assembly where its distance to it is below this fraction of its distance
+# to its own, validation/robustness/assembly_detector.py
 NEARER = 0.5
-# if, in units of the stroke, these are farther apart than that
-APART = 0.02
-# pairs of records at which that is looked at
-MOST_PAIRS = 100
+# least distance between two assemblies that are distinguished, in units of the stroke
+MIN_ASSEMBLY_DISTANCE = 0.02
+# largest number of pairs of records that are searched
+MAX_PAIRS = 100
 
 
 def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
-    """Return the instant at which a simulation is first seen in another assembly; None if it is in none.
+    """Return the instant at which a simulation is first in another assembly; None if it is in none.
 
-    The sign that tells assemblies apart is no proof: close to a singular pose rounding turns it, and
-    where there are more than two assemblies some share it. So the places decide: at two records in a
-    row, with the assemblies well apart, they must be twice as near to another one as to the
-    right one. Tried on 1,200 runs past singular poses: validation/robustness/assembly_detector.py.
+    The sign that distinguishes assemblies is no proof: rounding flips it close to a singular pose, and
+    of more than two assemblies some share it. So positions decide: at two records in a row, with the
+    assemblies well apart, they must be twice as close to another assembly as to the right one.
+    Measured on 1,200 runs past singular poses: validation/robustness/assembly_detector.py.
     """
     angle = instants_of(simulated).value
     listed = getattr(solver, "assembly_points", None)
@@ -87,16 +88,16 @@ def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
         wrong = sign < 0.0
         first = np.flatnonzero(wrong[1:] & wrong[:-1])
         return float(angle[first[0]]) if len(first) else None
-    far = np.max(list(simulated.position_errors(exact).values()), axis=0)
-    pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MOST_PAIRS).astype(int))
+    distance = np.max(list(simulated.position_errors(exact).values()), axis=0)
+    pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MAX_PAIRS).astype(int))
     rows = np.unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
     apart = np.zeros(len(rows))
     for k, i in enumerate(rows):
         for _, points in listed(float(exact.angle[i])):
             gap = _farthest(points, {name: exact.points[name].position[i] for name in points})
             off = _farthest(points, {name: simulated.points[name].position[i] for name in points})
-            apart[k] = max(apart[k], gap if off < NEARER * far[i] else 0.0)
-    wrong = apart > APART * stroke_of(exact)
+            apart[k] = max(apart[k], gap if off < NEARER * distance[i] else 0.0)
+    wrong = apart > MIN_ASSEMBLY_DISTANCE * stroke_of(exact)
     first = np.flatnonzero(wrong[1:] & wrong[:-1])
     return float(angle[rows[first[0]]]) if len(first) else None
 
@@ -105,8 +106,8 @@ def _farthest(points: Mapping[str, Array], others: Mapping[str, Array]) -> float
     return max(float(np.linalg.norm(points[name] - other)) for name, other in others.items())
 
 
-class Judged(Protocol):
-    """A run in MuJoCo: a motion, and the bound on its places in [m] by which it calls itself passed."""
+class RunWithTolerance(Protocol):
+    """A run in MuJoCo: its motion and the position tolerance in [m] that it reports."""
 
     @property
     def motion(self) -> Motion: ...
@@ -116,64 +117,64 @@ class Judged(Protocol):
 
 
 def crosscheck(
-    simulated: Motion | Judged,
+    simulated: Motion | RunWithTolerance,
     analytic: Motion | Solver | PointFunction,
     *,
     tolerance: float | None = None,
     bounds: Tolerances | None = None,
     speed: float | None = None,
 ) -> Verdict:
-    """Compare a simulated motion with an analytic one, at the crank angles the simulation really had.
+    """Compare a simulated motion with an analytic one, at the crank angles of the simulation.
 
     Args:
-        simulated: a run from `simulate`, which if stepped is judged by its own tolerance, or any motion.
+        simulated: a run from `simulate`, which brings its own tolerance if stepped, or any motion.
         analytic: a closed form, a motion it gave (it is then solved again at the simulated crank
             angles and speeds), or a function crank angles (n,) -> {point: (n, 3)}, whose rates come
-            by eighth-order differences. A motion nothing can solve again must stand at the same angles.
-        tolerance: bound on the place of any point, in [m]; None takes the run's, or 1e-4 of the stroke for
+            by eighth-order differences. A motion that nothing can solve again must have the same angles.
+        tolerance: of the position of any point, in [m]; None takes the run's, or 1e-4 of the stroke for
             a stepped motion, and rounding for solved poses.
-        bounds: bounds that replace those of `quantities`, by name ("position", "velocity", ...).
-        speed: crank speed that was wanted, in [rad/s]; None takes the analytic motion's, if steady.
+        bounds: tolerances that replace those of `quantities`, by name ("position", "velocity", ...).
+        speed: requested crank speed, in [rad/s]; None takes the analytic motion's, if steady.
 
     Returns:
-        The verdict. An error of the drive stands on lines of its own. Bounds hold instant by instant: they
+        The verdict. The error of the drive has checks of its own. Tolerances apply instant by instant: they
         widen where the loops are poorly conditioned, as errors of any computed motion do there.
     """
-    found, tolerance = _taken(simulated, tolerance)
+    motion, tolerance = _motion_and_tolerance(simulated, tolerance)
     if not (isinstance(analytic, Motion) or hasattr(analytic, "solve") or callable(analytic)):
         raise InputError(
             f"the analytic side is of type {type(analytic).__name__}; give a motion or a function"
         )
-    if len(found) == 0:
+    if len(motion) == 0:
         raise InputError("the simulated motion has no instants; give at least one")
-    if found.drivers:
-        # what its clock does is no crank's
+    if motion.drivers:
+        # its path parameter is no crank angle
         speed = None
     elif speed is None and isinstance(analytic, Motion) and np.ptp(analytic.speed) == 0.0:
         speed = float(analytic.speed[0])
-    if found.broken:
-        return Verdict("diverged", (), found.broken)
-    if not _finite(found):
+    if motion.broken:
+        return Verdict("diverged", (), motion.broken)
+    if not _finite(motion):
         return Verdict("diverged", (), "the simulated motion holds numbers that are not finite")
     try:
-        exact = _at(found, analytic)
+        exact = _analytic_motion(motion, analytic)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
-    _require_points(found, exact)
+    _require_points(motion, exact)
     solver = _solver(analytic)
-    allowed = _motion_bounds(found, exact, tolerance) | dict(bounds or {})
-    checks = [*checks_of(MOTION, found, exact, allowed, _conditioning(found, exact, solver))]
+    allowed = _motion_tolerances(motion, exact, tolerance) | dict(bounds or {})
+    checks = [*checks_of(MOTION, motion, exact, allowed, _conditioning(motion, exact, solver))]
     if speed is not None:
-        checks += checks_of(DRIVE, found, _wanted(found, speed), allowed)
+        checks += checks_of(CRANK_DRIVE, motion, _at_constant_speed(motion, speed), allowed)
     motion_laws = getattr(solver, "motion_laws", None)
-    if found.drivers and isinstance(motion_laws, MotionLaws):
-        checks += checks_of(PROGRAMMED, found, _programmed(found, motion_laws), allowed)
-    other = None if solver is None else lambda: elsewhere(found, exact, solver)
-    return concluded(checks, other, instants_of(found).unit)
+    if motion.drivers and isinstance(motion_laws, MotionLaws):
+        checks += checks_of(PROGRAMMED, motion, _under_motion_laws(motion, motion_laws), allowed)
+    other = None if solver is None else lambda: elsewhere(motion, exact, solver)
+    return concluded(checks, other, instants_of(motion).unit)
 
 
-def judge_efforts(
-    found: ForceRecord,
+def crosscheck_forces(
+    computed: ForceRecord,
     exact: ForceRecord,
     *,
     method: Literal["pose", "step"],
@@ -181,15 +182,16 @@ def judge_efforts(
     bounds: Tolerances | None = None,
     conditioning: Array | None = None,
 ) -> Verdict:
-    """Compare the efforts of a prescribed crank with the true ones at the same angles, speeds and instants.
+    """Compare the forces of a run with prescribed motion with the exact ones at the same states.
 
     Args:
-        found: what is judged.
-        exact: what it should be.
-        method: how it was found: "pose" or "step".
-        tolerance: that a stepped run was asked to keep, as a part; None where it was asked nothing.
-        bounds: bounds that replace those of `EFFORTS`, by name; parts of the scale where their unit is "1".
-        conditioning: of the loops at each instant, (n,), by which bounds widen; None where it is not known.
+        computed: the record to check.
+        exact: the record it is compared with.
+        method: of the computed record: "pose" or "step".
+        tolerance: requested of a stepped run, as a fraction; None where none was.
+        bounds: tolerances that replace those of `FORCES`, by name; fractions of the scale where their
+            unit is "1".
+        conditioning: of the loops at each instant, (n,), by which tolerances widen; None where it is unknown.
 
     Returns:
         The verdict. Forces are relative to the largest root mean square of any joint's force, moments
@@ -197,41 +199,44 @@ def judge_efforts(
         links do not determine are left out, and so are forces at instants where a joint with dry
         friction stands still, and the torque where the crank does.
     """
-    asked = Requested() if tolerance is None else Requested(tolerance)
+    requested = Requested() if tolerance is None else Requested(tolerance)
     by = "asked" if tolerance is not None else method
-    allowed = tolerances_of(EFFORTS, by, efforts_scales(exact), asked, bounds)
-    return concluded(checks_of(EFFORTS, found, exact, allowed, conditioning))
+    allowed = tolerances_of(FORCES, by, force_scales(exact), requested, bounds)
+    return concluded(checks_of(FORCES, computed, exact, allowed, conditioning))
 
 
-def judge_free_run(
-    found: FreeRun, exact: FreeRun, *, tolerance: float | None = None, bounds: Tolerances | None = None
+def crosscheck_free_run(
+    computed: FreeRun, exact: FreeRun, *, tolerance: float | None = None, bounds: Tolerances | None = None
 ) -> Verdict:
-    """Compare a free run with the true one from the same start, at the same instants.
+    """Compare a free run with the exact one from the same start, at the same instants.
 
     Args:
-        found: what is judged.
-        exact: what it should be; one that ends earlier is told as such.
-        tolerance: on the crank angle in [rad], that the run was asked to keep; None where none was.
-        bounds: bounds that replace those of `FREE`, by name; parts of the scale where their unit is "1".
+        computed: the run to check.
+        exact: the run it is compared with; the verdict reports if it ends earlier.
+        tolerance: requested of the crank angle in [rad]; None where none was.
+        bounds: tolerances that replace those of `FREE`, by name; fractions of the scale where their unit
+            is "1".
 
     Raises:
         InputError: for a run of fewer than two instants.
     """
-    if found.outcome == "diverged":
-        return Verdict("diverged", (), found.reason)
-    if len(found) < 2:
+    if computed.outcome == "diverged":
+        return Verdict("diverged", (), computed.reason)
+    if len(computed) < 2:
         raise InputError("a free run of fewer than two instants says nothing; run it longer")
-    if len(exact) < len(found):
-        why = f"the reduced equation ends after {exact.time[-1]:.6g} s: {exact.reason}"
-        return Verdict("failed", (), why)
+    if len(exact) < len(computed):
+        reason = f"the reduced equation ends after {exact.time[-1]:.6g} s: {exact.reason}"
+        return Verdict("failed", (), reason)
     turns = float(np.ptp(exact.angle)) / (2.0 * np.pi)
     by = "step" if tolerance is None else "asked"
     allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 0.0, turns=turns), bounds)
-    return concluded(checks_of(FREE, found, exact, allowed))
+    return concluded(checks_of(FREE, computed, exact, allowed))
 
 
-def _taken(simulated: Motion | Judged, tolerance: float | None) -> tuple[Motion, float | None]:
-    """Return the motion to be judged, and the bound on its places if there is one."""
+def _motion_and_tolerance(
+    simulated: Motion | RunWithTolerance, tolerance: float | None
+) -> tuple[Motion, float | None]:
+    """Return the motion to compare, and its position tolerance if there is one."""
     motion = simulated if isinstance(simulated, Motion) else getattr(simulated, "motion", simulated)
     require("the simulated side", motion, Motion)
     assert isinstance(motion, Motion)
@@ -240,36 +245,37 @@ def _taken(simulated: Motion | Judged, tolerance: float | None) -> tuple[Motion,
     return motion, tolerance
 
 
-def _motion_bounds(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
+def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
     stroke, reach, fastest = stroke_of(exact), reach_of(exact), float(np.abs(simulated.speed).max())
     quickest = _quickest(exact, reach)
-    rows, scales = (*MOTION, *DRIVE, *PROGRAMMED), motion_scales(stroke, fastest, reach, quickest)
-    road = "pose" if simulated.source == "pose" and tolerance is None else "step"
-    asked = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, of=stroke)
-    allowed = tolerances_of(rows, road, scales, asked)
+    rows, scales = (*MOTION, *CRANK_DRIVE, *PROGRAMMED), motion_scales(stroke, fastest, reach, quickest)
+    method = "pose" if simulated.source == "pose" and tolerance is None else "step"
+    requested = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, scale=stroke)
+    allowed = tolerances_of(rows, method, scales, requested)
     if exact.source == "user":
-        rough = tolerances_of(rows, "function", motion_scales(reach, fastest, reach, quickest), Requested())
-        allowed |= {name: most for name, most in rough.items() if most.value > allowed[name].value}
+        scales = motion_scales(reach, fastest, reach, quickest)
+        for name, tolerance_of_function in tolerances_of(rows, "function", scales, Requested()).items():
+            allowed[name] = max(allowed[name], tolerance_of_function, key=lambda tolerance: tolerance.value)
     return allowed
 
 
 def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Array | None:
     """Return the conditioning of the loops at each instant by the exact side, or else by the simulation."""
-    told = getattr(solver, "conditioning", None)
-    if exact.conditioning is None and told is not None and exact.links:
-        return told(exact)
+    conditioning = getattr(solver, "conditioning", None)
+    if exact.conditioning is None and conditioning is not None and exact.links:
+        return conditioning(exact)
     return simulated.conditioning if exact.conditioning is None else exact.conditioning
 
 
-def _wanted(simulated: Motion, speed: float) -> Motion:
-    """Return the crank's motion as it was wanted, at a constant speed from where it began."""
+def _at_constant_speed(simulated: Motion, speed: float) -> Motion:
+    """Return the crank's motion at a constant speed from its first angle."""
     time = simulated.time
     angle = simulated.angle if time is None else simulated.angle[0] + speed * (time - time[0])
     return replace(simulated, angle=angle, speed=np.full_like(angle, speed))
 
 
-def _programmed(simulated: Motion, motion_laws: MotionLaws) -> Motion:
-    """Return the drivers' motion as their programs have it."""
+def _under_motion_laws(simulated: Motion, motion_laws: MotionLaws) -> Motion:
+    """Return the drivers' motion by their motion laws."""
     assert simulated.time is not None
     states = dict(
         zip(motion_laws.drivers, np.moveaxis(np.array(motion_laws.state(simulated.time)), 1, 0), strict=True)
@@ -283,12 +289,12 @@ def _programmed(simulated: Motion, motion_laws: MotionLaws) -> Motion:
 
 
 def _quickest(exact: Motion, reach: float) -> float:
-    """Return the largest acceleration of the crank, or of any driver under programs, in [rad/s2]."""
-    found = [float(np.abs(exact.acceleration).max())]
+    """Return the largest acceleration of the crank, or of any driver under motion laws, in [rad/s2]."""
+    largest = [float(np.abs(exact.acceleration).max())]
     for name in exact.drivers:
         joint = exact.joints[name]
-        found.append(float(np.abs(joint.acceleration).max()) / (1.0 if joint.unit == "rad" else reach))
-    return max(found)
+        largest.append(float(np.abs(joint.acceleration).max()) / (1.0 if joint.unit == "rad" else reach))
+    return max(largest)
 
 
 def _solver(analytic: Motion | Solver | PointFunction) -> Solver | None:
@@ -298,7 +304,7 @@ def _solver(analytic: Motion | Solver | PointFunction) -> Solver | None:
 
 
 def _require_points(simulated: Motion, exact: Motion) -> None:
-    """Raise InputError unless every point of the analytic side is simulated, and known everywhere."""
+    """Raise InputError unless every point of the analytic side is simulated, and finite at every instant."""
     missing = sorted(set(exact.points) - set(simulated.points))
     if missing or not exact.points:
         raise InputError(
@@ -308,22 +314,22 @@ def _require_points(simulated: Motion, exact: Motion) -> None:
             else f"the analytic side gives no point; give one or more of {', '.join(simulated.points)}"
         )
     for name, point in exact.points.items():
-        known = np.isfinite(point.position).all(1)
-        if not known.all():
+        finite = np.isfinite(point.position).all(1)
+        if not finite.all():
             raise InputError(
                 f"the analytic side gives no finite place for point {name!r} at "
-                f"{_called(simulated, int(np.argmin(known)))}; give one at every instant simulated"
+                f"{_called(simulated, int(np.argmin(finite)))}; give one at every instant simulated"
             )
 
 
 def _called(motion: Motion, row: int) -> str:
-    """Return what an instant of a motion is called."""
+    """Return the label of an instant of a motion."""
     instants = instants_of(motion)
     value = instants.value[row]
     return f"crank angle {value:.6g} rad" if instants.unit == "rad" else f"t = {value:.6g} s"
 
 
-def _at(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:
+def _analytic_motion(simulated: Motion, analytic: Motion | Solver | PointFunction) -> Motion:
     """Return the analytic motion at the simulated crank angles, speeds and accelerations."""
     solver = _solver(analytic)
     if solver is not None:
@@ -363,13 +369,13 @@ def _crank_motion(simulated: Motion) -> tuple[Array, Array, Array]:
 
 def _require_same_instants(simulated: Motion, analytic: Motion) -> None:
     """Raise InputError unless two motions are at the same crank angles, or times under motion laws."""
-    found, given, what = simulated.angle, analytic.angle, "crank angles"
+    needed, available, label = simulated.angle, analytic.angle, "crank angles"
     if simulated.drivers and simulated.time is not None and analytic.time is not None:
-        found, given, what = simulated.time, analytic.time, "times"
-    if given.shape != found.shape or not np.allclose(given, found, rtol=0.0, atol=1e-12):
+        needed, available, label = simulated.time, analytic.time, "times"
+    if available.shape != needed.shape or not np.allclose(available, needed, rtol=0.0, atol=1e-12):
         raise InputError(
-            f"the analytic motion stands at other {what} than the simulated one and nothing can solve it "
-            f"again; give it at the simulated {what}, or give the function itself"
+            f"the analytic motion stands at other {label} than the simulated one and nothing can solve it "
+            f"again; give it at the simulated {label}, or give the function itself"
         )
 
 

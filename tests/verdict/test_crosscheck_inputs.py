@@ -14,7 +14,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.simulation import simulate
 from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.validate import case_of
-from mechsim.verdict.judge import crosscheck
+from mechsim.verdict.crosscheck import crosscheck
 
 SPEED = 20.0 * np.pi
 
