@@ -32,7 +32,7 @@ ONES = np.ones(N)
 
 
 def test_nothing_is_asked_unless_it_is():
-    assert (Requested().tolerance, Requested().of, Requested().turns) == (0.0, 1.0, 0.0)
+    assert (Requested().tolerance, Requested().scale, Requested().turns) == (0.0, 1.0, 0.0)
     plain = ToleranceRule("why", 1e-3)
     assert (plain.requested, plain.growth, plain.power, plain.scale) == (0.0, 0, 0, "")
     # without growth more turns change nothing
@@ -81,11 +81,11 @@ def test_a_check_tells_the_error_that_is_the_largest_part_of_its_bound():
         np.array([1.0, 0.25, 1.0, 1.0, 1.0]) * WELL_CONDITIONED,
     )
     plain = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1))
-    assert (plain.worst, plain.at, plain.tolerance, plain.reason) == (3.0, ANGLE[1], 2.0, "why")
+    assert (plain.worst, plain.instant, plain.tolerance, plain.reason) == (3.0, ANGLE[1], 2.0, "why")
     assert plain.rms == pytest.approx(np.sqrt((1.0 + 9.0 + 6.25 + 0.25) / 5.0))
     assert (plain.unit, plain.kind, plain.subject, plain.passed) == ("m", "position", "P", False)
     wide = check_of("position", "P", error, ANGLE, Tolerance(2.0, "m", "why", 1), conditioning)
-    assert (wide.worst, wide.at, wide.tolerance, wide.reason) == (2.5, ANGLE[2], 2.0, "why")
+    assert (wide.worst, wide.instant, wide.tolerance, wide.reason) == (2.5, ANGLE[2], 2.0, "why")
     assert wide.fraction_of_tolerance == pytest.approx(1.25)
     widened = check_of("position", "P", error[:2], ANGLE[:2], Tolerance(0.5, "m", "why", 1), conditioning[:2])
     assert (widened.worst, widened.tolerance) == (1.0, 0.5)
