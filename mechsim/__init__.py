@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show
     from mechsim.simulation import Run, Settings
+    from mechsim.simulation.closed_configurations import closed_qpos, sample
     from mechsim.studies.agreement.agreement import Agreement, validate
     from mechsim.studies.fit.calibration import fit
     from mechsim.studies.optimise.search import optimise
@@ -81,11 +82,13 @@ _HOMES = _MODULES | {
     "Spring": "model.forces",
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
+    "closed_qpos": "simulation.closed_configurations",
     "crosscheck": "verdict.crosscheck",
     "fit": "studies.fit.calibration",
     "load": "subjects.readers",
     "moved": "studies.sensitivity.sensitivity",
     "optimise": "studies.optimise.search",
+    "sample": "simulation.closed_configurations",
     "sensitivity": "studies.sensitivity.sensitivity",
     "show": "report.notebook",
     "simulate": "subjects.simulate_by_name",
@@ -123,6 +126,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "catalog",
+    "closed_qpos",
     "closure",
     "course",
     "crosscheck",
@@ -135,6 +139,7 @@ __all__ = [
     "plots",
     "render",
     "rods",
+    "sample",
     "sensitivity",
     "show",
     "simulate",

@@ -24,6 +24,7 @@ GROUPS = {
     "Motion": {
         "solve": ("solve.solve", "Solve a mechanism: closed form or loop equations."),
         "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo."),
+        "sample": ("sample.sample", "Draw closed configurations of a MuJoCo model."),
         "trace": ("trace.trace", "Trace all assemblies as closed curves."),
         "dynamics": ("dynamics.dynamics", "Compute drive torques, joint reactions, energies."),
     },

@@ -558,8 +558,12 @@ def read_loops(
             f"the model has no hinge joint called {crank!r} (it has {', '.join(names) or 'none'}); "
             f"name the driven hinge {crank!r}"
         )
+    return loops_with_crank(model, int(model.jnt_dofadr[joint]), drivers)
+
+
+def loops_with_crank(model: mujoco.MjModel, dof: int, drivers: Drivers | None = None) -> ModelLoops:
+    """Return the loops of a compiled model whose crank is a degree of freedom."""
     pairs, frames, couplings = constraints(model)
-    dof = int(model.jnt_dofadr[joint])
     return ModelLoops(model, dof, drivers, pairs, frames, couplings, PosedBodies(model), _IndependentRows())
 
 

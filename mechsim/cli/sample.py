@@ -1,0 +1,44 @@
+"""Command `mechsim sample`: closed configurations of a MuJoCo model, drawn at random."""
+
+from typing import Annotated, TypedDict
+
+import numpy as np
+import typer
+
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import File, writable
+from mechsim.errors import InputError
+from mechsim.files import atomic_path
+from mechsim.simulation import closed_configurations
+
+
+class SampleJson(TypedDict):
+    """The states that were written."""
+
+    n: int
+    accepted: float
+    worst_residual: float
+
+
+@command
+def sample(
+    model: Annotated[str, typer.Argument(metavar="FILE", help="An MJCF or URDF file that MuJoCo loads.")],
+    *,
+    n: Annotated[int, typer.Option("-n", help="Number of states.")],
+    output: File,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
+) -> Result[SampleJson]:
+    """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
+
+    Examples:
+    mechsim sample ankle.xml -n 4096 -o states.npz
+    """
+    path = writable(output, ".npz")
+    if not model.lower().endswith((".xml", ".urdf")):
+        raise InputError(f"{model!r} is no MJCF or URDF file; name a file that ends in .xml or .urdf")
+    states = closed_configurations.sample(model, n, seed)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
+    data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}
+    text = f"{n} states, {states.accepted:.1%} of draws accepted, worst residual {data['worst_residual']:.2g}"
+    return Result(data, lambda: typer.echo(text), files=(output,))

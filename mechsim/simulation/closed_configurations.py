@@ -1,0 +1,241 @@
+"""Closed configurations of a user's own MuJoCo model, in its order of qpos: prescribed or drawn at random."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
+from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops, loops_with_crank
+
+if TYPE_CHECKING:
+    from mechsim.simulation.mjcf_reader import MujocoInput
+
+# largest step of a driver on the way from the reference, in [rad] or characteristic lengths
+STEP = 0.1
+# Newton's steps of each step of the path, and at its end
+PATH_ITERATIONS, LAST_ITERATIONS = 2, 8
+# closure error in characteristic lengths or [rad]: of a lost configuration on the path, and at its end
+LOST, CLOSED = 1e-2, 1e-12
+# draws for each configuration that is requested, before the search ends with an error
+MAX_DRAWS = 50
+# columns of actuated joints count less, so that loops determine the other joints; any small number does
+ACTUATED_WEIGHT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Closed states of a model.
+
+    Attributes:
+        qpos: configurations in MuJoCo's order, (n, nq).
+        qvel: velocities in [m/s] or [rad/s] that keep the loops closed, (n, nv).
+        residual: closure error of each configuration in characteristic lengths or [rad], (n,).
+        accepted: fraction of the drawn configurations that closed within the joint limits.
+    """
+
+    qpos: Array
+    qvel: Array
+    residual: Array
+    accepted: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Straight paths of drivers from a closed reference, on which loops determine the passive DOFs."""
+
+    loops: ModelLoops
+    reference: Array
+    drivers: NDArray[np.int64]
+    passive: NDArray[np.int64]
+
+    @cached_property
+    def addresses(self) -> NDArray[np.int64]:
+        """Addresses of the drivers in qpos."""
+        model = self.loops.model
+        return model.jnt_qposadr[model.dof_jntid[self.drivers]].astype(np.int64)
+
+    def newton(self, qpos: Array, iterations: int) -> Array:
+        """Return configurations after Newton's steps in the passive DOFs."""
+        for _ in range(iterations):
+            residual, jacobian = self.loops.linearise(qpos)
+            step = np.zeros((len(qpos), self.loops.model.nv))
+            step[:, self.passive] = -_solve(jacobian[:, :, self.passive], residual)
+            qpos = self.loops.displaced(qpos, np.clip(step, -0.5, 0.5))
+        return qpos
+
+    def follow(self, targets: Array) -> tuple[Array, Array]:
+        """Return configurations with drivers at targets, (n, k), and their closure errors; inf where lost."""
+        start = self.reference[self.addresses]
+        units = self.loops.units[self.drivers]
+        count = max(1, int(np.ceil(np.abs((targets - start) / units).max(initial=0.0) / STEP)))
+        qpos = np.repeat(self.reference[None], len(targets), 0)
+        lost, sign = np.zeros(len(targets), dtype=np.bool_), self.sign(self.reference[None])
+        for i in range(1, count + 1):
+            qpos[:, self.addresses] = start + (targets - start) * i / count
+            qpos = self.newton(qpos, PATH_ITERATIONS if i < count else LAST_ITERATIONS)
+            error = self.loops.closure_error(self.loops.residual(qpos))
+            lost |= ~(error < LOST) | (self.sign(qpos) != sign)
+            qpos[lost] = self.reference
+        error = self.loops.closure_error(self.loops.residual(qpos))
+        return qpos, np.where(lost, np.inf, error)
+
+    @cached_property
+    def _rows(self) -> Array:
+        matrix = self.loops.linearise(self.reference[None])[1][0][:, self.passive]
+        return np.linalg.svd(matrix, full_matrices=False)[0]
+
+    def sign(self, qpos: Array) -> Array:
+        """Return the sign of the determinant of the passive Jacobian; it changes between assemblies."""
+        jacobian = self.loops.linearise(qpos)[1][:, :, self.passive]
+        return np.linalg.slogdet(self._rows.T @ jacobian)[0]
+
+    def outside(self, qpos: Array) -> NDArray[np.bool_]:
+        """Return whether each joint is outside its limits, (n, njnt)."""
+        model = self.loops.model
+        scalar = (model.jnt_limited != 0) & np.isin(model.jnt_type, (HINGE, SLIDE))
+        values, (low, high) = qpos[:, model.jnt_qposadr], model.jnt_range.T
+        return scalar & ((values < low - 1e-9) | (values > high + 1e-9))
+
+
+def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
+    """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
+
+    Args:
+        model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
+        values: hinge or slide -> positions in [rad] or [m], scalar or (n,). Joints that neither these nor
+            the loops determine stay at the reference.
+
+    Raises:
+        InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
+        AssemblyError: where a loop does not close on the way.
+    """
+    compiled = _compiled(model)
+    dofs = [_scalar_dof(compiled, name) for name in values]
+    try:
+        columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=float)) for v in values.values()))
+    except ValueError:
+        raise InputError("positions of joints have different lengths; give each n values or one") from None
+    if not columns or columns[0].ndim != 1 or not np.isfinite(columns).all():
+        raise InputError("positions must be finite numbers, one or n for each of one or more joints")
+    path = _path(compiled, dofs)
+    qpos, error = path.follow(np.stack(columns, 1))
+    if not error.max(initial=0.0) < CLOSED:
+        i = int(np.argmax(error))
+        raise AssemblyError(f"the loops do not close in this assembly at row {i}; give positions in reach")
+    rows, joints = np.nonzero(path.outside(qpos))
+    if len(rows):
+        name = compiled.joint(int(joints[0])).name
+        raise InputError(f"joint {name} is outside its limits at row {rows[0]}; give other positions")
+    return qpos
+
+
+def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
+    """Return n closed states of a model, drawn at random within joint limits in one assembly.
+
+    Drivers are drawn uniformly within their limits (a turn or a characteristic length where there are none),
+    and approached on a straight path from the reference; other drawn configurations are rejected. Velocities
+    of drivers have a normal distribution of 1 rad/s or 1 characteristic length per second.
+
+    Args:
+        model: as in `closed_qpos`.
+        n: number of states.
+        seed: of the random numbers; the same seed gives the same states.
+
+    Raises:
+        InputError: for n below 1 or a model without loops.
+        AssemblyError: where the reference does not close, or too few draws are accepted.
+    """
+    if n < 1:
+        raise InputError(f"the number of states is {n}; give 1 or more")
+    if seed < 0:
+        raise InputError(f"the seed is {seed}; give 0 or more")
+    path, random = _path(_compiled(model), None), np.random.default_rng(seed)
+    low, high = _ranges(path)
+    accepted, count, drawn = list[Array](), 0, 0
+    while count < n:
+        if drawn >= MAX_DRAWS * max(n, 100):
+            raise AssemblyError(f"{count} of {drawn} drawn configurations close within the joint limits")
+        batch = min(max(n - count, 64), 4096)
+        qpos, error = path.follow(random.uniform(low, high, (batch, len(low))))
+        valid = (error < CLOSED) & ~path.outside(qpos).any(1)
+        accepted.append(qpos[valid])
+        count, drawn = count + int(valid.sum()), drawn + batch
+    qpos = np.concatenate(accepted)[:n]
+    residual, jacobian = path.loops.linearise(qpos)
+    qvel = np.zeros((n, path.loops.model.nv))
+    qvel[:, path.drivers] = random.normal(size=(n, len(low))) * path.loops.units[path.drivers]
+    for _ in range(2):  # the second solution removes the rounding of the first
+        rates = (jacobian @ qvel[..., None])[..., 0]
+        qvel[:, path.passive] -= _solve(jacobian[:, :, path.passive], rates)
+    return Sample(qpos, qvel, path.loops.closure_error(residual), count / drawn)
+
+
+def _compiled(model: "MujocoInput") -> mujoco.MjModel:
+    return model if isinstance(model, mujoco.MjModel) else parse_file(model)[1]
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """Return least-squares solutions (n, k) of matrices (n, m, k) of full column rank."""
+    transposed = np.swapaxes(matrix, 1, 2)
+    normal = transposed @ matrix
+    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    normal += 1e-15 * scale * np.eye(matrix.shape[2])
+    return np.linalg.solve(normal, transposed @ right[..., None])[..., 0]
+
+
+def _path(model: mujoco.MjModel, drivers: list[int] | None) -> _Path:
+    """Return the paths from the reference or keyframe that is closest to closed."""
+    from scipy.linalg import qr
+
+    loops = loops_with_crank(model, 0)
+    if not (loops.pairs or loops.frames or loops.couplings):
+        raise InputError("the model has no loops; add equality constraints that close them")
+    starts = np.concatenate([model.qpos0[None], model.key_qpos.reshape(-1, model.nq)])
+    reference = starts[np.argmin([loops.closure_error(loops.residual(q[None]))[0] for q in starts])]
+    jacobian = loops.linearise(reference[None])[1][0] * loops.units
+    weights = np.ones(model.nv)
+    kinds = model.jnt_type[model.dof_jntid]
+    if drivers is None:
+        hinges = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+        weights[model.jnt_dofadr[model.actuator_trnid[hinges, 0]]] = ACTUATED_WEIGHT
+    others = np.setdiff1d(np.arange(model.nv), drivers or [])
+    rank = int(np.linalg.matrix_rank(jacobian, tol=RANK_TOLERANCE * np.linalg.norm(jacobian)))
+    pivoted: Any = qr(jacobian[:, others] * weights[others], mode="economic", pivoting=True)
+    r, order = pivoted[1], pivoted[2]
+    diagonal = np.abs(np.diag(r))
+    if int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum()) < rank:
+        raise InputError("the loops determine some of these joints from the others; give fewer joints")
+    passive = np.sort(others[order[:rank]])
+    if drivers is None:
+        free = np.setdiff1d(np.arange(model.nv), passive)
+        drivers = [int(dof) for dof in free if kinds[dof] in (HINGE, SLIDE)]
+    path = _Path(loops, reference, np.array(drivers, dtype=np.int64), passive)
+    closed = path.newton(reference[None], 20)
+    if not loops.closure_error(loops.residual(closed))[0] < CLOSED:
+        raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
+    return _Path(loops, closed[0], path.drivers, passive)
+
+
+def _ranges(path: _Path) -> tuple[Array, Array]:
+    model, dofs = path.loops.model, path.drivers
+    joints, start = model.dof_jntid[dofs], path.reference[path.addresses]
+    reach = np.where(model.jnt_type[joints] == HINGE, np.pi, path.loops.characteristic_length)
+    limited = model.jnt_limited[joints] != 0
+    low, high = model.jnt_range[joints].T
+    return np.where(limited, low, start - reach), np.where(limited, high, start + reach)
+
+
+def _scalar_dof(model: mujoco.MjModel, name: str) -> int:
+    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    if joint < 0 or model.jnt_type[joint] not in (HINGE, SLIDE):
+        names = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] in (HINGE, SLIDE)]
+        raise InputError(f"there is no hinge or slide {name!r}; known are {', '.join(names) or 'none'}")
+    return int(model.jnt_dofadr[joint])

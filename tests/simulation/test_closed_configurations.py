@@ -1,0 +1,63 @@
+"""Closed configurations: closed as MuJoCo computes it, within limits, reproducible, in the model's order."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+
+FOUR_BAR = """<mujoco><worldbody>
+<body pos="0 0 2"><freejoint/><geom size=".1"/></body>
+<body><joint name="crank" axis="0 0 1" range="-40 40" limited="true"/><geom size=".01" pos=".1 0 0"/>
+ <body pos=".03 0 0"><joint name="coupler" axis="0 0 1"/><geom size=".01"/><site name="a" pos=".06 .02 0"/>
+ </body></body>
+<body pos=".07 -.04 0"><joint name="rocker" axis="0 0 1"/><geom size=".01"/><site name="b" pos=".02 .06 0"/>
+</body></worldbody><equality><connect site1="a" site2="b"/></equality>
+<actuator><motor joint="crank"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def model() -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(FOUR_BAR)
+
+
+def test_states_are_closed_within_limits_and_reproducible(model: mujoco.MjModel) -> None:
+    states = ms.sample(model, 50, seed=3)
+    assert states.qpos.shape == (50, model.nq) and 0 < states.accepted <= 1
+    data = mujoco.MjData(model)
+    for qpos, qvel in zip(states.qpos, states.qvel, strict=True):
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        assert np.abs(data.efc_pos[rows]).max() < 1e-13
+        jacobian = np.zeros((data.nefc, model.nv))
+        if mujoco.mj_isSparse(model):
+            mujoco.mju_sparse2dense(
+                jacobian, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+            )
+        else:
+            jacobian = data.efc_J.reshape(data.nefc, model.nv)
+        assert np.abs(jacobian[rows] @ qvel).max() < 1e-12
+    assert np.abs(states.qpos[:, 7]).max() <= np.radians(40) + 1e-9
+    assert np.array_equal(states.qpos, ms.sample(model, 50, seed=3).qpos)
+
+
+def test_driver_positions_are_in_the_model_order(model: mujoco.MjModel) -> None:
+    values = np.linspace(-0.5, 0.5, 5)
+    qpos = ms.closed_qpos(model, {"crank": values})
+    assert qpos[:, 7] == pytest.approx(values, abs=1e-15)
+    assert qpos[:, :7] == pytest.approx(np.tile(model.qpos0[:7], (5, 1)))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [({"crank": 0.8}, "joint crank"), ({"wheel": 0.0}, "wheel"), ({}, "finite numbers")],
+)
+def test_wrong_positions_are_rejected(model: mujoco.MjModel, values: dict[str, float], message: str) -> None:
+    with pytest.raises(ms.InputError, match=message):
+        ms.closed_qpos(model, values)
+
+
+def test_number_of_states_is_rejected(model: mujoco.MjModel) -> None:
+    with pytest.raises(ms.InputError, match="give 1 or more"):
+        ms.sample(model, 0)
