@@ -1,10 +1,13 @@
 """Closed configurations: closed as MuJoCo computes it, within limits, reproducible, in the model's order."""
 
+import json
+
 import mujoco
 import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim import cli
 
 FOUR_BAR = """<mujoco><worldbody>
 <body pos="0 0 2"><freejoint/><geom size=".1"/></body>
@@ -23,7 +26,8 @@ def model() -> mujoco.MjModel:
 
 def test_states_are_closed_within_limits_and_reproducible(model: mujoco.MjModel) -> None:
     states = ms.sample(model, 50, seed=3)
-    assert states.qpos.shape == (50, model.nq) and 0 < states.accepted <= 1
+    assert states.qpos.shape == (50, model.nq)
+    assert 0 < states.accepted <= 1
     data = mujoco.MjData(model)
     for qpos, qvel in zip(states.qpos, states.qvel, strict=True):
         data.qpos[:] = qpos
@@ -61,3 +65,21 @@ def test_wrong_positions_are_rejected(model: mujoco.MjModel, values: dict[str, f
 def test_number_of_states_is_rejected(model: mujoco.MjModel) -> None:
     with pytest.raises(ms.InputError, match="give 1 or more"):
         ms.sample(model, 0)
+
+
+def test_the_command_writes_states_and_reports_them(tmp_path, monkeypatch, capsys) -> None:
+    file, states = tmp_path / "model.xml", tmp_path / "states.npz"
+    file.write_text(FOUR_BAR)
+    monkeypatch.setattr("sys.argv", ["mechsim", "sample", str(file), "-n", "5", "-o", str(states), "--json"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
+    assert json.loads(capsys.readouterr().out)["n"] == 5
+    with np.load(states) as arrays:
+        assert {name: len(arrays[name]) for name in arrays.files} == {"qpos": 5, "qvel": 5, "residual": 5}
+
+
+def test_a_model_without_loops_is_rejected() -> None:
+    pendulum = "<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>"
+    with pytest.raises(ms.InputError, match="the model has no loops"):
+        ms.sample(mujoco.MjModel.from_xml_string(pendulum), 3)
