@@ -37,6 +37,7 @@ validate --reference four_bar
 export five_bar --format toml
 export four_bar -o {folder}/model.xml
 plot four_bar --kind curve -o {folder}/curve.svg
+sample examples/own_model.xml -n 4 -o {folder}/states.npz
 view slider_crank -o {folder}/page.html
 """.strip().splitlines()
 # long runs, pictures, and what is JSON by itself
