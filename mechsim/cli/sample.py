@@ -32,6 +32,7 @@ def sample(
 
     Examples:
     mechsim sample ankle.xml -n 4096 -o states.npz
+    mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
     path = writable(output, ".npz")
     if not model.lower().endswith((".xml", ".urdf")):
