@@ -56,9 +56,11 @@ def slider(**more):
 
 
 def test_a_pendulum_swings_as_elliptic_functions_say():
-    run = ms.dynamics.run(pendulum(), WEIGHT, duration=2.0 * a01_pendulum.PERIOD, samples=80)
+    duration = 2.0 * a01_pendulum.PERIOD
+    run = ms.dynamics.run(pendulum(), WEIGHT, duration=duration, samples=80, tolerance=3e-14)
     swing = run.motion.joints["pivot"].value + np.pi / 2.0
-    assert np.abs(swing - a01_pendulum.exact(run.time)).max() <= 2e-12
+    # 3.2e-13 at the most under four kernels of the linear algebra
+    assert np.abs(swing - a01_pendulum.exact(run.time)).max() <= 1e-12
     assert run.outcome == "done"
     assert run.energy_error <= 5e-12
 
