@@ -17,14 +17,13 @@ from mechsim.analytic.dynamics.forward_dynamics import Integration, StateLayout,
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.loops.kinematics import Coordinates, twists
-from mechsim.analytic.loops.record import joint_motions, point_on
+from mechsim.analytic.loops.record import point_on, tree_joint_motions
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
-from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
-from mechsim.model.motion import JointMotion, LinkMotion, Motion, short_repr
+from mechsim.model.motion import LinkMotion, Motion, short_repr
 from mechsim.numerics.arrays import Array
 
 # relative error of a step: at 1e-12 and larger, steps with an accidentally vanishing estimate are too long
@@ -198,17 +197,8 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
         acceleration = linear_second + cross(angular_second, origin) + cross(angular, velocity)
         rotation = state.poses.rotation[i].transpose(2, 0, 1)
         links[name] = LinkMotion(origin, rotation, velocity, angular, acceleration, angular_second)
-    joints: dict[str, JointMotion] = {}
     values = state.q.values, state.rates * scale, accelerations * scale
-    for joint in mechanism.joints:
-        kind = KINDS[joint.kind]
-        if tree.first_index(joint.name) is None:
-            joints |= joint_motions(joint, links)
-            continue
-        for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
-            value, rate, second = (array[tree.index_of[name]] for array in values)
-            component = None if kind.single else i
-            joints[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", component)
+    joints = tree_joint_motions(tree, mechanism.joints, links, values)
     first = joints[mechanism.drivers[0]] if mechanism.drivers else next(iter(joints.values()))
     return Motion(
         source="loop equations",

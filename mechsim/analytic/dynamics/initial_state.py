@@ -1,11 +1,12 @@
 """Initial configuration and velocity of a mechanism from values of any of its joint coordinates."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
+from mechsim.analytic.loops.assembly_errors import CLOSED, close_nearest
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
@@ -14,8 +15,6 @@ from mechsim.numerics.rank import RANK_TOLERANCE
 # longest step of a coordinate towards its initial value, in [rad] or sizes of the mechanism: the linear model
 # of the loops is good for several times that
 STEP = 0.05
-# corrections of a step, and the residual in units of the size that counts as closed
-CORRECTIONS, CLOSED = 8, 1e-13
 # velocities that miss their requested value by more than this fraction contradict the loops
 CONSISTENT = 1e-9
 
@@ -48,7 +47,7 @@ def projected(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> tup
     Raises:
         AssemblyError: where Newton's method does not close the loops.
     """
-    q = _closed(equations, q, [], np.zeros(0))
+    q = _closed(equations, q)
     jacobian = equations.kinematics(q, rates).jacobian[0]
     rates = rates.copy()
     free = rates[equations.free, 0]
@@ -68,28 +67,21 @@ def _moved(equations: EquationsOfMotion, coordinates: Mapping[str, float]) -> Co
     return q
 
 
-def _closed(equations: EquationsOfMotion, q: Coordinates, indices: list[int], values: Array) -> Coordinates:
-    """Return coordinates with closed loops and some at given values in units, by least steps."""
-    loops, free = equations.loops, equations.free
-    previous = np.inf
-    gap = np.inf
-    for _ in range(CORRECTIONS):
-        residual, jacobian, _ = loops.linearise(q)
-        offset = q.values[indices, 0] / loops.units[indices] - values
-        rows = np.concatenate([jacobian[:, :, 0], np.eye(loops.tree.count)[indices]])
-        gaps = np.concatenate([residual[:, 0], offset])
-        gap = float(np.abs(gaps).max(initial=0.0))
-        if gap <= CLOSED and gap >= 0.25 * previous:
-            break
-        previous = gap
-        step = np.zeros((loops.tree.count, 1))
-        step[free, 0] = -np.linalg.pinv(rows[:, free], rcond=RANK_TOLERANCE) @ gaps
-        q = loops.displaced(q, step)
-    if not gap <= 100.0 * CLOSED:
+def _closed(
+    equations: EquationsOfMotion, q: Coordinates, indices: Sequence[int] = (), values: Array | float = 0.0
+) -> Coordinates:
+    """Return coordinates with closed loops and some at given values in units; the others move least."""
+    loops = equations.loops
+    if len(indices):
+        q = Coordinates(q.values.copy(), q.turns)
+        q.values[list(indices), 0] = values * loops.units[list(indices)]
+        loops = replace(loops, driven=(*loops.driven, *indices))
+    q, gap = close_nearest(loops, q)
+    if not gap[0] <= CLOSED:
         name = equations.model.mechanism.name
         raise AssemblyError(
-            f"{name}: the loops do not close at the initial values (a gap of {gap:.3g} of the longest link "
-            "is left); give values within the range of motion, of independent coordinates only"
+            f"{name}: the loops do not close at the initial values (a gap of {gap[0]:.3g} of the longest "
+            "link is left); give values within the range of motion, of independent coordinates only"
         )
     return q
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
-from mechsim.analytic.dynamics.initial_state import CLOSED
+from mechsim.analytic.loops.assembly_errors import CLOSED, close_nearest
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import significant
+from mechsim.numerics.rank import least_norm, significant
 
 # weights of the central difference of order eight at 1, 2, 3 and 4 steps
 WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
@@ -27,8 +27,6 @@ STEP = 0.01
 # eigenvalues below this fraction of the largest are zero: motions that nothing restores; differences of the
 # accelerations leave 1e-10 of the largest stiffness
 NEUTRAL = 3e-5
-# corrections of Newton's method to close the loops at a displaced configuration
-CORRECTIONS = 8
 
 Complex = NDArray[np.complex128]
 # a number that belongs to a state
@@ -168,22 +166,14 @@ def displaced(
     loops, free = equations.loops, equations.free
     step = np.zeros((loops.tree.count, 1))
     step[free, 0] = basis @ u
-    moved = loops.displaced(q, step)
-    for _ in range(CORRECTIONS):
-        residual, jacobian, _ = loops.linearise(moved)
-        rows = np.concatenate([jacobian[:, free, 0], basis.T])
-        gap = np.concatenate([residual[:, 0], np.zeros(basis.shape[1])])
-        if not np.abs(gap).max(initial=0.0) > CLOSED:
-            break
-        step[free, 0] = -np.linalg.pinv(rows, rcond=1e-9) @ gap
-        moved = loops.displaced(moved, step)
-    else:
-        raise AssemblyError(
-            f"{equations.model.mechanism.name}: the loops do not close next to the equilibrium"
-        )
-    right = np.concatenate([np.zeros(loops.rows), rates])
+    moved, gap = close_nearest(loops, loops.displaced(q, step))
+    if not gap[0] <= CLOSED:
+        name = equations.model.mechanism.name
+        raise AssemblyError(f"{name}: the loops do not close next to the equilibrium")
+    jacobian = loops.linearise(moved)[1][:, free, 0]
     velocity = np.zeros((loops.tree.count, 1))
-    velocity[free, 0] = np.linalg.pinv(rows, rcond=1e-9) @ right
+    rows = np.concatenate([jacobian, basis.T])
+    velocity[free, 0] = least_norm(rows, np.concatenate([np.zeros(loops.rows), rates]))
     return equations.kinematics(moved, velocity)
 
 

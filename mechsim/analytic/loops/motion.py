@@ -12,14 +12,13 @@ from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.oracle import crank_angles, crank_rate
 from mechsim.analytic.loops.path import ContinuationPath, PathNames
 from mechsim.analytic.loops.path_rates import Instants, LoopMotion, loop_motion
-from mechsim.analytic.loops.record import joint_motions, point_on
+from mechsim.analytic.loops.record import point_on, tree_joint_motions
 from mechsim.analytic.loops.solver import LoopSolver, loop_solver
 from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.errors import AssemblyError
-from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, described, starting_at
-from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion
+from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
@@ -189,17 +188,7 @@ def motion_record(
     tree = path.loops.tree
     mechanism = dimensions or tree.original
     links = {name: motion.link(i) for name, i in tree.links.items()}
-    joints: dict[str, JointMotion] = {}
-    for joint in mechanism.joints:
-        kind = KINDS[joint.kind]
-        if tree.first_index(joint.name) is None:
-            joints |= joint_motions(joint, links)
-            continue
-        for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
-            index = tree.index_of[name]
-            component = None if kind.single else i
-            value, rate, second = motion.values[:, index], motion.rates[:, index], motion.second[:, index]
-            joints[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", component)
+    coordinates = motion.values.T, motion.rates.T, motion.second.T
     return Motion(
         source="loop equations",
         angle=angle,
@@ -211,7 +200,7 @@ def motion_record(
             if link != GROUND
         },
         links=links,
-        joints=joints,
+        joints=tree_joint_motions(tree, mechanism.joints, links, coordinates),
         conditioning=motion.conditioning,
         spinning=spinning_links(path),
     )

@@ -1,11 +1,12 @@
 """The coordinates of joints and the places of points, and their rates, read from how links move."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint, joint_coordinate
@@ -62,6 +63,33 @@ def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, Jo
             motions[name] = JointMotion(values[..., i], *next(translations), "m", index)
         else:
             motions[name] = JointMotion(unwrapped(values[..., i]), *next(angles), "rad", index)
+    return motions
+
+
+def tree_joint_motions(
+    tree: SpanningTree,
+    joints: Sequence[Joint],
+    links: Mapping[str, LinkMotion],
+    values: tuple[Array, Array, Array],
+) -> dict[str, JointMotion]:
+    """Return the motion of each coordinate, of joints that close loops from the links.
+
+    Args:
+        tree: whose coordinates are known.
+        joints: of the mechanism.
+        links: of the mechanism.
+        values: of the tree's coordinates, with first and second rates, (count, n) each.
+    """
+    motions: dict[str, JointMotion] = {}
+    for joint in joints:
+        kind = KINDS[joint.kind]
+        if tree.first_index(joint.name) is None:
+            motions |= joint_motions(joint, links)
+            continue
+        for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
+            value, rate, second = (rows[tree.index_of[name]] for rows in values)
+            component = None if kind.single else i
+            motions[name] = JointMotion(value, rate, second, "m" if unit == "m" else "rad", component)
     return motions
 
 
