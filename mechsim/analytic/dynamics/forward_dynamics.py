@@ -136,7 +136,7 @@ class Integration:
         self.events: list[float] = []
         self.steps = 0
         self.nearest = SINGULAR * equations.conditioning(equations.kinematics(q, rates))
-        self.blocked = False
+        self.blocked = self.stepping = False
         self.energy: float | None = None
         self.largest_kinetic = self.correction = 0.0
         self.corrections = [0.0]
@@ -173,7 +173,10 @@ class Integration:
         """Step until an event changes the mode or the run ends; None where it goes on."""
         while solver.status == "running":
             self.blocked = False
+            self.stepping = True
             message = solver.step()
+            # stages between the ends of an accepted step, for its dense output, may be nearer
+            self.stepping = False
             self.steps += 1
             if self.blocked and self._cross():
                 return None
@@ -240,7 +243,7 @@ class Integration:
         if not np.isfinite(state).all():
             return np.full_like(state, np.nan)
         kinematics = self._kinematics(state)
-        if self.equations.conditioning(kinematics) < self.nearest:
+        if self.stepping and self.equations.conditioning(kinematics) < self.nearest:
             # the integrator then rejects the step
             self.blocked = True
             return np.full_like(state, np.nan)
