@@ -26,6 +26,7 @@ from mechsim.model.force_record import Fluctuation, FreeRun
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import LEAST_TURNS
+from mechsim.model.quantities import quantity
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
@@ -35,7 +36,6 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import profile_of
-from mechsim.studies.quantities import quantity
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from mechsim.errors import InputError
-from mechsim.subjects.expressions import parse_expression
+from mechsim.model.expressions import parse_expression
 from mechsim.subjects.law_text import is_profile
 from mechsim.subjects.toml_keys import ROOT, AnyOf, KeyType, ListOf, Number, Profile, Table, TableOf
 from mechsim.subjects.toml_values import TomlSource, is_quantity, shown

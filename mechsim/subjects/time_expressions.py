@@ -12,9 +12,9 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.vector_method.jets import Jet, Values, composed
 from mechsim.errors import InputError
+from mechsim.model.expressions import ExpressionEvaluator, parse_expression, require_exponent
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.expressions import ExpressionEvaluator, parse_expression, require_exponent
 
 
 def power(base: Values, exponent: Values) -> Values:

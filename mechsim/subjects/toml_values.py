@@ -14,8 +14,8 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
+from mechsim.model.expressions import FUNCTIONS, NumberEvaluator
 from mechsim.numerics.inputs import HUGE, number
-from mechsim.subjects.expressions import FUNCTIONS, NumberEvaluator
 from mechsim.subjects.law_text import is_profile
 from mechsim.subjects.toml_keys import (
     AnyOf,

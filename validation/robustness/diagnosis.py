@@ -25,10 +25,10 @@ from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
+from mechsim.model.quantities import coordinate_units
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
-from mechsim.studies.quantities import coordinate_units
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import parametric_model
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.motion_laws import CrankProfile
+from mechsim.model.quantities import Quantity
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import Settings
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.misfit import Scales, errors
 from mechsim.studies.motion_source import profile_of, simulated
-from mechsim.studies.quantities import Quantity
 from mechsim.studies.scene.errors import interpolated
 from mechsim.studies.scene.published_run import published_scene
 from mechsim.studies.scene.run import SceneRun, stepped

@@ -16,10 +16,10 @@ from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
+from mechsim.model.quantities import AXES, Quantity, quantity, unknown
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, driver_inputs
 from mechsim.studies.measured_table import column_in_si, deviation_of
-from mechsim.studies.quantities import AXES, Quantity, quantity, unknown
 from mechsim.subjects.python_object import run_user_code
 
 # second arguments by which a function asks for more than places of drivers

@@ -18,11 +18,11 @@ from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.quantities import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.fitting import linearly_explains
 from mechsim.studies.agreement.misfit import DISCRETE, NAMED, PLACED, Hypothesis, Misfit, Values
-from mechsim.studies.quantities import AXES
 
 # of all places of joints those that explain most in the first order are solved again
 TRIED = 6

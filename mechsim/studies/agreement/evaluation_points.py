@@ -18,9 +18,9 @@ from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
+from mechsim.model.quantities import Column, Quantity, record_columns
 from mechsim.numerics.arrays import Array
 from mechsim.studies.motion_source import profile_of
-from mechsim.studies.quantities import Column, Quantity, record_columns
 from mechsim.verdict.tolerances import RecordInstants
 
 INSTANTS = 73

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.model.quantities import Quantity
+from mechsim.model.quantity_expressions import unit_powers
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.noise import Noise, noise_of
-from mechsim.studies.quantities import Quantity
-from mechsim.studies.quantity_expressions import unit_powers
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import force_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import EPS, Tolerance

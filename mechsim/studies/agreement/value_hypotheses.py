@@ -6,9 +6,9 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from mechsim.analytic.vector_method.rotations import turned_by
+from mechsim.model.quantities import AXES, Quantity
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.misfit import DISCRETE, NAMED, SIX, THREE, TWO, Hypothesis, Misfit, Values
-from mechsim.studies.quantities import AXES, Quantity
 
 LENGTHS = {
     1e3: "mm for m",

@@ -8,9 +8,9 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
+from mechsim.model.quantities import AXES, TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.studies.quantities import AXES, TRANSMISSION
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure, Turns, measure
 
@@ -23,7 +23,7 @@ class Goal:
     """What is to be small: the sum of squares of a function's values.
 
     Attributes:
-        of: quantities that it needs, named as `studies.quantities` has them.
+        of: quantities that it needs, named as `model.quantities` has them.
         function: quantities and dimensions -> a number or numbers, in any unit.
     """
 

@@ -27,9 +27,9 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.masses import STEEL, with_inertia
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import no_crank_range_error
+from mechsim.model.quantities import AXES, Quantity, quantity, record_columns, scalar_quantities, unknown
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.studies.quantities import AXES, Quantity, quantity, record_columns, scalar_quantities, unknown
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
 
 # instants of a motion where none are asked for, and how near to a dead centre they come, as part of the range

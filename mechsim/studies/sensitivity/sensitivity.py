@@ -154,7 +154,7 @@ def derivative_table(moved: MovedFamily, of: Sequence[str], to: str | Sequence[s
 
     Args:
         moved: the mechanism, and how it moves.
-        of: quantities, named as `studies.quantities` has them.
+        of: quantities, named as `model.quantities` has them.
         to: dimensions; "all" leaves those out that would tear loops open.
 
     Raises:
@@ -242,7 +242,7 @@ def sensitivity(
     Args:
         model: as `moved` takes it.
         of: quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3,
-            distance:P2,P3 and others that `studies.quantities` lists.
+            distance:P2,P3 and others that `model.quantities` lists.
         to: dimensions: parameters, parts of places as pivot.x; of a mechanism without parameters JOINT.at.x;
             "all" is every one.
         angles: as of `moved`.

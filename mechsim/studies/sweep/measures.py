@@ -11,8 +11,7 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import MotionLaws
-from mechsim.numerics.arrays import Array
-from mechsim.studies.quantities import (
+from mechsim.model.quantities import (
     AXES,
     Quantity,
     coordinate_units,
@@ -20,6 +19,7 @@ from mechsim.studies.quantities import (
     record_columns,
     unwrapped,
 )
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.python_object import run_object, run_user_code
 from mechsim.subjects.toml_values import suggestion
 
@@ -143,7 +143,7 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws | None = No
 
     Args:
         text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean) with
-            quantities as `studies.quantities` has them, at:ANGLE:Q or under motion laws at:TIME:Q,
+            quantities as `model.quantities` has them, at:ANGLE:Q or under motion laws at:TIME:Q,
             crank_range, dead_centres, assemblies, or FILE.py:FUNC of a Motion.
         mechanism: whose.
         motion_laws: its motion laws; None where a crank is driven.

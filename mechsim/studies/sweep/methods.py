@@ -25,10 +25,10 @@ from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
+from mechsim.model.quantities import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
-from mechsim.studies.quantities import TRANSMISSION
 from mechsim.studies.sweep.assembled_designs import assembled_designs
 from mechsim.studies.sweep.measures import FACTS, Turns, table_of
 from mechsim.studies.sweep.stepped_runs import stepped_alone, stepped_together

@@ -13,12 +13,12 @@ from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import PART_OF_RANGE
+from mechsim.model.quantities import TRANSMISSION, Quantity, Source
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import SharedModel, shared_model
 from mechsim.simulation.recording import CHUNK
 from mechsim.simulation.settings import Settings
-from mechsim.studies.quantities import TRANSMISSION, Quantity, Source
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure
 from mechsim.studies.sweep.subject import SweptSubject

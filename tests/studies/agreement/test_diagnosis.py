@@ -8,10 +8,10 @@ import pytest
 import mechsim as ms
 from mechsim.analytic import dynamics
 from mechsim.model.forces import Forces
+from mechsim.model.quantities import quantity
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import evaluation_points
-from mechsim.studies.quantities import quantity
 from mechsim.subjects.readers import parametric_model
 
 SPEED = 20 * np.pi

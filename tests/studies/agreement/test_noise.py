@@ -12,11 +12,11 @@ from mechsim import files
 from mechsim.cli import main
 from mechsim.cli.schema import output_schema
 from mechsim.errors import InputError
+from mechsim.model.quantities import quantity
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.noise import FALSE_ALARM
-from mechsim.studies.quantities import quantity
 
 ANGLES = np.linspace(0.1, 6.2, 60)
 SIGMA = 2e-5

@@ -5,7 +5,7 @@ import pytest
 
 from mechsim.analytic import catalog
 from mechsim.errors import InputError
-from mechsim.studies.quantities import numeric_quantity
+from mechsim.model.quantities import numeric_quantity
 from mechsim.studies.sweep.measures import Turns, measure, measures, table_of
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)

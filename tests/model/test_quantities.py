@@ -6,9 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic import catalog
 from mechsim.errors import InputError
-from mechsim.studies.measured_table import measured_of
-from mechsim.studies.optimise.goals import goal_of
-from mechsim.studies.quantities import (
+from mechsim.model.quantities import (
     KINDS,
     Column,
     QuantityKind,
@@ -18,6 +16,8 @@ from mechsim.studies.quantities import (
     record_columns,
     scalar_quantities,
 )
+from mechsim.studies.measured_table import measured_of
+from mechsim.studies.optimise.goals import goal_of
 from mechsim.verdict.quantities import FORCES
 
 ANGLES = np.linspace(0.3, 2.3, 9)

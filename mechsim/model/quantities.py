@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.expressions import parse_expression
 from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.joint_kinds import FIXED
 from mechsim.model.joint_kinds import KINDS as JOINT_KINDS
@@ -21,11 +22,10 @@ from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
+from mechsim.model.quantity_expressions import QuantityEvaluator, Term, unit_powers, unit_text
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import change_of, stepped, turn_of
-from mechsim.studies.quantity_expressions import QuantityEvaluator, Term, unit_powers, unit_text
-from mechsim.subjects.expressions import parse_expression
 
 AXES = "xyz"
 TRANSMISSION = "transmission"

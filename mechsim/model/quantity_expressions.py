@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.expressions import ExpressionEvaluator, require_exponent
 from mechsim.numerics.complex_step import size_of, turn_of
-from mechsim.subjects.expressions import ExpressionEvaluator, require_exponent
 
 # base units of a derived unit: powers of kg, m, s and rad
 _POWERS: dict[str, tuple[float, ...]] = {
