@@ -1,99 +1,125 @@
-"""Arithmetic in text: numbers, names of parameters and the usual functions, bounded in size."""
+"""Expressions in text: one grammar and evaluator for parameters, motion laws, loads, controls, quantities.
+
+Values may be numbers, arrays (n,), arrays with complex steps, or jets with two rates.
+"""
 
 import ast
-import difflib
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
+from mechsim.model.unit_powers import PLAIN, Powers, described
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.complex_step import turn_of
+from mechsim.numerics.jets import Jet, chosen, still
 
 # characters of an expression, and how deep its brackets may nest
 MAX_CHARACTERS, MAX_DEPTH = 500, 50
 # largest exponent; a larger one is taken for an error
 MAX_EXPONENT = 64.0
 
-Value = TypeVar("Value")
 
-_OPERATORS: dict[type[ast.AST], Callable[[float, float], float]] = {
-    ast.Add: lambda x, y: x + y,
-    ast.Sub: lambda x, y: x - y,
-    ast.Mult: lambda x, y: x * y,
-    ast.Div: lambda x, y: x / y,
-    ast.Pow: lambda x, y: _power(x, y),
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A value in an expression.
+
+    Attributes:
+        value: a number, an array, or a jet.
+        powers: of kg, m, s and rad in its unit.
+        without_unit: what was added to quantities without having a unit, which then counts in SI.
+    """
+
+    value: Any
+    powers: Powers = PLAIN
+    without_unit: Literal["", "number", "variable"] = ""
+
+    @property
+    def dimensionless(self) -> bool:
+        """Whether it has no unit."""
+        return not any(self.powers)
+
+    @property
+    def description(self) -> str:
+        """What it measures, in words."""
+        return described(self.powers)
+
+    @property
+    def zero(self) -> bool:
+        """Whether the value and its rates are zero, which needs no unit."""
+        value = self.value
+        values = (value.value, value.rate, value.second) if isinstance(value, Jet) else (value,)
+        return not any(np.any(array) for array in values)
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function that expressions may call.
+
+    Attributes:
+        value: of its arguments.
+        count: of arguments; None is one or more.
+        unit: "number" of plain numbers; "angle" of angles; "inverse" whose value is an angle; "same" whose
+            value has the unit of its arguments; "ratio" of one unit, whose value is an angle.
+    """
+
+    value: Callable[..., Any]
+    count: int | None = 1
+    unit: Literal["number", "angle", "inverse", "same", "ratio"] = "number"
+
+
+def _extreme(sign: float, *values: Any) -> Any:
+    result = values[0]
+    for other in values[1:]:
+        result = _chosen(sign * _real(result) <= sign * _real(other), result, other)
+    return result
+
+
+def _absolute(value: Any) -> Any:
+    return _chosen(_real(value) < 0.0, -value, value)
+
+
+def _arctan2(y: Any, x: Any) -> Any:
+    if isinstance(y, Jet) or isinstance(x, Jet):
+        return np.arctan2(_jet(y, x), _jet(x, y))  # pyright: ignore[reportArgumentType, reportCallIssue]
+    return turn_of(y, x)
+
+
+def _real(value: Any) -> Any:
+    return value.value if isinstance(value, Jet) else np.real(value)
+
+
+def _chosen(which: Any, first: Any, second: Any) -> Any:
+    if isinstance(first, Jet) or isinstance(second, Jet):
+        return chosen(which, _jet(first, second), _jet(second, first))
+    return np.where(which, first, second)
+
+
+def _jet(value: Any, like: Any) -> Jet:
+    """Return a value as a jet; a constant of the shape of another."""
+    return value if isinstance(value, Jet) else still(value + np.zeros_like(like.value))
+
+
+FUNCTIONS: dict[str, Function] = {
+    "sin": Function(np.sin, unit="angle"),
+    "cos": Function(np.cos, unit="angle"),
+    "tan": Function(np.tan, unit="angle"),
+    "asin": Function(np.arcsin, unit="inverse"),
+    "acos": Function(np.arccos, unit="inverse"),
+    "atan": Function(np.arctan, unit="inverse"),
+    "atan2": Function(_arctan2, 2, "ratio"),
+    "sqrt": Function(np.sqrt),
+    "exp": Function(np.exp),
+    "log": Function(np.log),
+    "abs": Function(_absolute, unit="same"),
+    "min": Function(lambda *values: _extreme(1.0, *values), None, "same"),
+    "max": Function(lambda *values: _extreme(-1.0, *values), None, "same"),
 }
-# name -> function and how many numbers it takes; None is one or more
-_PLAIN: dict[str, tuple[Callable[..., float], int | None]] = {
-    "sqrt": (math.sqrt, 1),
-    "exp": (math.exp, 1),
-    "log": (math.log, 1),
-    "abs": (math.fabs, 1),
-    "min": (lambda *x: min(x), None),
-    "max": (lambda *x: max(x), None),
-}
-_TRIGONOMETRIC: dict[str, Callable[[float], float]] = {"sin": math.sin, "cos": math.cos, "tan": math.tan}
-_INVERSE_TRIGONOMETRIC: dict[str, tuple[Callable[..., float], int]] = {
-    "asin": (math.asin, 1),
-    "acos": (math.acos, 1),
-    "atan": (math.atan, 1),
-    "atan2": (math.atan2, 2),
-}
-FUNCTIONS = (*_TRIGONOMETRIC, *_INVERSE_TRIGONOMETRIC, *_PLAIN)
 _ALLOWED = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
-
-
-class ExpressionEvaluator(ABC, Generic[Value]):
-    """What goes through an expression, bounded in size, and reckons with values of some kind."""
-
-    @abstractmethod
-    def constant(self, value: float) -> Value:
-        """Return the value of a number."""
-
-    @abstractmethod
-    def name_value(self, name: str) -> Value:
-        """Return the value of a name."""
-
-    @abstractmethod
-    def negate(self, op: ast.unaryop, value: Value) -> Value:
-        """Return plus or minus a value."""
-
-    @abstractmethod
-    def combine(self, op: ast.operator, left: Value, right: Value) -> Value:
-        """Return what + - * / or ** makes of two values."""
-
-    @abstractmethod
-    def call(self, name: str, values: list[Value], node: ast.Call) -> Value:
-        """Return what a function makes of so many values as it takes."""
-
-    def evaluate(self, node: ast.AST, depth: int = 0) -> Value:
-        """Return the value of an expression.
-
-        Raises:
-            InputError: for what is no arithmetic or nests too deep; its sentence has no subject.
-        """
-        if depth > MAX_DEPTH:
-            raise InputError(f"nests more than {MAX_DEPTH} deep; make it simpler, or use a parameter")
-        match node:
-            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                return self.constant(float(value))
-            case ast.Name(id=name):
-                return self.name_value(name)
-            case ast.UnaryOp(op=ast.UAdd() | ast.USub() as op, operand=operand):
-                return self.negate(op, self.evaluate(operand, depth + 1))
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                return self.combine(op, self.evaluate(left, depth + 1), self.evaluate(right, depth + 1))
-            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
-                if name not in FUNCTIONS:
-                    raise InputError(f"calls {name!r}, which is no function here; {_ALLOWED}")
-                values = [self.evaluate(argument, depth + 1) for argument in args]
-                count = 1 if name in _TRIGONOMETRIC else {**_INVERSE_TRIGONOMETRIC, **_PLAIN}[name][1]
-                if len(values) != count and (count is not None or not values):
-                    raise InputError(f"gives {name} {len(values)} numbers; give {count or '1 or more'}")
-                return self.call(name, values, node)
-            case _:
-                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {_ALLOWED}")
 
 
 def parse_expression(text: str) -> ast.expr:
@@ -111,78 +137,232 @@ def parse_expression(text: str) -> ast.expr:
 
 
 @dataclass(frozen=True, slots=True)
-class NumberEvaluator(ExpressionEvaluator[float]):
-    """What evaluates expressions: the numbers known by name, and the unit of angles.
+class Evaluator:
+    """Evaluates the tree of an expression.
 
     Attributes:
-        names: parameter -> value.
-        angle: the unit of angles, as sin takes and atan gives them, in [rad].
+        names: name -> its value; raises InputError for one that it does not know.
+        angle: unit of angles, as sin takes and atan gives them, in [rad].
     """
 
-    names: Mapping[str, float]
+    names: Callable[[str], Term]
     angle: float = 1.0
 
-    def value(self, text: str) -> float:
+    def evaluate(self, node: ast.AST, depth: int = 0) -> Term:
         """Return the value of an expression.
 
         Raises:
-            InputError: for what is no expression, is too large, or has no finite value; its sentence has
-                no subject, which the caller knows.
+            InputError: for what is no arithmetic or nests too deep; its sentence has no subject.
+            ArithmeticError, ValueError: where a number has no value.
         """
-        tree = parse_expression(text)
-        try:
-            result = self.evaluate(tree)
-        except ZeroDivisionError:
-            raise InputError("divides by zero; change a parameter") from None
-        except (ValueError, OverflowError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError("has no value that is a finite real number; change a parameter") from None
-        if not math.isfinite(result):
-            raise InputError("has no value that is a finite real number; change a parameter")
-        return result
+        if depth > MAX_DEPTH:
+            raise InputError(f"nests more than {MAX_DEPTH} deep; make it simpler, or use a parameter")
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                return Term(float(value))
+            case ast.Name(id="pi"):
+                return Term(math.pi)
+            case ast.Name(id=name):
+                return self.names(name)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.evaluate(operand, depth + 1)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                term = self.evaluate(operand, depth + 1)
+                return replace(term, value=-term.value)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return _OPERATORS[type(op)](self.evaluate(left, depth + 1), self.evaluate(right, depth + 1))
+            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+                return self._call(name, args, depth + 1)
+            case _:
+                raise InputError(f"holds {ast.unparse(node)!r}, which is no arithmetic; {_ALLOWED}")
 
-    def constant(self, value: float) -> float:
-        return value
-
-    def negate(self, op: ast.unaryop, value: float) -> float:
-        return -value if isinstance(op, ast.USub) else value
-
-    def combine(self, op: ast.operator, left: float, right: float) -> float:
-        return _OPERATORS[type(op)](left, right)
-
-    def name_value(self, name: str) -> float:
-        if name in self.names:
-            return self.names[name]
-        if name == "pi":
-            return math.pi
-        close = difflib.get_close_matches(name, self.names, n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        listed = ", ".join(self.names) or "none"
-        raise InputError(f"names {name!r}, which is no parameter given before{hint}; known are {listed}")
-
-    def call(self, name: str, values: list[float], node: ast.Call) -> float:
-        if name in _TRIGONOMETRIC:
-            if self.angle != 1.0 and any(_has_pi(argument) for argument in node.args):
+    def _call(self, name: str, arguments: Sequence[ast.AST], depth: int) -> Term:
+        function = FUNCTIONS.get(name)
+        if function is None:
+            raise InputError(f"calls {name!r}, which is no function here; {_ALLOWED}")
+        terms = [self.evaluate(argument, depth) for argument in arguments]
+        if len(terms) != function.count and (function.count is not None or not terms):
+            raise InputError(f"gives {name} {len(terms)} numbers; give {function.count or '1 or more'}")
+        if function.unit in ("same", "ratio"):
+            shared = _of_shared_unit(terms)
+            value = _plain(function.value(*(term.value for term in terms)))
+            return replace(shared, value=value) if function.unit == "same" else self._angle(value)
+        (term,) = terms
+        if name == "sqrt":
+            return Term(_plain(np.sqrt(term.value)), tuple(0.5 * power for power in term.powers))
+        if any(term.powers[:3]):
+            raise InputError(f"gives {name} {term.description}; give it a plain number")
+        if function.unit == "angle" and self.angle != 1.0:
+            if any(_has_pi(argument) for argument in arguments):
                 raise InputError(
                     f"gives {name} a part of pi, but the file's angles are not in rad; write 45 for 45 deg"
                 )
-            return _TRIGONOMETRIC[name](values[0] * self.angle)
-        if name in _INVERSE_TRIGONOMETRIC:
-            return _INVERSE_TRIGONOMETRIC[name][0](*values) / self.angle
-        return _PLAIN[name][0](*values)
+            term = Term(term.value * self.angle)
+        value = _plain(function.value(term.value))
+        return self._angle(value) if function.unit == "inverse" else Term(value)
+
+    def _angle(self, value: Any) -> Term:
+        """Return an angle given in [rad]; in another unit of angles a plain number."""
+        return Term(value, _RADIAN) if self.angle == 1.0 else Term(value / self.angle)
 
 
-def _power(base: float, exponent: float) -> float:
-    require_exponent(exponent)
-    return math.pow(base, exponent)
+_RADIAN: Powers = (0.0, 0.0, 0.0, 1.0)
 
 
-def require_exponent(exponent: float) -> None:
-    """Reject an exponent that is too large."""
-    if not abs(exponent) <= MAX_EXPONENT:
-        raise InputError(f"has an exponent of {exponent:g}; give {MAX_EXPONENT:g} at most")
+def _plain(value: Any) -> Any:
+    """Return a scalar of numpy as a float."""
+    return float(value) if not isinstance(value, Jet) and np.ndim(value) == 0 else value
+
+
+def _of_shared_unit(terms: Sequence[Term]) -> Term:
+    """Return the first term with the unit that terms share; those without a unit count in SI."""
+    with_unit = [term for term in terms if not term.dimensionless]
+    for term in with_unit[1:]:
+        if term.powers != with_unit[0].powers:
+            raise InputError(
+                f"puts {with_unit[0].description} and {term.description} together; give both one unit"
+            )
+    added: list[Literal["", "number", "variable"]] = [term.without_unit for term in terms]
+    if with_unit:
+        bare = [term for term in terms if term.dimensionless and not term.zero]
+        added += [
+            "variable" if isinstance(term.value, Jet) or np.ndim(term.value) else "number" for term in bare
+        ]
+    return replace(terms[0], powers=with_unit[0].powers if with_unit else PLAIN, without_unit=max(added))
+
+
+def _sum(first: Term, second: Term) -> Term:
+    return replace(_of_shared_unit([first, second]), value=first.value + second.value)
+
+
+def _difference(first: Term, second: Term) -> Term:
+    return replace(_of_shared_unit([first, second]), value=first.value - second.value)
+
+
+def _product(first: Term, second: Term) -> Term:
+    powers = tuple(a + b for a, b in zip(first.powers, second.powers, strict=True))
+    return Term(first.value * second.value, powers, max(first.without_unit, second.without_unit))
+
+
+def _quotient(first: Term, second: Term) -> Term:
+    powers = tuple(a - b for a, b in zip(first.powers, second.powers, strict=True))
+    return Term(first.value / second.value, powers, max(first.without_unit, second.without_unit))
+
+
+def _power(base: Term, exponent: Term) -> Term:
+    if not exponent.dimensionless:
+        raise InputError(f"has an exponent that is {exponent.description}; give a plain number")
+    constant = isinstance(exponent.value, float)
+    if constant and not abs(exponent.value) <= MAX_EXPONENT:
+        raise InputError(f"has an exponent of {exponent.value:g}; give {MAX_EXPONENT:g} at most")
+    if not constant and not base.dimensionless:
+        raise InputError(f"takes {base.description} to a power that changes; give it a plain number")
+    if constant and isinstance(base.value, float):
+        value = math.pow(base.value, exponent.value)
+    else:
+        value = base.value**exponent.value
+    factor = exponent.value if constant else 0.0
+    return Term(value, tuple(power * factor for power in base.powers), base.without_unit)
+
+
+_OPERATORS: dict[type[ast.AST], Callable[[Term, Term], Term]] = {
+    ast.Add: _sum,
+    ast.Sub: _difference,
+    ast.Mult: _product,
+    ast.Div: _quotient,
+    ast.Pow: _power,
+}
 
 
 def _has_pi(node: ast.AST) -> bool:
     return any(isinstance(child, ast.Name) and child.id == "pi" for child in ast.walk(node))
+
+
+def evaluate_number(text: str, names: Callable[[str], float], angle: float = 1.0) -> float:
+    """Return the number that an expression of numbers gives.
+
+    Args:
+        text: the expression.
+        names: name -> number; raises InputError for one that it does not know.
+        angle: unit of angles, as sin takes and atan gives them, in [rad].
+
+    Raises:
+        InputError: for what is no expression, is too large, or has no finite value; its sentence has no
+            subject.
+    """
+    try:
+        with np.errstate(all="raise", under="ignore"):
+            tree = parse_expression(text)
+            result = float(Evaluator(lambda name: Term(float(names(name))), angle).evaluate(tree).value)
+    except InputError:
+        raise
+    except ZeroDivisionError:
+        raise InputError("divides by zero; change a parameter") from None
+    except (ArithmeticError, ValueError):
+        result = math.nan
+    if not math.isfinite(result):
+        raise InputError("has no value that is a finite real number; change a parameter")
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """An expression of named arrays, such as a controller of states and time.
+
+    Attributes:
+        text: the expression; all names in SI, angles in [rad].
+        names: of its variables.
+        tree: its syntax tree.
+    """
+
+    text: str
+    names: tuple[str, ...]
+    tree: ast.expr
+
+    def __call__(self, values: Mapping[str, ArrayLike]) -> Array:
+        """Return the values at variables (n,), name -> array: (n,); not finite where it has none."""
+        arrays = {name: np.asarray(values[name], dtype=np.float64) for name in self.names}
+        return np.asarray(self._evaluate(arrays), dtype=np.float64)
+
+    def derivatives(self, values: Mapping[str, ArrayLike]) -> tuple[Array, dict[str, Array]]:
+        """Return the values at variables (n,), and their exact derivatives by each variable, (n,) each."""
+        columns = [np.asarray(values[name], dtype=np.float64) for name in self.names]
+        arrays = dict(zip(self.names, np.broadcast_arrays(*columns), strict=True))
+        by_name: dict[str, Array] = {}
+        for name, array in arrays.items():
+            jet = Jet(array, np.ones_like(array), np.zeros_like(array))
+            result = self._evaluate({**arrays, name: jet})
+            by_name[name] = result.rate if isinstance(result, Jet) else np.zeros_like(array)
+        return self(values), by_name
+
+    def _evaluate(self, values: Mapping[str, Any]) -> Any:
+        with np.errstate(all="ignore"):
+            return Evaluator(lambda name: Term(values[name])).evaluate(self.tree).value
+
+
+def compiled(text: str, names: Iterable[str]) -> Expression:
+    """Return an expression of named variables, checked once.
+
+    Args:
+        text: the expression.
+        names: that it may use besides pi and the functions.
+
+    Raises:
+        InputError: for what is no expression, or a name that is not allowed; its sentence has no subject.
+    """
+    allowed, tree = tuple(names), parse_expression(text)
+    called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    used = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called]
+    for name in used:
+        if name not in (*allowed, "pi"):
+            raise InputError(
+                f"names {name!r}, which is nothing here; known are {', '.join((*allowed, 'pi'))}"
+            )
+    expression = Expression(text, tuple(dict.fromkeys(name for name in used if name != "pi")), tree)
+    try:
+        expression({name: np.full(1, 0.5) for name in expression.names})
+    except (ArithmeticError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError("has no value that is a finite real number") from None
+    return expression

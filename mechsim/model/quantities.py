@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.expressions import parse_expression
+from mechsim.model.expressions import Evaluator, Term, parse_expression
 from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.joint_kinds import FIXED
 from mechsim.model.joint_kinds import KINDS as JOINT_KINDS
@@ -22,7 +22,7 @@ from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.quantity_expressions import QuantityEvaluator, Term, unit_powers, unit_text
+from mechsim.model.unit_powers import unit_powers, unit_text
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import change_of, stepped, turn_of
@@ -470,11 +470,14 @@ def _expression(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Func
             ]
             names = {f"quantity_{i}_": term for i, term in enumerate(terms)}
             with np.errstate(all="ignore"):
-                return QuantityEvaluator(names).evaluate(tree)
+                return Evaluator(names.__getitem__).evaluate(tree)
 
         if not columns:
             raise InputError("holds no quantity, as P.x")
-        unit = unit_text(evaluate([np.full(1, 0.5) for _ in columns]).powers)
+        probe = evaluate([np.full(1, 0.5) for _ in columns])
+        if probe.without_unit == "variable":
+            raise InputError("puts a plain number that varies and a quantity together; give both one unit")
+        unit = unit_text(probe.powers)
     except InputError as error:
         raise InputError(f"the expression {text!r}: {error}") from None
     return columns, lambda values: np.asarray(evaluate(values).value), unit

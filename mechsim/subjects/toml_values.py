@@ -14,7 +14,7 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
-from mechsim.model.expressions import FUNCTIONS, NumberEvaluator
+from mechsim.model.expressions import FUNCTIONS, evaluate_number
 from mechsim.numerics.inputs import HUGE, number
 from mechsim.subjects.law_text import is_profile
 from mechsim.subjects.toml_keys import (
@@ -231,7 +231,7 @@ class Values:
         """Return a number, or the value of an expression."""
         if isinstance(value, str):
             try:
-                return NumberEvaluator(self.parameters, self.in_si(1.0, "rad")).value(value)
+                return evaluate_number(value, self._parameter, self.in_si(1.0, "rad"))
             except InputError as error:
                 raise self.source.error(path, f"is {shown(value)}, which {error}") from None
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -243,6 +243,14 @@ class Values:
         if not math.isfinite(number):
             raise self.source.error(path, f"is {shown(value)}; give a finite number")
         return number
+
+    def _parameter(self, name: str) -> float:
+        if name in self.parameters:
+            return self.parameters[name]
+        close = difflib.get_close_matches(name, self.parameters, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        listed = ", ".join(self.parameters) or "none"
+        raise InputError(f"names {name!r}, which is no parameter given before{hint}; known are {listed}")
 
     def in_si(self, value: float, unit: Unit) -> float:
         """Return a number without a unit of its own in SI."""

@@ -132,12 +132,12 @@ def test_a_vector_stands_for_its_components():
         ("distance:A", "write it as distance:P,Q"),
         ("distance:A,Z", "has no quantity 'Z"),
         ("angle:crank,arm", "has no link 'arm'; known are ground, crank"),
-        ("expr:A.x + rocker", "puts m and rad together"),
-        ("expr:sin(A.x)", "gives sin a value in m"),
+        ("expr:A.x + rocker", "puts a length and an angle together"),
+        ("expr:sin(A.x)", "gives sin a length"),
         ("expr:2*pi", "holds no quantity"),
         ("expr:A.x +", "is no expression"),
         ("expr:A.x + Z.x", "has no quantity 'Z.x'"),
-        ("expr:A.x**B.x", "exponent that is no number"),
+        ("expr:A.x**B.x", "exponent that is a length"),
     ],
 )
 def test_what_is_no_quantity_is_rejected(name, message):

@@ -110,7 +110,7 @@ def test_the_judge_of_rates_sees_a_wrong_one():
         ("3mm*t", "rad", "is a length; give an angle"),
         ("30deg*t", "m", "is an angle; give a length"),
         ("1mm*t + 2deg", "m", "a length and an angle together"),
-        ("3mm*2mm*t", "m", "neither a length, an angle, a force nor a moment"),
+        ("3mm*2mm*t", "m", "is a value in m2; give a length"),
         ("2*pi", "rad", "holds no t"),
         ("2t", "rad", "write 2*t"),
         ("sin(1mm*t)", "rad", "gives sin a length"),

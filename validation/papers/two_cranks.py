@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
-from mechsim.analytic.vector_method.jets import Jet
 from mechsim.analytic.vector_method.plane import flat, xyz
 from mechsim.analytic.vector_method.triad import carried
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
@@ -16,6 +15,7 @@ from mechsim.model.joints import End
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Jet
 
 
 def velocities(

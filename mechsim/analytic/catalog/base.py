@@ -15,7 +15,6 @@ from mechsim.analytic.catalog.parameter_checks import checked, checked_rate, cho
 from mechsim.analytic.loops.oracle import conditioning
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.analytic.vector_method.trig_polynomial import (
     Arcs,
@@ -34,6 +33,7 @@ from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Jet, Values, values
 from mechsim.units import WrittenUnits
 
 # crank angles within this of a change point, in [rad], are that change point

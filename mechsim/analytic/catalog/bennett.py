@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_checks import angle, length
-from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import column, cross, spun
@@ -19,6 +18,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, cos_sin
 
 # ratio of the half-angle tangents beyond which a turn of the crank is a jump of the rocker
 STEEPEST = 1e6

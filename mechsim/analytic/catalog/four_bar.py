@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_checks import angle, choice, length
-from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
 from mechsim.errors import AssemblyError
@@ -17,6 +16,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, cos_sin
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_checks import angle, choice, length, number, offset
 from mechsim.analytic.vector_method import trig_quartic
-from mechsim.analytic.vector_method.jets import Jet, Values, cos_sin, root, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
 from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled
@@ -23,6 +22,7 @@ from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION, shifted_into
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Jet, Values, cos_sin, root, values
 
 Side = int
 # in nine hundred random linkages the highest number met was five

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.analytic.catalog.base import MIN_START_DISCRIMINANT, ClosedForm, TwoBranchForm
 from mechsim.analytic.catalog.parameter_checks import HUGE
 from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.jets import Jet
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
@@ -19,6 +18,7 @@ from mechsim.model.links import GROUND, ORIGIN, Pose
 from mechsim.model.motion import JointMotion, Motion, PointMotion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Jet
 
 # distance of a root from the unit circle up to which it is real, and up to which that is not certain
 REAL, NEARLY = 1e-6, 1e-2

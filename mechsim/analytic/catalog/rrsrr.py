@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_checks import angle, choice, length, position
-from mechsim.analytic.vector_method.jets import Values, revalued, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import (
     Sign,
@@ -29,6 +28,7 @@ from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, revalued, values
 
 # cosine of v2 below which the rocker angle counts as lost: its acceleration grows as 1/cos2 and a
 # third of the digits are gone already

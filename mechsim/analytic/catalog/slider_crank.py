@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import TwoBranchForm
 from mechsim.analytic.catalog.parameter_checks import choice, length, offset
-from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, column, sine_of, spun
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_checks import angle, length, number, position
 from mechsim.analytic.vector_method import triad
-from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.plane import cross, flat, xyz
 from mechsim.analytic.vector_method.triad import carried, determinant, leg_vectors, moments
@@ -26,6 +25,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Jet, Values, values
 
 # gears have hardly more teeth than this
 MOST_TEETH = 1000

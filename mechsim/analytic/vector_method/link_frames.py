@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.vector_method.jets import Jet, Values, values
 from mechsim.analytic.vector_method.vectors import column, cross, dot
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.links import EX, EY, EZ, Vector
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Jet, Values, values
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.vector_method.jets import Jet
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Jet
 
 
 def flat(point: Array) -> Any:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.vector_method.jets import revalued, still
 from mechsim.analytic.vector_method.plane import cross
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import revalued, still
 
 Complex = NDArray[np.complex128]
 

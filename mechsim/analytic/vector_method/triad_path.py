@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.vector_method.jets import Values
 from mechsim.analytic.vector_method.triad import close, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import shifted_into
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values
 
 Complex = NDArray[np.complex128]
 

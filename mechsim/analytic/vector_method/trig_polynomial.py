@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.vector_method.jets import Values, cos_sin, values
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, cos_sin, values
 
 # a polynomial this small relative to its largest harmonic is rounding of the lengths it is made of
 FLAT = 256.0 * np.finfo(np.float64).eps

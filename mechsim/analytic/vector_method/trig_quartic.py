@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.vector_method.jets import Values, cos_sin
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, cos_sin
 
 # one for each harmonic; as an array they are stacked, (5, n)
 Coefficients = tuple[Values | float, Values | float, Values | float, Values | float, Values | float]

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.vector_method.jets import Values, chosen, cos_sin, product, revalued, values
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, chosen, cos_sin, product, revalued, values
 
 Sign = Literal[1, -1]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.model.quantities import Quantity
-from mechsim.model.quantity_expressions import unit_powers
+from mechsim.model.unit_powers import unit_powers
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints

@@ -1,7 +1,8 @@
 """Jets: a quantity with its first and second rate by time, carried through the formula of the quantity.
 
-A position function written with + - * /, `np.sqrt`, `np.sin`, `np.cos`, `np.exp`, `np.arctan2` and the
-functions of `vectors` runs on plain arrays, which gives places, and on jets, which gives the motion.
+A position function written with + - * / **, the ufuncs of `RULES` and the functions of
+`mechsim.analytic.vector_method.vectors` runs on plain arrays, which gives positions, and on jets, which
+gives the motion.
 """
 
 from collections.abc import Callable
@@ -66,10 +67,11 @@ class Jet:
         rate = -value * self.rate / self.value
         return Jet(value, rate, -((2.0 * rate) * self.rate + value * self.second) / self.value)
 
-    def __pow__(self, power: int) -> "Jet":
-        if power != 2:
-            raise ValueError(f"a jet to the power {power} is not known; write it as products")
-        return self * self
+    def __pow__(self, power: "Values | float") -> "Jet":
+        return _power(self, power)
+
+    def __rpow__(self, base: "Array | float") -> "Jet":
+        return _power(base, self)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -183,6 +185,38 @@ def _arctan2(y: Jet, x: Jet) -> Jet:
     return Jet(np.arctan2(y.value, x.value), rate, second / r2)
 
 
+def _log(x: Jet) -> Jet:
+    return composed(x, np.log(x.value), 1.0 / x.value, -1.0 / x.value**2)
+
+
+def _tan(x: Jet) -> Jet:
+    value = np.tan(x.value)
+    derivative = 1.0 + value**2
+    return composed(x, value, derivative, 2.0 * value * derivative)
+
+
+def _arcsin(x: Jet) -> Jet:
+    derivative = 1.0 / np.sqrt(1.0 - x.value**2)
+    return composed(x, np.arcsin(x.value), derivative, x.value * derivative**3)
+
+
+def _arctan(x: Jet) -> Jet:
+    derivative = 1.0 / (1.0 + x.value**2)
+    return composed(x, np.arctan(x.value), derivative, -2.0 * x.value * derivative**2)
+
+
+def _power(base: Any, exponent: Any) -> Jet:
+    """Return base ** exponent; of a constant exponent also where the base is not above zero."""
+    if isinstance(exponent, Jet):
+        return np.exp(exponent * np.log(base))  # pyright: ignore[reportReturnType, reportCallIssue, reportArgumentType]
+    if np.ndim(exponent) == 0 and exponent == 2:
+        return base * base
+    x, n = base.value, np.asarray(exponent, dtype=np.float64)
+    first = np.where(n == 0.0, 0.0, n * x ** (n - 1.0))
+    second = np.where(n * (n - 1.0) == 0.0, 0.0, n * (n - 1.0) * x ** (n - 2.0))
+    return composed(base, x**n, first, second)
+
+
 RULES: dict[np.ufunc, Callable[..., Jet]] = {
     np.add: lambda a, b: b + a,
     np.subtract: lambda a, b: b.__rsub__(a),
@@ -192,5 +226,11 @@ RULES: dict[np.ufunc, Callable[..., Jet]] = {
     np.sin: lambda x: cos_sin(x)[1],
     np.cos: lambda x: cos_sin(x)[0],
     np.exp: _exp,
+    np.log: _log,
+    np.tan: _tan,
+    np.arcsin: _arcsin,
+    np.arccos: lambda x: 0.5 * np.pi - _arcsin(x),
+    np.arctan: _arctan,
+    np.power: _power,
     np.arctan2: _arctan2,
 }
