@@ -85,7 +85,8 @@ def _absolute(value: Any) -> Any:
 
 def _arctan2(y: Any, x: Any) -> Any:
     if isinstance(y, Jet) or isinstance(x, Jet):
-        return np.arctan2(_jet(y, x), _jet(x, y))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        direction: tuple[Any, Any] = _jet(y, x), _jet(x, y)
+        return np.arctan2(*direction)
     return turn_of(y, x)
 
 

@@ -245,12 +245,12 @@ def _library(name: str) -> Any:
 
 def at_unit_speed(motion: Motion) -> Motion:
     """Return a motion under motion laws with rates by the path parameter instead of time."""
-    rate, ones = motion.speed, np.ones_like(motion.speed)
+    rate = motion.speed
     joints = {
         name: replace(joint, rate=joint.rate / rate, acceleration=joint.acceleration / rate**2)
         for name, joint in motion.joints.items()
     }
-    return replace(motion, speed=ones, acceleration=0.0 * ones, joints=joints)
+    return replace(motion, speed=np.ones_like(rate), acceleration=np.zeros_like(rate), joints=joints)
 
 
 def join(records: list[Record]) -> Record:
