@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mechsim.simulation.closed_configurations import closed_qpos, sample
     from mechsim.studies.agreement.agreement import Agreement, validate
     from mechsim.studies.fit.calibration import fit
+    from mechsim.studies.joint_map import joint_map
     from mechsim.studies.optimise.search import optimise
     from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
     from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
@@ -85,6 +86,7 @@ _HOMES = _MODULES | {
     "closed_qpos": "simulation.closed_configurations",
     "crosscheck": "verdict.crosscheck",
     "fit": "studies.fit.calibration",
+    "joint_map": "studies.joint_map",
     "load": "subjects.readers",
     "moved": "studies.sensitivity.sensitivity",
     "optimise": "studies.optimise.search",
@@ -132,6 +134,7 @@ __all__ = [
     "crosscheck",
     "dynamics",
     "fit",
+    "joint_map",
     "load",
     "motors",
     "moved",

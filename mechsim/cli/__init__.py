@@ -25,6 +25,7 @@ GROUPS = {
         "solve": ("solve.solve", "Solve a mechanism: closed form or loop equations."),
         "simulate": ("simulate.simulate", "Run a mechanism in MuJoCo."),
         "sample": ("sample.sample", "Draw closed configurations of a MuJoCo model."),
+        "map": ("map.map_joints", "Map motors to joints: positions, Jacobians, torques."),
         "trace": ("trace.trace", "Trace all assemblies as closed curves."),
         "dynamics": ("dynamics.dynamics", "Compute drive torques, joint reactions, energies."),
     },

@@ -48,7 +48,7 @@ class Sample:
 
 
 @dataclass(frozen=True, eq=False)
-class _Path:
+class StraightPath:
     """Straight paths of drivers from a closed reference, on which loops determine the passive DOFs."""
 
     loops: ModelLoops
@@ -67,7 +67,7 @@ class _Path:
         for _ in range(iterations):
             residual, jacobian = self.loops.linearise(qpos)
             step = np.zeros((len(qpos), self.loops.model.nv))
-            step[:, self.passive] = -_solve(jacobian[:, :, self.passive], residual)
+            step[:, self.passive] = -least_squares(jacobian[:, :, self.passive], residual)
             qpos = self.loops.displaced(qpos, np.clip(step, -0.5, 0.5))
         return qpos
 
@@ -117,15 +117,15 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
         InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
         AssemblyError: where a loop does not close on the way.
     """
-    compiled = _compiled(model)
-    dofs = [_scalar_dof(compiled, name) for name in values]
+    compiled = compiled_model(model)
+    dofs = [scalar_dof(compiled, name) for name in values]
     try:
         columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=float)) for v in values.values()))
     except ValueError:
         raise InputError("positions of joints have different lengths; give each n values or one") from None
     if not columns or columns[0].ndim != 1 or not np.isfinite(columns).all():
         raise InputError("positions must be finite numbers, one or n for each of one or more joints")
-    path = _path(compiled, dofs)
+    path = straight_path(compiled, dofs)
     qpos, error = path.follow(np.stack(columns, 1))
     if not error.max(initial=0.0) < CLOSED:
         i = int(np.argmax(error))
@@ -157,8 +157,8 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
         raise InputError(f"the number of states is {n}; give 1 or more")
     if seed < 0:
         raise InputError(f"the seed is {seed}; give 0 or more")
-    path, random = _path(_compiled(model), None), np.random.default_rng(seed)
-    low, high = _ranges(path)
+    path, random = straight_path(compiled_model(model), None), np.random.default_rng(seed)
+    low, high = driver_ranges(path)
     accepted, count, drawn = list[Array](), 0, 0
     while count < n:
         if drawn >= MAX_DRAWS * max(n, 100):
@@ -174,15 +174,16 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     qvel[:, path.drivers] = random.normal(size=(n, len(low))) * path.loops.units[path.drivers]
     for _ in range(2):  # the second solution removes the rounding of the first
         rates = (jacobian @ qvel[..., None])[..., 0]
-        qvel[:, path.passive] -= _solve(jacobian[:, :, path.passive], rates)
+        qvel[:, path.passive] -= least_squares(jacobian[:, :, path.passive], rates)
     return Sample(qpos, qvel, path.loops.closure_error(residual), count / drawn)
 
 
-def _compiled(model: "MujocoInput") -> mujoco.MjModel:
+def compiled_model(model: "MujocoInput") -> mujoco.MjModel:
+    """Return a model as MuJoCo compiles it; missing meshes are left out."""
     return model if isinstance(model, mujoco.MjModel) else parse_file(model)[1]
 
 
-def _solve(matrix: Array, right: Array) -> Array:
+def least_squares(matrix: Array, right: Array) -> Array:
     """Return least-squares solutions (n, k) of matrices (n, m, k) of full column rank."""
     transposed = np.swapaxes(matrix, 1, 2)
     normal = transposed @ matrix
@@ -191,7 +192,7 @@ def _solve(matrix: Array, right: Array) -> Array:
     return np.linalg.solve(normal, transposed @ right[..., None])[..., 0]
 
 
-def _path(model: mujoco.MjModel, drivers: list[int] | None) -> _Path:
+def straight_path(model: mujoco.MjModel, drivers: list[int] | None) -> StraightPath:
     """Return the paths from the reference or keyframe that is closest to closed."""
     from scipy.linalg import qr
 
@@ -217,14 +218,15 @@ def _path(model: mujoco.MjModel, drivers: list[int] | None) -> _Path:
     if drivers is None:
         free = np.setdiff1d(np.arange(model.nv), passive)
         drivers = [int(dof) for dof in free if kinds[dof] in (HINGE, SLIDE)]
-    path = _Path(loops, reference, np.array(drivers, dtype=np.int64), passive)
+    path = StraightPath(loops, reference, np.array(drivers, dtype=np.int64), passive)
     closed = path.newton(reference[None], 20)
     if not loops.closure_error(loops.residual(closed))[0] < CLOSED:
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
-    return _Path(loops, closed[0], path.drivers, passive)
+    return StraightPath(loops, closed[0], path.drivers, passive)
 
 
-def _ranges(path: _Path) -> tuple[Array, Array]:
+def driver_ranges(path: StraightPath) -> tuple[Array, Array]:
+    """Return the limits of the drivers, (k,) each; without any a turn or a characteristic length around."""
     model, dofs = path.loops.model, path.drivers
     joints, start = model.dof_jntid[dofs], path.reference[path.addresses]
     reach = np.where(model.jnt_type[joints] == HINGE, np.pi, path.loops.characteristic_length)
@@ -233,7 +235,8 @@ def _ranges(path: _Path) -> tuple[Array, Array]:
     return np.where(limited, low, start - reach), np.where(limited, high, start + reach)
 
 
-def _scalar_dof(model: mujoco.MjModel, name: str) -> int:
+def scalar_dof(model: mujoco.MjModel, name: str) -> int:
+    """Return the degree of freedom of a hinge or slide."""
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
     if joint < 0 or model.jnt_type[joint] not in (HINGE, SLIDE):
         names = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] in (HINGE, SLIDE)]

@@ -38,6 +38,7 @@ export five_bar --format toml
 export four_bar -o {folder}/model.xml
 plot four_bar --kind curve -o {folder}/curve.svg
 sample examples/own_model.xml -n 4 -o {folder}/states.npz
+map four_bar --from crank=20deg:80deg --to rocker,B.x --degree 4 -o {folder}/map.npz
 view slider_crank -o {folder}/page.html
 """.strip().splitlines()
 # long runs, pictures, and what is JSON by itself

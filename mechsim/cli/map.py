@@ -1,0 +1,133 @@
+"""Command `mechsim map`: motors to joints of a closed-loop model over a grid."""
+
+from typing import Annotated, NotRequired, TypedDict
+
+import numpy as np
+import typer
+
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import File, Model, Sets, changed_parameters, writable
+from mechsim.cli.output import print_table, print_text
+from mechsim.errors import InputError
+from mechsim.files import atomic_path
+from mechsim.simulation.joint_map import JointMap
+from mechsim.studies.joint_map import MapComparison, compare_with_loop_equations, joint_map
+
+
+class PolynomialError(TypedDict):
+    """Largest errors of the polynomial of an output between grid points."""
+
+    position: float
+    torque: float
+
+
+class MapJson(TypedDict):
+    """A map that was written."""
+
+    output: str
+    inputs: list[str]
+    outputs: list[str]
+    points: int
+    reached: float
+    locked: dict[str, float]
+    differences: dict[str, float]
+    passed: bool
+    polynomials: NotRequired[dict[str, PolynomialError]]
+
+
+@command
+def map_joints(
+    model: Model,
+    *,
+    inputs: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="J[=A:B],...",
+            help="Input joints with their ranges, as left=-20deg:20deg; without a range the joint limits.",
+        ),
+    ],
+    outputs: Annotated[
+        str,
+        typer.Option(
+            "--to", metavar="NAME,...", help="Output joints, or NAME.x to NAME.rz of a body or a site."
+        ),
+    ],
+    points: Annotated[int, typer.Option(help="Grid points along each input.")] = 21,
+    degree: Annotated[
+        int | None, typer.Option(help="Also fit polynomials of this total degree to the outputs.")
+    ] = None,
+    sets: Sets = None,
+    output: File,
+) -> Result[MapJson]:
+    """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
+
+    The loop equations check the map at some of its points; a difference ends with exit code 1.
+
+    Examples:
+    mechsim map ankle.xml --from left,right --to pitch,roll -o map.npz
+    mechsim map four_bar --from crank=20deg:80deg --to rocker -o map.npz --json
+    """
+    path = writable(output, ".npz")
+    changed = changed_parameters(sets)
+    ranges = dict(_input(text) for text in inputs.split(","))
+    table = joint_map(model, ranges, outputs.split(","), points=points, degree=degree, set=changed)
+    comparison = compare_with_loop_equations(table, model, changed)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **table.arrays())  # pyright: ignore[reportArgumentType]
+    data: MapJson = {
+        "output": output,
+        "inputs": list(table.inputs),
+        "outputs": list(table.outputs),
+        "points": len(table.input),
+        "reached": table.reached,
+        "locked": dict(table.locked),
+        "differences": {
+            "output": comparison.output,
+            "jacobian": comparison.jacobian,
+            "jacobian_derivative": comparison.jacobian_derivative,
+        },
+        "passed": comparison.passed,
+    }
+    if table.polynomials is not None:
+        errors = zip(table.polynomials.position_error, table.polynomials.torque_error, strict=True)
+        data["polynomials"] = {
+            name: {"position": float(position), "torque": float(torque)}
+            for name, (position, torque) in zip(table.outputs, errors, strict=True)
+        }
+    return Result(data, lambda: _print(table, comparison), comparison.passed, files=(output,))
+
+
+def _input(text: str) -> tuple[str, tuple[str, str] | None]:
+    """Return the name of an input and its range as text; None for its limits."""
+    name, equals, ends = text.partition("=")
+    if not equals:
+        return name, None
+    low, colon, high = ends.partition(":")
+    if not colon or not low or not high:
+        raise InputError(f"--from is given {text!r}; write the range as {name}=-20deg:20deg")
+    return name, (low, high)
+
+
+def _print(table: JointMap, comparison: MapComparison) -> None:
+    """Print what was reached, the ranges, and how exact map and polynomials are."""
+    polynomials, jacobian = table.polynomials, np.abs(table.jacobian)
+    head = ["output", "lowest", "highest", "largest ratio"]
+    rows = [
+        [name, float(values.min()), float(values.max()), float(ratio.max())]
+        for name, values, ratio in zip(
+            table.outputs, table.output.T, np.moveaxis(jacobian, 1, 0), strict=True
+        )
+    ]
+    if polynomials is not None:
+        head += ["polynomial off by", "its torque by"]
+        errors = zip(polynomials.position_error.tolist(), polynomials.torque_error.tolist(), strict=True)
+        rows = [[*row, *error] for row, error in zip(rows, errors, strict=True)]
+    print_table(f"{len(table.input)} points, {table.reached:.1%} of the grid; SI units", head, rows)
+    if table.locked:
+        joints = ", ".join(f"{name} at {value:.4g}" for name, value in table.locked.items())
+        print_text(f"Neither inputs nor loops determine these joints, which stay where they are: {joints}")
+    print_text(
+        f"Loop equations at {comparison.points} points: outputs differ by {comparison.output:.1e}, "
+        f"Jacobian by {comparison.jacobian:.1e}, its derivative by {comparison.jacobian_derivative:.1e}"
+    )

@@ -1,0 +1,393 @@
+"""Maps from motors to joints of a closed-loop model over a grid: positions, Jacobians, torques, inertia."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mechsim.errors import AssemblyError, InputError
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.closed_configurations import (
+    CLOSED,
+    StraightPath,
+    compiled_model,
+    driver_ranges,
+    least_squares,
+    scalar_dof,
+    straight_path,
+)
+from mechsim.simulation.model_loops import HINGE, SLIDE
+
+if TYPE_CHECKING:
+    from mechsim.simulation.mjcf_reader import MujocoInput
+
+# step h of the central differences of fourth order, in [rad] or characteristic lengths: truncation h^4/30 and
+# rounding 1e-15/h are both displaced 1e-12
+STEP = 1e-3
+# grid points in all, and the terms of a polynomial
+MAX_POINTS, MAX_TERMS = 1_000_000, 1000
+# grid points that must be reached for each term of a polynomial
+POINTS_PER_TERM = 2
+# draws between the grid points, at which the error of a polynomial is measured
+CHECKED = 2000
+# arrays of a map that are written
+ARRAYS = (
+    "input",
+    "output",
+    "jacobian",
+    "jacobian_derivative",
+    "torque_map",
+    "reflected_inertia",
+    "holding_torque",
+    "qpos",
+)
+AXES = "xyz"
+ROTATION_SUFFIXES = ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomials:
+    """Polynomials of normalised inputs u = (input - centre) / half_range, one for each output.
+
+    Attributes:
+        exponents: powers of the inputs in each term, (t, k).
+        coefficients: of the terms of each output, (m, t) in [m] or [rad].
+        centre, half_range: of the inputs, (k,) in [m] or [rad].
+        position_error: largest error of each output between grid points, (m,) in [m] or [rad].
+        torque_error: largest error of the Jacobian of each output there, (m,): motor torque or force per
+            torque or force at the output.
+    """
+
+    exponents: NDArray[np.int64]
+    coefficients: Array
+    centre: Array
+    half_range: Array
+    position_error: Array = field(default_factory=lambda: np.zeros(0))
+    torque_error: Array = field(default_factory=lambda: np.zeros(0))
+
+    def values(self, inputs: Array) -> Array:
+        """Return the outputs at inputs (n, k), (n, m)."""
+        return self.terms(inputs) @ self.coefficients.T
+
+    def jacobian(self, inputs: Array) -> Array:
+        """Return the derivatives of the outputs by the inputs, (n, m, k)."""
+        columns = list[Array]()
+        for i, half_range in enumerate(self.half_range.tolist()):
+            lowered = self.exponents.copy()
+            lowered[:, i] = np.maximum(lowered[:, i] - 1, 0)
+            weights = self.coefficients * self.exponents[:, i] / half_range
+            columns.append(self.terms(inputs, lowered) @ weights.T)
+        return np.stack(columns, 2)
+
+    def terms(self, inputs: Array, exponents: NDArray[np.int64] | None = None) -> Array:
+        """Return the terms without coefficients at inputs (n, k), (n, t)."""
+        u = (inputs - self.centre) / self.half_range
+        powers = self.exponents if exponents is None else exponents
+        return np.prod(u[:, None, :] ** powers, axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class JointMap:
+    """The outputs of a closed-loop model over a grid of its inputs.
+
+    Attributes:
+        inputs, outputs: names, k and m of them.
+        input: positions of the inputs at the n grid points that were reached, (n, k) in [m] or [rad].
+        output: positions of the outputs, (n, m) in [m] or [rad].
+        jacobian: derivatives of the outputs by the inputs, (n, m, k). A motor torque or force of
+            `jacobian.T @ t` balances torques t at the outputs.
+        jacobian_derivative: derivatives of the Jacobian by the inputs, (n, m, k, k); its rate is
+            `jacobian_derivative @ input_rate`.
+        torque_map: least-norm torque or force at the outputs that balances a unit one of each input,
+            (n, m, k): the pseudo-inverse of the transposed Jacobian.
+        reflected_inertia: inertia of the whole model at the inputs, (n, k, k) in [kg m2] or [kg].
+        holding_torque: torque or force of the inputs that holds the model at rest against gravity and the
+            springs of the file, (n, k) in [N m] or [N].
+        qpos: configurations in MuJoCo's order, (n, nq).
+        reached: fraction of the grid points at which the loops close within the joint limits.
+        reference: positions of the inputs from which the grid is approached, (k,).
+        locked: hinges and slides that neither inputs nor loops determine, and their positions in the map.
+        polynomials: approximation of the outputs; None where none was requested.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input: Array
+    output: Array
+    jacobian: Array
+    jacobian_derivative: Array
+    torque_map: Array
+    reflected_inertia: Array
+    holding_torque: Array
+    qpos: Array
+    reached: float
+    reference: Array
+    locked: Mapping[str, float]
+    polynomials: Polynomials | None = None
+
+    def arrays(self) -> dict[str, Array]:
+        """Return the arrays by name, with those of the polynomials as `polynomial_...`."""
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        arrays |= {"inputs": np.array(self.inputs), "outputs": np.array(self.outputs)}
+        if self.polynomials is not None:
+            arrays |= {f"polynomial_{name}": values for name, values in vars(self.polynomials).items()}
+        return arrays
+
+
+@dataclass(frozen=True, eq=False)
+class _Outputs:
+    """Joint coordinates, and positions and rotations of sites and bodies, as functions of configurations."""
+
+    path: StraightPath
+    names: tuple[str, ...]
+
+    def evaluate(self, qpos: Array) -> tuple[Array, Array]:
+        """Return the outputs, (n, m), and their derivatives by the inputs, (n, m, k)."""
+        rates = input_rates(self.path, qpos)
+        position, rotation, jacobian = self.path.loops.posed.batch_poses(qpos)
+        columns = [self._output(name)(qpos, position, rotation, jacobian) for name in self.names]
+        gradients = np.stack([gradient for _, gradient in columns], 1)
+        return np.stack([value for value, _ in columns], 1), gradients @ rates
+
+    def _output(self, name: str) -> Callable[..., tuple[Array, Array]]:
+        """Return the function of an output: states and their kinematics -> its values and gradients."""
+        model = self.path.loops.model
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        if joint >= 0 and model.jnt_type[joint] in (HINGE, SLIDE):
+            address, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+            row = np.eye(model.nv)[dof]
+            return lambda qpos, *_: (qpos[:, address], np.broadcast_to(row, (len(qpos), model.nv)))
+        subject, _, suffix = name.rpartition(".")
+        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, subject)
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, subject)
+        if suffix not in (*AXES, *ROTATION_SUFFIXES) or (site < 0 and body < 0):
+            raise InputError(
+                f"there is no output {name!r}; give a hinge or slide, or a site's or body's NAME.x to NAME.rz"
+            )
+        local = model.site_pos[site] if site >= 0 else np.zeros(3)
+        body = int(model.site_bodyid[site]) if site >= 0 else body
+        return self._rotation(body, suffix) if suffix[0] == "r" else self._position(body, local, suffix)
+
+    def _position(self, body: int, local: Array, axis: str) -> Callable[..., tuple[Array, Array]]:
+        component = AXES.index(axis)
+
+        def value(_: Array, position: Array, rotation: Array, jacobian: Callable[..., tuple[Array, Array]]):
+            point = position[:, body] + rotation[:, body] @ local
+            return point[:, component], jacobian(body, point)[0][:, component].copy()
+
+        return value
+
+    def _rotation(self, body: int, suffix: str) -> Callable[..., tuple[Array, Array]]:
+        """Return a component of the rotation vector from the reference to the states, in the world frame."""
+        component = ROTATION_SUFFIXES.index(suffix)
+        start = self.path.loops.body_poses(self.path.reference[None])[1][0, body]
+
+        def value(_: Array, position: Array, rotation: Array, jacobian: Callable[..., tuple[Array, Array]]):
+            vector = Rotation.from_matrix(rotation[:, body] @ start.T).as_rotvec()
+            angular = jacobian(body, position[:, body])[1]
+            return vector[:, component], (rotation_vector_rates(vector) @ angular)[:, component]
+
+        return value
+
+
+def rotation_vector_rates(vector: Array) -> Array:
+    """Return the matrices (n, 3, 3) that turn angular velocities into rates of rotation vectors (n, 3).
+
+    Source: Solà, Deray & Atchuthan 2018, "A micro Lie theory", eq. (146), inverse left Jacobian of SO(3).
+    """
+    angle = np.linalg.norm(vector, axis=1)
+    safe = np.where(angle > 1e-4, angle, 1.0)
+    # the series 1/12 + angle^2/720 is exact to 1e-18 below 1e-4 rad
+    factor = np.where(angle > 1e-4, 1 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)), 1 / 12 + angle**2 / 720)
+    cross = np.zeros((len(vector), 3, 3))
+    cross[:, (2, 0, 1), (1, 2, 0)] = vector
+    cross[:, (1, 2, 0), (2, 0, 1)] = -vector
+    return np.eye(3) - 0.5 * cross + factor[:, None, None] * (cross @ cross)
+
+
+def input_rates(path: StraightPath, qpos: Array) -> Array:
+    """Return the rates of all DOFs for unit rates of each driver, (n, nv, k), that keep the loops closed."""
+    jacobian = path.loops.linearise(qpos)[1]
+    rates = np.zeros((len(qpos), path.loops.model.nv, len(path.drivers)))
+    for i, dof in enumerate(path.drivers.tolist()):
+        rates[:, dof, i] = 1.0
+        for _ in range(2):  # the second solution removes the rounding of the first
+            error = (jacobian @ rates[:, :, i, None])[..., 0]
+            rates[:, path.passive, i] -= least_squares(jacobian[:, :, path.passive], error)
+    return rates
+
+
+def map_over_grid(
+    model: "MujocoInput",
+    inputs: Sequence[str] | Mapping[str, tuple[float, float] | None],
+    outputs: Sequence[str],
+    *,
+    points: int = 21,
+    degree: int | None = None,
+) -> JointMap:
+    """Return the outputs of a closed-loop model over a grid of its inputs, in the assembly of the file.
+
+    Args:
+        model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
+        inputs: hinges or slides, such as those with motors, with their ranges in [rad] or [m]; without a
+            range the joint limits. Other joints that the loops do not determine stay at the reference.
+        outputs: hinges or slides, and sites or bodies as NAME.x, NAME.y, NAME.z in [m] in the world frame, or
+            NAME.rx, NAME.ry, NAME.rz, the rotation vector from the reference in [rad].
+        points: grid points along each input.
+        degree: total degree of polynomials that approximate the outputs; None for none.
+
+    Returns:
+        The map at the grid points that are reached on straight paths from the reference. Configurations
+        close to 1e-12 and Jacobians are exact to rounding; derivatives of Jacobians, by central differences
+        of fourth order, to about 1e-10 away from singular configurations.
+
+    Raises:
+        InputError: for an unknown name, an input without range or limits, or a grid that is too large.
+        AssemblyError: where no grid point is reached, or too few for the polynomials.
+
+    Example:
+        >>> table = map_over_grid("ankle.xml", ["left_motor", "right_motor"], ["pitch", "roll"], degree=5)
+        >>> table.jacobian.shape
+        (441, 2, 2)
+    """
+    compiled = compiled_model(model)
+    names = tuple(inputs)
+    if not names or not outputs:
+        raise InputError("a map needs one input and one output or more; name them")
+    path = straight_path(compiled, [scalar_dof(compiled, name) for name in names])
+    ranges = inputs if isinstance(inputs, Mapping) else dict.fromkeys(names)
+    low, high = np.array([_range(path, i, name, ranges[name]) for i, name in enumerate(names)]).T
+    if points < 2 or points ** len(names) > MAX_POINTS:
+        raise InputError(
+            f"the grid has {points} points along each of {len(names)} inputs; give 2 or more, and "
+            f"{MAX_POINTS:,} in all at most"
+        )
+    axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(names))
+    evaluator = _Outputs(path, tuple(outputs))
+    qpos, valid = _closed(path, grid)
+    if not valid.any():
+        raise AssemblyError("no point of the grid is reached from the reference; give a smaller range")
+    derivative, exact = _jacobian_derivative(evaluator, qpos[valid])
+    qpos, reached = qpos[valid][exact], grid[valid][exact]
+    output, jacobian = evaluator.evaluate(qpos)
+    inertia, holding = _inertia_and_holding(path, qpos)
+    table = JointMap(
+        names,
+        tuple(outputs),
+        reached,
+        output,
+        jacobian,
+        derivative[exact],
+        np.swapaxes(np.linalg.pinv(jacobian), 1, 2),
+        inertia,
+        holding,
+        qpos,
+        len(qpos) / len(grid),
+        path.reference[path.addresses],
+        _locked(path),
+    )
+    return table if degree is None else _with_polynomials(table, evaluator, degree, low, high)
+
+
+def _range(
+    path: StraightPath, index: int, name: str, ends: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Return the range of an input: the requested one, otherwise the limits of the joint."""
+    model, joint = path.loops.model, int(path.loops.model.dof_jntid[path.drivers[index]])
+    if ends is None:
+        if not model.jnt_limited[joint]:
+            raise InputError(f"joint {name} has no limits; give its range, as {name}=-20deg:20deg")
+        low, high = (float(bounds[index]) for bounds in driver_ranges(path))
+    else:
+        low, high = ends
+    if not -np.inf < low < high < np.inf:
+        raise InputError(
+            f"the range of {name} is {low:g} to {high:g}; give a lower and a higher finite value"
+        )
+    return low, high
+
+
+def _locked(path: StraightPath) -> dict[str, float]:
+    """Return the hinges and slides that stay at the reference, and their positions there."""
+    model = path.loops.model
+    moving = np.isin(np.arange(model.nv), [*path.drivers, *path.passive])
+    return {
+        model.joint(joint).name: float(path.reference[model.jnt_qposadr[joint]])
+        for joint in range(model.njnt)
+        if model.jnt_type[joint] in (HINGE, SLIDE) and not moving[model.jnt_dofadr[joint]]
+    }
+
+
+def _closed(path: StraightPath, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return configurations with inputs at targets, and whether each closes within the joint limits."""
+    qpos, error = path.follow(targets)
+    return qpos, (error < CLOSED) & ~path.outside(qpos).any(1)
+
+
+def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the derivatives of the Jacobian by the inputs, (n, m, k, k), and where it is defined.
+
+    They are undefined within two steps of where the loops open.
+    """
+    path, closed = evaluator.path, np.ones(len(qpos), dtype=np.bool_)
+    rates, columns = input_rates(path, qpos), list[Array]()
+    for i, dof in enumerate(path.drivers.tolist()):
+        step = STEP * float(path.loops.units[dof])
+        change = 0.0
+        for multiple, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+            displaced = path.newton(path.loops.displaced(qpos, multiple * step * rates[:, :, i]), 6)
+            closed &= path.loops.closure_error(path.loops.residual(displaced)) < CLOSED
+            change = change + weight * evaluator.evaluate(displaced)[1]
+        columns.append(np.asarray(change) / (12.0 * step))
+    derivative = np.stack(columns, -1)
+    return derivative, closed & np.isfinite(derivative).all((1, 2, 3))
+
+
+def _inertia_and_holding(path: StraightPath, qpos: Array) -> tuple[Array, Array]:
+    """Return inertia and holding torque at the inputs, (n, k, k) and (n, k), by virtual work."""
+    model, rates = path.loops.model, input_rates(path, qpos)
+    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    inertia, forces = np.empty((len(qpos), model.nv, model.nv)), np.empty((len(qpos), model.nv))
+    for i, state in enumerate(qpos):
+        data.qpos[:], data.qvel[:] = state, 0.0
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fullM(model, data, full)
+        inertia[i], forces[i] = full, data.qfrc_bias - data.qfrc_passive
+    transposed = np.swapaxes(rates, 1, 2)
+    return transposed @ inertia @ rates, (transposed @ forces[..., None])[..., 0]
+
+
+def _with_polynomials(table: JointMap, evaluator: _Outputs, degree: int, low: Array, high: Array) -> JointMap:
+    """Return a map with polynomials fitted to its grid and checked at points drawn between."""
+    count = len(table.inputs)
+    terms = [
+        np.bincount(chosen, minlength=count)
+        for total in range(degree + 1)
+        for chosen in combinations_with_replacement(range(count), total)
+    ]
+    if degree < 1 or len(terms) > MAX_TERMS:
+        raise InputError(f"the degree of the polynomials is {degree}; give 1 or more, in {MAX_TERMS} terms")
+    if len(table.input) < POINTS_PER_TERM * len(terms):
+        raise AssemblyError(
+            f"{len(table.input)} grid points are reached, too few for {len(terms)} terms; give more points "
+            "or a lower degree"
+        )
+    fit = Polynomials(np.array(terms), np.zeros((0, 0)), 0.5 * (low + high), 0.5 * (high - low))
+    coefficients = np.linalg.lstsq(fit.terms(table.input), table.output)[0].T
+    fit = replace(fit, coefficients=coefficients)
+    drawn = np.random.default_rng(0).uniform(low, high, (CHECKED, count))
+    qpos, valid = _closed(evaluator.path, drawn)
+    if not valid.any():
+        raise AssemblyError("no point between the grid points is reached; give a smaller range")
+    output, jacobian = evaluator.evaluate(qpos[valid])
+    position_error = np.abs(fit.values(drawn[valid]) - output).max(0)
+    torque_error = np.abs(fit.jacobian(drawn[valid]) - jacobian).max((0, 2))
+    fit = replace(fit, position_error=position_error, torque_error=torque_error)
+    return replace(table, polynomials=fit)

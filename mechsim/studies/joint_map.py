@@ -1,0 +1,153 @@
+"""Maps from motors to joints of any model, and their comparison with the loop equations."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.model.scene import Scene
+from mechsim.numerics.arrays import Array
+from mechsim.pictures.render.scenery import exported
+from mechsim.simulation.closed_configurations import compiled_model
+from mechsim.simulation.joint_map import JointMap, map_over_grid
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.subjects.driver_positions import driver_path
+from mechsim.subjects.readers import load
+from mechsim.units import parse
+
+if TYPE_CHECKING:
+    from mechsim.model.motion import Motion
+
+# grid points at which a map is compared with the loop equations
+COMPARED_POINTS = 9
+# largest difference between the methods, in [rad] or [m] and in the Jacobian: both close to 1e-12, and a
+# Jacobian multiplies that by the inverse of its condition
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class MapComparison:
+    """Largest differences between a map by MuJoCo and the loop equations at some of its points.
+
+    Attributes:
+        points: number of points compared.
+        output: in the outputs that are joints, in [rad] or [m].
+        jacobian: in their Jacobian.
+        jacobian_derivative: in the diagonal of its derivative, relative to the largest entry or 1.
+    """
+
+    points: int
+    output: float
+    jacobian: float
+    jacobian_derivative: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether every difference is within the tolerance."""
+        return max(self.output, self.jacobian, self.jacobian_derivative) <= TOLERANCE
+
+
+def joint_map(
+    model: object,
+    inputs: Sequence[str] | Mapping[str, tuple[float | str, float | str] | None],
+    outputs: Sequence[str],
+    *,
+    points: int = 21,
+    degree: int | None = None,
+    set: Mapping[str, str | float] | None = None,
+) -> JointMap:
+    """Return the outputs of a closed-loop model over a grid of its inputs.
+
+    Args:
+        model: as in `load`. A mechanism that is no MuJoCo model is exported to one.
+        inputs: joints, with their ranges as text or in SI; without a range the joint limits.
+        outputs: joints, and positions or rotations of links and points, as plate.x or plate.rz.
+        points: grid points along each input.
+        degree: total degree of polynomials that approximate the outputs; None for none.
+        set: parameter -> value.
+
+    Raises:
+        InputError: for an unknown name, an input without range or limits, or a grid that is too large.
+        AssemblyError: where no grid point is reached, or too few for the polynomials.
+
+    Example:
+        >>> table = ms.joint_map("four_bar", {"crank": ("20deg", "80deg")}, ["rocker"], degree=4)
+        >>> table.polynomials.position_error.max() < 1e-2
+        True
+    """
+    own_model = mujoco_model(model, set)
+    ranges = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs)
+    read = {name: None if ends is None else _ends(own_model, name, ends) for name, ends in ranges.items()}
+    return map_over_grid(own_model, read, outputs, points=points, degree=degree)
+
+
+def mujoco_model(model: object, set: Mapping[str, str | float] | None = None) -> mujoco.MjModel:
+    """Return a model as MuJoCo compiles it; a mechanism is exported as `mechsim export` does."""
+    is_file = isinstance(model, str) and model.lower().endswith((".xml", ".urdf"))
+    if is_file or isinstance(model, mujoco.MjModel | mujoco.MjSpec):
+        return compiled_model(model)
+    solver = load(model, set, still=True)
+    return compiled(exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces)))
+
+
+def _ends(model: mujoco.MjModel, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
+    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    unit = "m" if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+    low, high = (parse(end, unit, f"the range of {name}") if isinstance(end, str) else end for end in ends)
+    return float(low), float(high)
+
+
+def compare_with_loop_equations(
+    table: JointMap, model: object, set: Mapping[str, str | float] | None = None
+) -> MapComparison:
+    """Compare a map with the loop equations of its model, at points spread over it.
+
+    Raises:
+        AssemblyError: where the loop equations cannot be followed to a point of the map.
+    """
+    joints = [i for i, name in enumerate(table.outputs) if "." not in name]
+    rows = np.unique(np.linspace(0, len(table.input) - 1, COMPARED_POINTS).astype(int))
+    solver = load(
+        model,
+        set,
+        drive={name: _slow_motion(value) for name, value in zip(table.inputs, table.reference, strict=True)},
+        lock=dict(table.locked),
+        duration=1.0,
+    )
+    rows = rows[np.argsort(np.linalg.norm(table.input[rows] - table.reference, axis=1), kind="stable")]
+    values = np.vstack([table.reference, table.input[rows]])
+    columns = dict(zip(table.inputs, values.T, strict=True))
+    path = driver_path(solver, columns, "the map")
+    loops = LoopForm(solver.mechanism, motion_laws=path.motion_laws, ranges=solver.ranges)
+    zero = np.zeros(len(rows))
+    still = loops.solve_along(path.times[1:], zero, zero)
+    names = [table.outputs[i] for i in joints]
+    output = np.stack([still.joints[name].value for name in names], 1)
+    moving = [loops.solve_as(_with_rate(still, table.inputs, i)) for i in range(len(table.inputs))]
+    jacobian = np.stack([[m.joints[name].rate for name in names] for m in moving], -1)
+    second = np.stack([[m.joints[name].acceleration for name in names] for m in moving], -1)
+    mapped = table.jacobian_derivative[rows][:, joints]
+    diagonal = np.swapaxes(np.diagonal(mapped, axis1=2, axis2=3), 0, 1)
+    return MapComparison(
+        len(rows),
+        float(np.abs(output - table.output[rows][:, joints]).max(initial=0.0)),
+        float(np.abs(jacobian - np.swapaxes(table.jacobian[rows][:, joints], 0, 1)).max(initial=0.0)),
+        float(np.abs(second - diagonal).max(initial=0.0) / max(1.0, np.abs(diagonal).max(initial=0.0))),
+    )
+
+
+def _slow_motion(start: float) -> Callable[[Array], tuple[Array, Array, Array]]:
+    """Return a motion law that only states where a driver starts; the map's own points replace it."""
+    return lambda time: (start + 1e-3 * time, np.full_like(time, 1e-3), np.zeros_like(time))
+
+
+def _with_rate(still: "Motion", names: Sequence[str], moving: int) -> "Motion":
+    """Return a motion whose drivers stand still, but for one at unit rate."""
+    rates = {
+        name: replace(still.joints[name], rate=np.full(len(still.angle), float(i == moving)))
+        for i, name in enumerate(names)
+    }
+    return replace(still, joints={**still.joints, **rates})

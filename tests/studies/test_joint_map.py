@@ -1,0 +1,153 @@
+"""Maps from motors to joints: as closed formulas have them; loop equations reject wrong ones."""
+
+import json
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+from mechsim.simulation.joint_map import rotation_vector_rates
+from mechsim.studies.joint_map import compare_with_loop_equations
+
+RANGE = {"crank": ("20deg", "80deg")}
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return ms.joint_map("four_bar", RANGE, ["rocker", "B.x", "rocker.rz"], points=21, degree=6)
+
+
+def test_positions_and_ratios_are_those_of_the_closed_form(four_bar):
+    exact = ms.load("four_bar").solve(four_bar.input[:, 0], 1.0)
+    rocker, point = exact.joints["rocker"], exact.points["B"]
+    np.testing.assert_allclose(four_bar.output[:, 0], rocker.value, atol=1e-13)
+    np.testing.assert_allclose(four_bar.output[:, 1], point.position[:, 0], atol=1e-14)
+    np.testing.assert_allclose(four_bar.jacobian[:, 0, 0], rocker.rate, atol=1e-13)
+    np.testing.assert_allclose(four_bar.jacobian[:, 1, 0], point.velocity[:, 0], atol=1e-14)
+    np.testing.assert_allclose(four_bar.jacobian[:, 2, 0], rocker.rate, atol=1e-13)
+    np.testing.assert_allclose(four_bar.jacobian_derivative[:, 0, 0, 0], rocker.acceleration, atol=1e-10)
+
+
+def test_reflected_inertia_gives_the_kinetic_energy(four_bar):
+    model = ms.dynamics.dynamic_model(ms.load("four_bar"))
+    forces = ms.dynamics.prescribed(model, four_bar.input[:, 0], speed=2.0)
+    expected = 0.5 * four_bar.reflected_inertia[:, 0, 0] * 2.0**2
+    np.testing.assert_allclose(forces.efforts.kinetic, expected, rtol=1e-9)
+
+
+def test_errors_of_polynomials_are_those_measured_between_grid_points(four_bar):
+    fit = four_bar.polynomials
+    angles = np.linspace(*np.radians([20.0, 80.0]), 400)[:, None]
+    exact = ms.load("four_bar").solve(angles[:, 0], 1.0).joints["rocker"]
+    position = np.abs(fit.values(angles)[:, 0] - exact.value).max()
+    torque = np.abs(fit.jacobian(angles)[:, 0, 0] - exact.rate).max()
+    assert position == pytest.approx(fit.position_error[0], rel=0.2)
+    assert position < 1e-4
+    assert torque == pytest.approx(fit.torque_error[0], rel=0.3)
+
+
+def test_loop_equations_agree_and_reject_a_wrong_map(four_bar):
+    assert compare_with_loop_equations(four_bar, "four_bar").passed
+    for name in ("output", "jacobian", "jacobian_derivative"):
+        wrong = replace(four_bar, **{name: getattr(four_bar, name) + 1e-8})
+        assert not compare_with_loop_equations(wrong, "four_bar").passed
+    longer = compare_with_loop_equations(four_bar, "four_bar", {"crank": "31mm"})
+    assert not longer.passed
+
+
+def test_rates_of_rotation_vectors_are_their_differences():
+    from scipy.spatial.transform import Rotation
+
+    vectors = np.array([[0.3, -0.8, 0.4], [1e-5, 2e-5, 0.0], [0.0, 0.0, 0.0], [2.0, 1.0, -1.5]])
+    angular = np.array([0.7, -0.2, 0.5])
+    step = 1e-6
+    sides = [
+        (Rotation.from_rotvec(sign * step * angular) * Rotation.from_rotvec(vectors)).as_rotvec()
+        for sign in (1, -1)
+    ]
+    expected = (sides[0] - sides[1]) / (2 * step)
+    np.testing.assert_allclose(rotation_vector_rates(vectors) @ angular, expected, atol=1e-9)
+
+
+TWO_MOTORS = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody>
+<body><joint name="left" axis="0 0 1" range="1.5 2.4" limited="true"/><geom size=".01" pos=".1 0 0"/>
+ <body pos=".1 0 0"><joint name="a" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/>
+  <site name="tip" pos=".15 0 0"/></body></body>
+<body pos=".12 0 0"><joint name="right" axis="0 0 1" range="0.7 1.6" limited="true"/>
+ <geom size=".01" pos=".1 0 0"/>
+ <body pos=".1 0 0"><joint name="b" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/>
+  <site name="other" pos=".15 0 0"/></body></body>
+</worldbody><equality><connect site1="tip" site2="other"/></equality>
+<keyframe><key qpos="1.92 -1.026 1.222 1.026"/></keyframe>
+<actuator><motor joint="left"/><motor joint="right"/></actuator></mujoco>"""
+
+
+def test_two_inputs_with_their_joint_limits_hold_the_weight():
+    model = mujoco.MjModel.from_xml_string(TWO_MOTORS)
+    table = ms.joint_map(model, ["left", "right"], ["tip.x", "tip.y"], points=7)
+    assert table.jacobian.shape == (len(table.input), 2, 2)
+    assert 0 < table.reached <= 1
+    data = mujoco.MjData(model)
+    inner = np.flatnonzero((np.abs(table.input - [1.95, 1.15]) < 0.3).all(1))
+    assert len(inner) > 3
+    for qpos, holding in zip(table.qpos[inner], table.holding_torque[inner], strict=True):
+        data.qpos[:], data.qvel[:] = qpos, 0.0
+        mujoco.mj_forward(model, data)
+        step = 1e-6
+        by_energy = []
+        for i in range(2):
+            sides = []
+            for sign in (1, -1):
+                values = {
+                    n: data.qpos[[0, 2][j]] + sign * step * (i == j) for j, n in enumerate(table.inputs)
+                }
+                near = mujoco.MjData(model)
+                near.qpos[:] = ms.closed_qpos(model, values)[0]
+                mujoco.mj_forward(model, near)
+                mujoco.mj_energyPos(model, near)
+                sides.append(near.energy[0])
+            by_energy.append((sides[0] - sides[1]) / (2 * step))
+        np.testing.assert_allclose(holding, by_energy, atol=1e-6)
+    product = np.swapaxes(table.jacobian, 1, 2) @ table.torque_map
+    np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), product.shape), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--from", "crank", "--to", "rocker"], "has no limits"),
+        (["--from", "wheel=0:1", "--to", "rocker"], "wheel"),
+        (["--from", "crank=0:1", "--to", "wheel"], "wheel"),
+        (["--from", "crank=1:0", "--to", "rocker"], "range of crank"),
+        (["--from", "crank=0", "--to", "rocker"], "write the range"),
+        (["--from", "crank=0:1", "--to", "rocker", "--points", "1"], "grid has 1 points"),
+        (["--from", "crank=0:1", "--to", "rocker", "--points", "4", "--degree", "4"], "too few"),
+    ],
+)
+def test_wrong_requests_end_in_one_sentence(arguments, message, tmp_path, monkeypatch, capsys):
+    output = tmp_path / "map.npz"
+    monkeypatch.setattr("sys.argv", ["mechsim", "map", "four_bar", *arguments, "-o", str(output)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    error = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert message in error
+    assert len(error.splitlines()) <= 3
+    assert not output.exists()
+
+
+def test_the_command_writes_arrays_and_says_how_exact_they_are(tmp_path, monkeypatch, capsys):
+    output = tmp_path / "map.npz"
+    line = ["mechsim", "map", "four_bar", "--from", "crank=20deg:80deg", "--to", "rocker", "--degree", "4"]
+    monkeypatch.setattr("sys.argv", [*line, "-o", str(output), "--json"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    report = json.loads(capsys.readouterr().out)
+    assert report["passed"]
+    assert report["differences"]["output"] < 1e-12
+    arrays = np.load(output)
+    assert arrays["jacobian"].shape == (21, 1, 1)
+    assert arrays["polynomial_coefficients"].shape == (1, 5)
