@@ -7,7 +7,7 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import File, Model, Sets, changed_parameters, writable
-from mechsim.cli.output import print_table, print_text
+from mechsim.cli.output import Value, print_table, print_text
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
@@ -74,7 +74,7 @@ def map_joints(
     table = joint_map(model, ranges, outputs.split(","), points=points, degree=degree, set=changed)
     comparison = compare_with_loop_equations(table, model, changed)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **table.arrays())  # pyright: ignore[reportArgumentType]
+        np.savez(file, **table.arrays())  # type: ignore[arg-type]
     data: MapJson = {
         "output": output,
         "inputs": list(table.inputs),
@@ -113,7 +113,7 @@ def _print(table: JointMap, comparison: MapComparison) -> None:
     """Print what was reached, the ranges, and how exact map and polynomials are."""
     polynomials, jacobian = table.polynomials, np.abs(table.jacobian)
     head = ["output", "lowest", "highest", "largest ratio"]
-    rows = [
+    rows: list[list[Value]] = [
         [name, float(values.min()), float(values.max()), float(ratio.max())]
         for name, values, ratio in zip(
             table.outputs, table.output.T, np.moveaxis(jacobian, 1, 0), strict=True

@@ -284,7 +284,7 @@ def map_over_grid(
         output,
         jacobian,
         derivative[exact],
-        np.swapaxes(np.linalg.pinv(jacobian), 1, 2),
+        np.swapaxes(np.linalg.pinv(jacobian), 1, 2).astype(np.float64),
         inertia,
         holding,
         qpos,
@@ -339,12 +339,12 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> tuple[Array, NDArr
     rates, columns = input_rates(path, qpos), list[Array]()
     for i, dof in enumerate(path.drivers.tolist()):
         step = STEP * float(path.loops.units[dof])
-        change = 0.0
+        change = np.zeros((len(qpos), len(evaluator.names), len(path.drivers)))
         for multiple, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
             displaced = path.newton(path.loops.displaced(qpos, multiple * step * rates[:, :, i]), 6)
             closed &= path.loops.closure_error(path.loops.residual(displaced)) < CLOSED
             change = change + weight * evaluator.evaluate(displaced)[1]
-        columns.append(np.asarray(change) / (12.0 * step))
+        columns.append(change / (12.0 * step))
     derivative = np.stack(columns, -1)
     return derivative, closed & np.isfinite(derivative).all((1, 2, 3))
 
@@ -380,7 +380,7 @@ def _with_polynomials(table: JointMap, evaluator: _Outputs, degree: int, low: Ar
             "or a lower degree"
         )
     fit = Polynomials(np.array(terms), np.zeros((0, 0)), 0.5 * (low + high), 0.5 * (high - low))
-    coefficients = np.linalg.lstsq(fit.terms(table.input), table.output)[0].T
+    coefficients: Array = np.asarray(np.linalg.lstsq(fit.terms(table.input), table.output)[0].T, dtype=float)
     fit = replace(fit, coefficients=coefficients)
     drawn = np.random.default_rng(0).uniform(low, high, (CHECKED, count))
     qpos, valid = _closed(evaluator.path, drawn)

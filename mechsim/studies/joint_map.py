@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -16,7 +16,7 @@ from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.subjects.driver_positions import driver_path
 from mechsim.subjects.readers import load
-from mechsim.units import parse
+from mechsim.units import Unit, parse
 
 if TYPE_CHECKING:
     from mechsim.model.motion import Motion
@@ -51,7 +51,7 @@ class MapComparison:
 
 
 def joint_map(
-    model: object,
+    model: Any,
     inputs: Sequence[str] | Mapping[str, tuple[float | str, float | str] | None],
     outputs: Sequence[str],
     *,
@@ -84,7 +84,7 @@ def joint_map(
     return map_over_grid(own_model, read, outputs, points=points, degree=degree)
 
 
-def mujoco_model(model: object, set: Mapping[str, str | float] | None = None) -> mujoco.MjModel:
+def mujoco_model(model: Any, set: Mapping[str, str | float] | None = None) -> mujoco.MjModel:
     """Return a model as MuJoCo compiles it; a mechanism is exported as `mechsim export` does."""
     is_file = isinstance(model, str) and model.lower().endswith((".xml", ".urdf"))
     if is_file or isinstance(model, mujoco.MjModel | mujoco.MjSpec):
@@ -95,13 +95,13 @@ def mujoco_model(model: object, set: Mapping[str, str | float] | None = None) ->
 
 def _ends(model: mujoco.MjModel, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-    unit = "m" if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+    unit: Unit = "m" if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
     low, high = (parse(end, unit, f"the range of {name}") if isinstance(end, str) else end for end in ends)
     return float(low), float(high)
 
 
 def compare_with_loop_equations(
-    table: JointMap, model: object, set: Mapping[str, str | float] | None = None
+    table: JointMap, model: Any, set: Mapping[str, str | float] | None = None
 ) -> MapComparison:
     """Compare a map with the loop equations of its model, at points spread over it.
 
