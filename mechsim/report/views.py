@@ -27,6 +27,7 @@ from mechsim.pictures.view import (
     motion_grid,
 )
 from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid
+from mechsim.report.platform import platform_of
 from mechsim.studies.motion_source import simulated
 from mechsim.studies.validate import Case
 from mechsim.theory.continuation import AssemblyCurve, even_motion, trace
@@ -260,7 +261,8 @@ def mechanism_view(
     start = start_poses(solver.mechanism)[1]
     by_hand = hand_grids(solver, box_of(solver, limits, start))
     programmed = [] if solver.motion_laws is None else [motion_law_grid(solver)]
-    return _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
+    drawn = _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
+    return replace(drawn, platform=platform_of(solver.mechanism, limits))
 
 
 def _view(solver: KinematicSolver, grids: list[PoseGrid], facts: list[str]) -> View:

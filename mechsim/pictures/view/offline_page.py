@@ -18,7 +18,8 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, Up
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, quaternions
+from mechsim.pictures.view.platform_drive import platform_data, quaternions
+from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View
 from mechsim.shapes import Shape, free_sides, link_shapes, point_colours, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, travels
@@ -56,6 +57,7 @@ def page(view: View, library: str = "") -> str:
         data=data.replace("<", "\\u003c"),
         three="" if library else three_js(),
         library=library,
+        platform=view.platform.link if view.platform else "",
     )
 
 
@@ -100,6 +102,7 @@ def _data(view: View) -> dict[str, Any]:
         "cameras": _cameras(mechanism, balls, radii, view.up),
         "bodied": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
+        "platform": platform_data(mechanism, view.platform) if view.platform else None,
     }
 
 

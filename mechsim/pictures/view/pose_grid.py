@@ -13,6 +13,7 @@ from mechsim.model.motion import JointMotion, Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import comes_round
 from mechsim.pictures.render.ghost import errors, factor
+from mechsim.pictures.view.platform_drive import PlatformDrive, quaternions
 from mechsim.shapes import Shape
 
 # of a slider; "%" goes round a curve of assemblies
@@ -130,6 +131,7 @@ class View:
         facts: lines that say what it is and where it comes from.
         bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
         up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
+        platform: link that can be moved by its pose; None without one.
     """
 
     mechanism: Mechanism
@@ -138,18 +140,11 @@ class View:
     facts: Sequence[str] = ()
     bodies: Mapping[str, Sequence[Shape]] | None = None
     up: Up | None = None
+    platform: PlatformDrive | None = None
 
 
 # nodes that a cubic goes through
 STENCIL = 4
-
-
-def quaternions(rotation: Array) -> Array:
-    """Return unit quaternions of rotations, (..., 3, 3) -> (..., 4), scalar first and not negative."""
-    from scipy.spatial.transform import Rotation
-
-    flat = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
-    return flat.reshape(*rotation.shape[:-2], 4)
 
 
 def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:

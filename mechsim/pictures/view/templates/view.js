@@ -3,8 +3,8 @@
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
-const PALETTE = ["#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"];
 const DEGREE = Math.PI / 180;
+const PALETTE = ["#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"];
 
 /* ---- records ---- */
 
@@ -19,6 +19,7 @@ for (const grid of DATA.grids) {
   for (const readout of grid.readouts) readout.values = floats(readout.values);
   if (grid.ghost) grid.ghost.values = floats(grid.ghost.values);
 }
+if (DATA.platform) DATA.grids.push(platformGrid(DATA.platform));
 
 /* ---- between nodes ---- */
 
@@ -65,6 +66,7 @@ function blend(grid, values, most) {
 }
 
 function posesAt(grid, values) {
+  if (grid.platform) return grid.posesAt(values);
   return posesFrom(grid, blend(grid, values, 4)) || posesFrom(grid, blend(grid, values, 2));
 }
 
@@ -88,6 +90,7 @@ function posesFrom(grid, { index, weight }) {
 }
 
 function readAt(grid, readout, values) {
+  if (grid.platform) return grid.read(readout, values);
   const width = readout.parts.length;
   for (const most of [4, 2]) {
     const { index, weight } = blend(grid, values, most), out = new Array(width).fill(0);
@@ -385,8 +388,9 @@ function make(kind, attributes) {
 
 function update() {
   const grid = state.grid, poses = posesAt(grid, state.values);
-  if (poses) { state.poses = poses; trouble(""); }
-  else trouble("It cannot stand here: the loops do not close, or come close to a dead centre; the last pose is shown.");
+  if (poses) state.poses = poses;
+  else if (grid.platform) state.poses = grid.nearestPoses();
+  trouble(poses ? "" : unreachable(grid));
   if (state.poses) {
     grid.links.forEach((link, l) => place(bodies[link], state.poses, 7 * l));
     placeGhost(grid, state.poses);
@@ -396,6 +400,43 @@ function update() {
   told(!poses);
   draw();
   remember();
+  if (grid.platform) showReach(grid, !!poses);
+}
+
+/* reachable ranges of a platform's coordinates: of the moved one at once, of the others when it rests */
+let reachDelay = 0;
+function showReach(grid, reached) {
+  clearTimeout(reachDelay);
+  if (reached) sampled(grid, state.active);
+  grid.sliders.forEach((slider, i) => {
+    if (i !== state.active) slider.reach = null;
+    reachRow(slider, i);
+  });
+  if (!reached || state.playing.size) return;
+  const rest = grid.sliders.map((_, i) => i).filter((i) => i !== state.active);
+  const measure = () => {
+    const i = rest.shift();
+    if (i === undefined || state.grid !== grid) return;
+    grid.sliders[i].reach = grid.range(state.values, i);
+    reachRow(grid.sliders[i], i);
+    reachDelay = setTimeout(measure);
+  };
+  reachDelay = setTimeout(measure, 300);
+}
+
+function reachRow(slider, i) {
+  const row = $("sliders").children[i], band = row.querySelector(".reach"), label = row.querySelector(".reachable");
+  if (!slider.reach) { band.hidden = true; label.textContent = "reachable: …"; return; }
+  const [low, high] = slider.nodes, [from, to] = slider.reach.map((value) => (value - low) / (high - low));
+  band.hidden = false;
+  band.style.left = `calc(8px + ${from} * (100% - 16px))`;
+  band.style.width = `calc(${to - from} * (100% - 16px))`;
+  label.textContent = `reachable: ${text(slider.reach[0], slider.unit)} to ${text(slider.reach[1], slider.unit)}`;
+}
+
+function unreachable(grid) {
+  if (!grid.platform) return "Not reachable: the loops do not close, or a dead centre is near; the last pose is shown.";
+  return `Not reachable: ${grid.problem()}; the last pose on the way there is shown.`;
 }
 
 function trouble(said) { $("trouble").hidden = !said; $("trouble").textContent = said; }
@@ -424,6 +465,7 @@ function paths() {
 }
 
 function sampled(grid, k) {
+  if (grid.platform) return grid.along(state.values, k);
   const nodes = grid.sliders[k].nodes;
   if (grid.sliders.length === 1 && nodes.length >= 120) return nodes;
   return Array.from({ length: 121 }, (_, i) => nodes[0] + (nodes[nodes.length - 1] - nodes[0]) * i / 120);
@@ -447,7 +489,7 @@ function step(now) {
   const gone = Math.min(0.1, (now - last) / 1000) * state.pace;
   last = now;
   for (const i of state.playing) {
-    const slider = state.grid.sliders[i], low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
+    const slider = state.grid.sliders[i], [low, high] = slider.reach || [slider.nodes[0], slider.nodes[slider.nodes.length - 1]];
     let value = state.values[i] + (state.sense[i] || 1) * gone * (high - low) / (slider.ring ? 6 : 4);
     if (!slider.ring && (value > high || value < low)) { state.sense[i] = value > high ? -1 : 1; value = Math.min(high, Math.max(low, value)); }
     setSlider(i, value);
@@ -501,6 +543,10 @@ function sliderRow(slider, i) {
     marks.append(go);
   }
   row.append(head, track, marks);
+  if ("reach" in slider) {
+    track.append(node("span", { class: "reach", hidden: "" }));
+    row.append(node("p", { class: "reachable soft" }));
+  }
   return row;
 }
 
@@ -634,8 +680,8 @@ class CurveBox {
   get readout() { return allReadouts()[+this.pick.value]; }
   go(event) {
     const share = (event.clientX - this.svg.getBoundingClientRect().left - this.left) / this.width;
-    const nodes = state.grid.sliders[state.active].nodes;
-    setSlider(state.active, nodes[0] + Math.min(1, Math.max(0, share)) * (nodes[nodes.length - 1] - nodes[0]));
+    const along = sampled(state.grid, state.active), [low, high] = [along[0], along[along.length - 1]];
+    setSlider(state.active, low + Math.min(1, Math.max(0, share)) * (high - low));
   }
   draw() {
     const grid = state.grid, k = state.active, slider = grid.sliders[k], [name, by] = shownUnit(slider.unit), [unit, up] = shownUnit(this.readout.unit);
@@ -746,11 +792,11 @@ function picture() {
 /* all read-outs along the slider that was moved last */
 function table() {
   const k = state.active, slider = state.grid.sliders[k], [unit, by] = shownUnit(slider.unit);
-  const head = [`${slider.name} [${unit}]`], rows = sampled(state.grid, k).map((value) => [value * by]);
+  const head = [`${slider.name} [${unit}]`], along = sampled(state.grid, k), rows = along.map((value) => [value * by]);
   for (const readout of allReadouts()) {
     const [name, up] = shownUnit(readout.unit);
     for (const part of readout.parts) head.push(`${readout.name}${part && "."}${part}${name && ` [${name}]`}`);
-    rows.forEach((row) => row.push(...readAt(state.grid, readout, state.values.map((v, i) => (i === k ? row[0] / by : v))).map((v) => v * up)));
+    rows.forEach((row, r) => row.push(...readAt(state.grid, readout, state.values.map((v, i) => (i === k ? along[r] : v))).map((v) => v * up)));
   }
   const quoted = (word) => (/[",]/.test(word) ? `"${word.replace(/"/g, '""')}"` : word);
   return [head.map(quoted), ...rows.map((row) => row.map((value) => (Number.isFinite(value) ? +value.toPrecision(8) : "")))].map((row) => row.join(",")).join("\r\n") + "\r\n";
