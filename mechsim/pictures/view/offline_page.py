@@ -97,10 +97,10 @@ def _data(view: View) -> dict[str, Any]:
         "bodies": {link: [_solid(shape) for shape in shapes[link]] for link in shapes},
         "joints": _joints(mechanism),
         "points": _points(mechanism),
-        "hold": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
+        "anchors": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
         "vertical": _short(cameras.upright(mechanism, view.up)),
         "cameras": _cameras(mechanism, balls, radii, view.up),
-        "bodied": bool(view.bodies),
+        "own_bodies": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
         "platform": platform_data(mechanism, view.platform) if view.platform else None,
     }
@@ -201,7 +201,7 @@ def _grid(grid: PoseGrid) -> dict[str, Any]:
     )  # (*shape, links, 7)
     return {
         "name": grid.name,
-        "said": grid.note,
+        "note": grid.note,
         "sliders": [_slider(slider) for slider in grid.sliders],
         "links": links,
         "poses": _packed(poses),
@@ -226,7 +226,7 @@ def _slider(slider: Slider) -> dict[str, Any]:
         "ring": slider.ring,
         "start": slider.start,
         "marks": [
-            {"at": landmark.value, "said": landmark.label, "kind": landmark.kind}
+            {"value": landmark.value, "label": landmark.label, "kind": landmark.kind}
             for landmark in slider.landmarks
         ],
     }

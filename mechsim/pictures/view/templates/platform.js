@@ -5,7 +5,7 @@ const DAMPING = 1e-10;        // of the normal equations: idle rotations of rods
 const NEWTON_STEPS = 12;
 const LARGEST_STEP = 0.05;    // of a pose coordinate between two solutions, in sizes or rad
 const LARGEST_CHANGE = 0.6;   // of a link within one step: beyond, the corrector has left the assembly
-const SMALLEST_STEP = 1e-4;   // of the requested displacement, below which the limit counts as found
+const SMALLEST_STEP = 1e-4;   // of the requested displacement, below which the limit counts as reached
 const NODES_EACH_WAY = 30;    // of the curves along one coordinate
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 
@@ -91,10 +91,10 @@ class Platform {
   }
 
   entries(row) {
-    const found = [];
+    const entries = [];
     for (const [link, linear, angular] of [[row[1], row[2], row[3]], [row[4], row[5], row[6]]])
-      if (link >= 0) for (let k = 0; k < 3; k++) found.push([6 * link + k, linear[k]], [6 * link + 3 + k, angular[k]]);
-    return found;
+      if (link >= 0) for (let k = 0; k < 3; k++) entries.push([6 * link + k, linear[k]], [6 * link + 3 + k, angular[k]]);
+    return entries;
   }
 
   /* Cholesky factor of the damped normal equations of some rows */
@@ -243,21 +243,21 @@ function platformGrid(data) {
 
   /* solutions along one slider as far as it goes each way, the others standing still */
   function along(values, k) {
-    const from = solved(values), found = [from], nodes = sliders[k].nodes;
+    const from = solved(values), solutions = [from], nodes = sliders[k].nodes;
     for (const end of [0, 1]) {
       let at = from;
       for (let i = 1; i <= NODES_EACH_WAY && at.reached !== false; i++) {
         const target = outside(at.values);
         target[k] = values[k] + (nodes[end] - values[k]) * i / NODES_EACH_WAY;
         at = platform.towards(at, platform.inner(target));
-        if (end) found.push(at); else found.unshift(at);
+        if (end) solutions.push(at); else solutions.unshift(at);
       }
     }
-    return found;
+    return solutions;
   }
 
   const grid = {
-    name: data.name, said: "Poses are solved in this page; drivers follow the platform.", sliders, links: data.links, ghost: null, platform,
+    name: data.name, note: "Poses are solved in this page; drivers follow the platform.", sliders, links: data.links, ghost: null, platform,
     readouts: [
       ...data.drivers.map((driver, i) => ({ name: driver.name, unit: driver.unit, parts: [""], of: (solution) => [solution.drivers[i]] })),
       ...DATA.points.filter((point) => data.links.includes(point.link)).map((point) => ({ name: point.name, unit: "m", parts: ["x", "y", "z"], of: (solution) => {

@@ -38,9 +38,9 @@ function stencil(slider, value, most) {
   if (slider.ring) {
     const period = nodes[n - 1] - nodes[0];
     for (let i = low - back; i < low - back + count; i++) {
-      const lap = Math.floor(i / (n - 1)), place = i - lap * (n - 1);
-      at.push(place);
-      where.push(nodes[place] + period * lap);
+      const revolution = Math.floor(i / (n - 1)), index = i - revolution * (n - 1);
+      at.push(index);
+      where.push(nodes[index] + period * revolution);
     }
   } else {
     const first = Math.min(Math.max(low - back, 0), n - count);
@@ -103,8 +103,8 @@ function readAt(grid, readout, values) {
 
 /* ---- what is set ---- */
 
-const state = { grid: DATA.grids[0], values: [], active: 0, playing: new Set(), sense: [], pace: 1, camera: 0,
-  show: { names: true, axes: false, paths: true, ghost: false, joints: !DATA.bodied }, magnified: true, poses: null, chosen: [] };
+const state = { grid: DATA.grids[0], values: [], active: 0, playing: new Set(), direction: [], speed: 1, camera: 0,
+  show: { names: true, axes: false, paths: true, ghost: false, joints: !DATA.own_bodies }, magnified: true, poses: null, chosen: [] };
 
 const shownUnit = (unit) => ({ rad: ["°", 1 / DEGREE], m: LENGTH, s: ["s", 1], "m/s": SPEED }[unit] || [unit, 1]);
 let LENGTH = ["mm", 1e3], SPEED = ["m/s", 1];
@@ -171,7 +171,7 @@ function build() {
   const glass = new THREE.MeshBasicMaterial({ color: 0x3a6ea5, transparent: true, opacity: 0.42, depthWrite: false });
   for (const [link, solids] of Object.entries(DATA.bodies)) {
     scene.add(bodies[link] = solidsOf(solids, null));
-    if (link in DATA.hold) { scene.add(ghosts[link] = solidsOf(solids, glass)); ghosts[link].visible = false; }
+    if (link in DATA.anchors) { scene.add(ghosts[link] = solidsOf(solids, glass)); ghosts[link].visible = false; }
   }
   for (const joint of DATA.joints) if (joint.axis) {
     const at = new THREE.Vector3(...joint.at), along = new THREE.Vector3(...joint.axis).multiplyScalar(9 * DATA.radius);
@@ -246,27 +246,27 @@ function dressed() {
   draw();
 }
 
-function place(group, poses, o) {
+function setPose(group, poses, o) {
   group.position.set(poses[o], poses[o + 1], poses[o + 2]);
   group.quaternion.set(poses[o + 4], poses[o + 5], poses[o + 6], poses[o + 3]);
 }
 
-function placeGhost(grid, poses) {
+function setGhost(grid, poses) {
   const ghost = state.show.ghost && grid.ghost;
-  for (const one of Object.values(ghosts)) one.visible = !!ghost;
+  for (const group of Object.values(ghosts)) group.visible = !!ghost;
   if (!ghost) return;
   const value = state.values[0], low = Math.min(bracket(ghost.nodes, value), ghost.nodes.length - 2);
-  const share = Math.min(1, Math.max(0, (value - ghost.nodes[low]) / (ghost.nodes[low + 1] - ghost.nodes[low])));
+  const fraction = Math.min(1, Math.max(0, (value - ghost.nodes[low]) / (ghost.nodes[low + 1] - ghost.nodes[low])));
   const width = 6 * grid.links.length, by = state.magnified ? ghost.by : 1;
   grid.links.forEach((link, l) => {
     const d = [];
-    for (let k = 0; k < 6; k++) d.push(by * ((1 - share) * ghost.values[low * width + 6 * l + k] + share * ghost.values[(low + 1) * width + 6 * l + k]));
-    const group = ghosts[link], hold = new THREE.Vector3(...DATA.hold[link]);
-    place(group, poses, 7 * l);
-    const at = hold.clone().applyQuaternion(group.quaternion).add(group.position).add(new THREE.Vector3(d[0], d[1], d[2]));
+    for (let k = 0; k < 6; k++) d.push(by * ((1 - fraction) * ghost.values[low * width + 6 * l + k] + fraction * ghost.values[(low + 1) * width + 6 * l + k]));
+    const group = ghosts[link], anchor = new THREE.Vector3(...DATA.anchors[link]);
+    setPose(group, poses, 7 * l);
+    const at = anchor.clone().applyQuaternion(group.quaternion).add(group.position).add(new THREE.Vector3(d[0], d[1], d[2]));
     const turn = new THREE.Vector3(d[3], d[4], d[5]), angle = turn.length();
     if (angle > 0) group.quaternion.premultiply(new THREE.Quaternion().setFromAxisAngle(turn.normalize(), angle));
-    group.position.copy(at.sub(hold.applyQuaternion(group.quaternion)));
+    group.position.copy(at.sub(anchor.applyQuaternion(group.quaternion)));
   });
 }
 
@@ -282,9 +282,9 @@ function draw() {
 /* ---- names on the picture ---- */
 
 const pen = document.createElement("canvas").getContext("2d"), widths = {}, sides = {};
-function widthOf(said, size) {
-  const key = size + said;
-  if (!(key in widths)) { pen.font = `${size}px system-ui, sans-serif`; widths[key] = pen.measureText(said).width; }
+function widthOf(label, size) {
+  const key = size + label;
+  if (!(key in widths)) { pen.font = `${size}px system-ui, sans-serif`; widths[key] = pen.measureText(label).width; }
   return widths[key];
 }
 
@@ -294,16 +294,16 @@ function pixel(at) {
 }
 
 function named() {
-  const found = [];
-  DATA.points.forEach((point, i) => found.push({ name: point.name, kind: "point", shown: state.show.names, at: pixel(pointMarks[i].getWorldPosition(new THREE.Vector3())) }));
+  const labels = [];
+  DATA.points.forEach((point, i) => labels.push({ name: point.name, kind: "point", shown: state.show.names, at: pixel(pointMarks[i].getWorldPosition(new THREE.Vector3())) }));
   if (state.show.joints) for (const joint of DATA.joints) if (joint.pivot) {
     const at = new THREE.Vector3(...joint.at).applyMatrix4(bodies[joint.link].matrixWorld);
-    found.push({ name: joint.name, kind: "joint", shown: true, at: pixel(at) });
+    labels.push({ name: joint.name, kind: "joint", shown: true, at: pixel(at) });
   }
   const groups = [];
-  for (const one of found) {
-    const near = groups.find((group) => Math.hypot(group.at[0] - one.at[0], group.at[1] - one.at[1]) < 2.5);
-    if (near) near.members.push(one); else groups.push({ at: one.at, members: [one] });
+  for (const label of labels) {
+    const close = groups.find((group) => Math.hypot(group.at[0] - label.at[0], group.at[1] - label.at[1]) < 2.5);
+    if (close) close.members.push(label); else groups.push({ at: label.at, members: [label] });
   }
   return groups;
 }
@@ -325,36 +325,36 @@ function write() {
   const scale = camera.zoom * W / (camera.right - camera.left), reach = 2.4 * DATA.radius * scale * 0.7 + 5;
   layer.setAttribute("viewBox", `0 0 ${W} ${H}`);
   stage.dataset.scale = scale;
-  const bar = scaleBar(scale, W), taken = [{ left: 0, right: bar.pixels + 100, top: H - 40, bottom: H }, { left: W - 76, right: W, top: H - 76, bottom: H }];
+  const bar = scaleBar(scale, W), occupied = [{ left: 0, right: bar.pixels + 100, top: H - 40, bottom: H }, { left: W - 76, right: W, top: H - 76, bottom: H }];
   const dots = groups.map((group) => ({ left: group.at[0] - 4, right: group.at[0] + 4, top: group.at[1] - 4, bottom: group.at[1] + 4 }));
   groups.forEach((group, g) => {
-    const shown = group.members.filter((one) => one.shown), said = [...new Set(shown.map((one) => one.name))].join(", ");
-    const size = shown.some((one) => one.kind === "point") ? 13 : 12;
-    for (const one of group.members) if (one.kind === "point") pieces.push(make("g", { "data-point": one.name, "data-x": one.at[0].toFixed(3), "data-y": one.at[1].toFixed(3) }));
-    if (!said) return;
-    const width = widthOf(said, size), order = [...AROUND.keys()];
-    if (said in sides) order.unshift(sides[said]);
+    const shown = group.members.filter((member) => member.shown), label = [...new Set(shown.map((member) => member.name))].join(", ");
+    const size = shown.some((member) => member.kind === "point") ? 13 : 12;
+    for (const { kind, name, at } of group.members) if (kind === "point") pieces.push(make("g", { "data-point": name, "data-x": at[0].toFixed(3), "data-y": at[1].toFixed(3) }));
+    if (!label) return;
+    const width = widthOf(label, size), order = [...AROUND.keys()];
+    if (label in sides) order.unshift(sides[label]);
     let best = null, least = Infinity;
     for (let round = 0; round < 6 && least > 0; round++)
       for (const side of order) {
         const box = spot(group.at, width, size, side, reach * (1 + 0.7 * round));
         const off = box.left < 0 || box.right > W || box.top < 0 || box.bottom > H;
-        const hits = taken.filter((other) => !apart(box, other)).length * 3 + dots.filter((dot, k) => k !== g && !apart(box, dot)).length + (off ? 10 : 0)
+        const hits = occupied.filter((other) => !apart(box, other)).length * 3 + dots.filter((dot, k) => k !== g && !apart(box, dot)).length + (off ? 10 : 0)
           + (groups.some((other, k) => k !== g && distance(box, other.at) < distance(box, group.at)) ? 2 : 0);
         if (hits < least) { least = hits; best = { box, side, round }; }
         if (!hits) break;
       }
     if (least >= 3) return;  // nowhere to stand without covering another name
-    sides[said] = best.side;
-    taken.push(best.box);
+    sides[label] = best.side;
+    occupied.push(best.box);
     if (best.round > 0) pieces.push(make("line", { class: "leader", x1: group.at[0], y1: group.at[1], x2: (best.box.left + best.box.right) / 2, y2: best.box.middle }));
     const word = make("text", { x: best.box.left, y: best.box.middle + 0.35 * size, class: size === 13 ? "" : "joint" });
-    word.textContent = said;
+    word.textContent = label;
     pieces.push(word);
   });
   pieces.push(make("line", { class: "bar", x1: 14, x2: 14 + bar.pixels, y1: H - 16, y2: H - 16 }));
   const word = make("text", { x: 20 + bar.pixels, y: H - 12 });
-  word.textContent = bar.said;
+  word.textContent = bar.label;
   pieces.push(word, ...triad(W - 40, H - 40));
   layer.replaceChildren(...pieces);
 }
@@ -373,9 +373,9 @@ function triad(x, y) {
 
 function scaleBar(scale, width) {
   const most = Math.min(width, 900) / 5 / scale, power = 10 ** Math.floor(Math.log10(most));
-  const length = [5, 2, 1].map((k) => k * power).find((one) => one <= most * (1 + 1e-9)) || power;
+  const length = [5, 2, 1].map((k) => k * power).find((candidate) => candidate <= most * (1 + 1e-9)) || power;
   const [unit, by] = length >= 1 ? ["m", 1] : length >= 1e-3 ? ["mm", 1e3] : ["µm", 1e6];
-  return { pixels: length * scale, said: `${+(length * by).toPrecision(3)} ${unit}` };
+  return { pixels: length * scale, label: `${+(length * by).toPrecision(3)} ${unit}` };
 }
 
 function make(kind, attributes) {
@@ -392,12 +392,12 @@ function update() {
   else if (grid.platform) state.poses = grid.nearestPoses();
   trouble(poses ? "" : unreachable(grid));
   if (state.poses) {
-    grid.links.forEach((link, l) => place(bodies[link], state.poses, 7 * l));
-    placeGhost(grid, state.poses);
+    grid.links.forEach((link, l) => setPose(bodies[link], state.poses, 7 * l));
+    setGhost(grid, state.poses);
     scene.updateMatrixWorld();
   }
   paths();
-  told(!poses);
+  writeReadouts(!poses);
   draw();
   remember();
   if (grid.platform) showReach(grid, !!poses);
@@ -439,7 +439,7 @@ function unreachable(grid) {
   return `Not reachable: ${grid.problem()}; the last pose on the way there is shown.`;
 }
 
-function trouble(said) { $("trouble").hidden = !said; $("trouble").textContent = said; }
+function trouble(label) { $("trouble").hidden = !label; $("trouble").textContent = label; }
 
 let pathsOf = "";
 function paths() {
@@ -449,17 +449,17 @@ function paths() {
   pathsOf = key;
   const along = sampled(grid, k), fine = along.map((value) => posesAt(grid, state.values.map((v, i) => (i === k ? value : v))));
   DATA.points.forEach((point, i) => {
-    const l = grid.links.indexOf(point.link), places = [], at = new THREE.Vector3(), turn = new THREE.Quaternion();
+    const l = grid.links.indexOf(point.link), positions = [], at = new THREE.Vector3(), turn = new THREE.Quaternion();
     if (l >= 0 && state.show.paths) for (const poses of fine) if (poses) {
       turn.set(poses[7 * l + 4], poses[7 * l + 5], poses[7 * l + 6], poses[7 * l + 3]);
       at.fromArray(point.at).applyQuaternion(turn);
-      places.push(at.x + poses[7 * l], at.y + poses[7 * l + 1], at.z + poses[7 * l + 2]);
+      positions.push(at.x + poses[7 * l], at.y + poses[7 * l + 1], at.z + poses[7 * l + 2]);
     }
-    pathLines[i].visible = places.length > 3;
-    if (places.length > 3) {
+    pathLines[i].visible = positions.length > 3;
+    if (positions.length > 3) {
       pathLines[i].geometry.dispose();
       pathLines[i].geometry = new THREE.LineGeometry();
-      pathLines[i].geometry.setPositions(places);
+      pathLines[i].geometry.setPositions(positions);
     }
   });
 }
@@ -486,12 +486,12 @@ function setSlider(i, value) {
 
 let last = 0;
 function step(now) {
-  const gone = Math.min(0.1, (now - last) / 1000) * state.pace;
+  const elapsed = Math.min(0.1, (now - last) / 1000) * state.speed;
   last = now;
   for (const i of state.playing) {
     const slider = state.grid.sliders[i], [low, high] = slider.reach || [slider.nodes[0], slider.nodes[slider.nodes.length - 1]];
-    let value = state.values[i] + (state.sense[i] || 1) * gone * (high - low) / (slider.ring ? 6 : 4);
-    if (!slider.ring && (value > high || value < low)) { state.sense[i] = value > high ? -1 : 1; value = Math.min(high, Math.max(low, value)); }
+    let value = state.values[i] + (state.direction[i] || 1) * elapsed * (high - low) / (slider.ring ? 6 : 4);
+    if (!slider.ring && (value > high || value < low)) { state.direction[i] = value > high ? -1 : 1; value = Math.min(high, Math.max(low, value)); }
     setSlider(i, value);
   }
   if (state.playing.size) requestAnimationFrame(step);
@@ -507,10 +507,10 @@ function play(i, on) {
 
 /* ---- panel ---- */
 
-function node(kind, attributes = {}, said = "") {
+function node(kind, attributes = {}, label = "") {
   const made = document.createElement(kind);
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.textContent = said;
+  made.textContent = label;
   return made;
 }
 
@@ -535,10 +535,10 @@ function sliderRow(slider, i) {
   track.append(range);
   const marks = node("div", { class: "marks" });
   for (const mark of slider.marks) {
-    const said = `${mark.said}: ${text(mark.at, slider.unit)}`;
-    const tick = node("span", { class: `tick ${mark.kind}`, title: said, style: `left: calc(8px + ${(mark.at - low) / (high - low)} * (100% - 16px))` });
-    const go = node("button", { type: "button", class: mark.kind }, said);
-    go.addEventListener("click", () => setSlider(i, mark.at));
+    const label = `${mark.label}: ${text(mark.value, slider.unit)}`;
+    const tick = node("span", { class: `tick ${mark.kind}`, title: label, style: `left: calc(8px + ${(mark.value - low) / (high - low)} * (100% - 16px))` });
+    const go = node("button", { type: "button", class: mark.kind }, label);
+    go.addEventListener("click", () => setSlider(i, mark.value));
     track.append(tick);
     marks.append(go);
   }
@@ -570,7 +570,7 @@ function choices() {
   if (DATA.grids.length < 2) return;
   const row = node("div", { class: "row", role: "group", "aria-label": "Assemblies and motions" });
   DATA.grids.forEach((grid, i) => {
-    const button = node("button", { type: "button", "data-grid": i, title: grid.said, "aria-pressed": i === 0 }, grid.name);
+    const button = node("button", { type: "button", "data-grid": i, title: grid.note, "aria-pressed": i === 0 }, grid.name);
     button.addEventListener("click", () => choose(i));
     row.append(button);
   });
@@ -592,14 +592,14 @@ function shown() {
 
 function tools() {
   const row = $("tools");
-  const held = document.activeElement && document.activeElement.dataset ? document.activeElement.dataset.tool : null;
+  const focused = document.activeElement && document.activeElement.dataset ? document.activeElement.dataset.tool : null;
   row.replaceChildren();
-  const add = (tool, said, on, act) => {
-    const button = node("button", { type: "button", "data-tool": tool }, said);
+  const add = (tool, label, on, act) => {
+    const button = node("button", { type: "button", "data-tool": tool }, label);
     if (on !== null) button.setAttribute("aria-pressed", on);
     button.addEventListener("click", act);
     row.append(button);
-    if (held === tool) button.focus();
+    if (focused === tool) button.focus();
   };
   add("names", "names", state.show.names, () => flip("names"));
   add("joints", "pivots", state.show.joints, () => flip("joints"));
@@ -615,11 +615,11 @@ function tools() {
   pick.value = state.camera;
   pick.addEventListener("change", () => lookFrom(+pick.value));
   row.append(pick);
-  const pace = node("select", { "aria-label": "Pace" });
-  for (const k of [0.1, 0.25, 0.5, 1, 2, 4]) pace.append(node("option", { value: k }, `pace × ${k}`));
-  pace.value = state.pace;
-  pace.addEventListener("change", () => { state.pace = +pace.value; });
-  row.append(pace);
+  const speed = node("select", { "aria-label": "Playing speed" });
+  for (const k of [0.1, 0.25, 0.5, 1, 2, 4]) speed.append(node("option", { value: k }, `speed × ${k}`));
+  speed.value = state.speed;
+  speed.addEventListener("change", () => { state.speed = +speed.value; });
+  row.append(speed);
   add("theme", "light / dark", null, flipTheme);
   if (renderer) add("png", "save PNG", null, () => picture().toBlob((blob) => save(`${DATA.name}.png`, blob)));
   add("csv", "save CSV", null, () => save(`${DATA.name}.csv`, new Blob([table()], { type: "text/csv" })));
@@ -629,18 +629,18 @@ function tools() {
 
 const allReadouts = () => state.grid.readouts;
 
-function told(lost) {
+function writeReadouts(unsolved) {
   const rows = allReadouts().map((readout) => {
     const row = node("tr"), values = readAt(state.grid, readout, state.values);
     row.append(node("th", { scope: "row" }, readout.name.replace(/_/g, " ")));
-    const cell = node("td", {}, lost ? "–" : "");
-    if (!lost) cell.append(...values.map((value, i) => node("span", {}, (readout.parts[i] ? `${readout.parts[i]} ` : "") + text(value, readout.unit))));
+    const cell = node("td", {}, unsolved ? "–" : "");
+    if (!unsolved) cell.append(...values.map((value, i) => node("span", {}, (readout.parts[i] ? `${readout.parts[i]} ` : "") + text(value, readout.unit))));
     row.append(cell);
     return row;
   });
   if (state.show.ghost && state.grid.ghost) rows.push(ghostRow());
   $("readouts").tBodies[0].replaceChildren(...rows);
-  for (const one of state.chosen) one.point();
+  for (const box of state.chosen) box.point();
 }
 
 function ghostRow() {
@@ -651,12 +651,12 @@ function ghostRow() {
     worst = Math.max(worst, Math.hypot(ghost.values[o], ghost.values[o + 1], ghost.values[o + 2]));
   }
   const row = node("tr");
-  row.append(node("th", { scope: "row" }, `${ghost.name} stands off by`), node("td", {}, `${worst.toExponential(2)} m`));
+  row.append(node("th", { scope: "row" }, `${ghost.name} differs by`), node("td", {}, `${worst.toExponential(2)} m`));
   return row;
 }
 
-function ticks(low, high, wanted, degrees) {
-  const span = high - low || 1, rough = span / wanted, power = 10 ** Math.floor(Math.log10(rough));
+function ticks(low, high, count, degrees) {
+  const span = high - low || 1, rough = span / count, power = 10 ** Math.floor(Math.log10(rough));
   const steps = degrees ? [1, 2, 5, 10, 15, 30, 45, 60, 90, 180, 360] : [1, 2, 5, 10].map((k) => k * power);
   const size = (degrees && rough >= 1 ? steps.find((s) => s >= rough) : [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough)) || rough, out = [];
   for (let t = Math.ceil(low / size - 1e-9) * size; t <= high + 1e-9 * span; t += size) out.push(Math.abs(t) < 1e-9 * size ? 0 : +t.toPrecision(10));
@@ -679,9 +679,9 @@ class CurveBox {
   }
   get readout() { return allReadouts()[+this.pick.value]; }
   go(event) {
-    const share = (event.clientX - this.svg.getBoundingClientRect().left - this.left) / this.width;
+    const fraction = (event.clientX - this.svg.getBoundingClientRect().left - this.left) / this.width;
     const along = sampled(state.grid, state.active), [low, high] = [along[0], along[along.length - 1]];
-    setSlider(state.active, low + Math.min(1, Math.max(0, share)) * (high - low));
+    setSlider(state.active, low + Math.min(1, Math.max(0, fraction)) * (high - low));
   }
   draw() {
     const grid = state.grid, k = state.active, slider = grid.sliders[k], [name, by] = shownUnit(slider.unit), [unit, up] = shownUnit(this.readout.unit);
@@ -697,28 +697,28 @@ class CurveBox {
     const top = 14, bottom = H - 26, a = along[0] * by, b = along[along.length - 1] * by;
     this.x = (value) => this.left + (value * by - a) / (b - a) * this.width;
     this.y = (value) => bottom - (value - low) / (high - low) * (bottom - top);
-    const pieces = [], write = (x, y, said, anchor) => { const word = make("text", { x, y, "text-anchor": anchor }); word.textContent = said; pieces.push(word); };
+    const pieces = [], write = (x, y, label, anchor) => { const word = make("text", { x, y, "text-anchor": anchor }); word.textContent = label; pieces.push(word); };
     for (const t of yTicks) { pieces.push(make("line", { class: "grid", x1: this.left, x2: this.left + this.width, y1: this.y(t), y2: this.y(t) })); write(this.left - 5, this.y(t) + 4, t, "end"); }
     for (const t of ticks(a, b, 5, slider.unit === "rad")) { const x = this.x(t / by); pieces.push(make("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom })); write(x, bottom + 13, t, "middle"); }
     write(this.left - 5, 9, unit, "end");
     write(this.left + this.width, H - 1, `${slider.name.replace(/_/g, " ")} [${name}]`, "end");
-    for (const mark of slider.marks) pieces.push(make("line", { class: `mark ${mark.kind}`, x1: this.x(mark.at), x2: this.x(mark.at), y1: top, y2: bottom }));
+    for (const mark of slider.marks) pieces.push(make("line", { class: `mark ${mark.kind}`, x1: this.x(mark.value), x2: this.x(mark.value), y1: top, y2: bottom }));
     this.readout.parts.forEach((_, p) => {
       let path = "";
       rows.forEach((row, i) => { if (Number.isFinite(row[p])) path += `${path && Number.isFinite(rows[i - 1][p]) ? "L" : "M"}${this.x(along[i]).toFixed(1)} ${this.y(row[p]).toFixed(1)}`; });
       pieces.push(make("path", { class: "line", d: path, stroke: PALETTE[p % PALETTE.length] }));
     });
-    this.here = make("line", { class: "here", y1: top, y2: bottom });
+    this.cursor = make("line", { class: "cursor", y1: top, y2: bottom });
     this.dots = this.readout.parts.map((_, p) => make("circle", { r: 3.5, fill: PALETTE[p % PALETTE.length] }));
-    this.svg.replaceChildren(...pieces, this.here, ...this.dots);
+    this.svg.replaceChildren(...pieces, this.cursor, ...this.dots);
     this.svg.setAttribute("aria-label", `${this.readout.name} over ${slider.name}: from ${+Math.min(...all).toPrecision(4)} to ${+Math.max(...all).toPrecision(4)} ${unit}`);
   }
   point() {
     const key = [DATA.grids.indexOf(state.grid), this.pick.value, state.active, this.svg.clientWidth, ...state.values.filter((_, i) => i !== state.active)].join();
     if (key !== this.key) { this.key = key; this.draw(); }
     const up = shownUnit(this.readout.unit)[1], values = readAt(state.grid, this.readout, state.values), x = this.x(state.values[state.active]);
-    this.here.setAttribute("x1", x);
-    this.here.setAttribute("x2", x);
+    this.cursor.setAttribute("x1", x);
+    this.cursor.setAttribute("x2", x);
     const words = [];
     values.forEach((value, p) => {
       this.dots[p].setAttribute("cx", x);
@@ -733,13 +733,13 @@ class CurveBox {
 
 function curves() {
   const all = allReadouts(), usual = [];
-  const places = all.map((readout, i) => [readout, i]).filter(([readout]) => readout.parts.length === 3);
-  if (places.length) usual.push(places[places.length - 1][1]);
+  const positions = all.map((readout, i) => [readout, i]).filter(([readout]) => readout.parts.length === 3);
+  if (positions.length) usual.push(positions[positions.length - 1][1]);
   const transmission = all.findIndex((readout) => readout.name === "transmission angle");
   usual.push(transmission >= 0 ? transmission : all.length - 1);
   const boxes = [...new Set(usual.filter((i) => i >= 0))].map((which) => new CurveBox(which));
   state.chosen = [];
-  $("curves").replaceChildren(...boxes.map((one) => one.box));
+  $("curves").replaceChildren(...boxes.map((curve) => curve.box));
   $("curves").hidden = !boxes.length;
   state.chosen = boxes;
 }
@@ -854,12 +854,12 @@ function remember() {
 
 function addressed() {
   if (location.hash === written) return;
-  const asked = new URLSearchParams(location.hash.slice(1));
-  if (asked.has("theme")) { document.documentElement.dataset.theme = asked.get("theme"); dressed(); }
-  if (asked.has("grid") && DATA.grids[+asked.get("grid")]) choose(+asked.get("grid"));
-  for (const what of Object.keys(state.show)) if (asked.has(what)) { state.show[what] = asked.get(what) !== "off"; shown(); }
-  if (asked.has("camera") && DATA.cameras[+asked.get("camera")]) lookFrom(+asked.get("camera"));
-  const view = (asked.get("view") || "").split(",").map(Number);
+  const requested = new URLSearchParams(location.hash.slice(1));
+  if (requested.has("theme")) { document.documentElement.dataset.theme = requested.get("theme"); dressed(); }
+  if (requested.has("grid") && DATA.grids[+requested.get("grid")]) choose(+requested.get("grid"));
+  for (const what of Object.keys(state.show)) if (requested.has(what)) { state.show[what] = requested.get(what) !== "off"; shown(); }
+  if (requested.has("camera") && DATA.cameras[+requested.get("camera")]) lookFrom(+requested.get("camera"));
+  const view = (requested.get("view") || "").split(",").map(Number);
   if (view.length === 4 && view.every(Number.isFinite) && view[3] > 0) {
     camera.position.copy(controls.target).addScaledVector(new THREE.Vector3(view[0], view[1], view[2]).normalize(), camera.far / 2);
     camera.zoom = view[3];
@@ -867,7 +867,7 @@ function addressed() {
     controls.update();
     draw();
   }
-  state.grid.sliders.forEach((slider, i) => { if (asked.has(slider.name)) setSlider(i, parseFloat(asked.get(slider.name)) / shownUnit(slider.unit)[1]); });
+  state.grid.sliders.forEach((slider, i) => { if (requested.has(slider.name)) setSlider(i, parseFloat(requested.get(slider.name)) / shownUnit(slider.unit)[1]); });
 }
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -882,5 +882,5 @@ dressed();
 addressed();
 dark.addEventListener("change", follow);
 window.addEventListener("hashchange", addressed);
-new ResizeObserver(() => { resize(); for (const one of state.chosen) one.point(); }).observe(stage);
+new ResizeObserver(() => { resize(); for (const box of state.chosen) box.point(); }).observe(stage);
 document.documentElement.dataset.ready = "yes";
