@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import numpy as np
@@ -13,6 +13,7 @@ from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, fluctuation
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
 from mechsim.cli.forward_dynamics import ForwardOptions, Output, forward_dynamics
+from mechsim.cli.forward_results import ForwardJson
 from mechsim.cli.load_options import LoadOptions, print_masses
 from mechsim.cli.options import ModelOptions, speed_of, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -228,7 +229,7 @@ def dynamics(
     forward: ForwardOptions,
     verbose: Verbose = False,
     units: Units = None,
-) -> Result[DynamicsJson]:
+) -> Result[DynamicsJson | ForwardJson]:
     """Compute drive torques, joint reactions and energies of a motion, or a free motion under a motor.
 
     Examples:
@@ -243,8 +244,11 @@ def dynamics(
                 "--free, --tolerance and --coefficient are for a crank; drop them, or --initial, --until, "
                 "--statics, --modes and --response"
             )
-        output = Output(options.samples, options.method, options.csv, options.plot, verbose)
-        return forward_dynamics(source, loads, forward, output)
+        # --duration is that of the run, not of motion laws
+        model = loads.dynamic_model(replace(source, duration=None).load(still=True))
+        output = Output(source.duration, options.samples, options.method, options.csv, options.plot, verbose)
+        result = forward_dynamics(model, forward, output)
+        return _with_masses(model, result, verbose)
     model = loads.dynamic_model(source.load_moving())
     shown = output_units(units, model.drive) or SI_UNITS
     if model.drive.motion_laws is not None and options.free:
@@ -252,12 +256,19 @@ def dynamics(
     free = model.forces.motor is not None or options.free
     data, text, passed = (_free if free else _prescribed)(model, options, shown, units is not None)
 
-    def whole_text() -> None:
-        text()
+    return _with_masses(model, Result(data, text, passed), verbose)
+
+
+def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool) -> Result[Any]:
+    """Return a result with name and masses of its mechanism."""
+
+    def text() -> None:
+        result.text()
         print_masses(model.masses, verbose)
 
     masses = [mass.as_dict() for mass in model.masses]
-    return Result({"mechanism": model.mechanism.name, "masses": masses, **data}, whole_text, passed)
+    data = {"mechanism": model.mechanism.name, "masses": masses, **result.data}
+    return Result(data, text, result.passed)
 
 
 def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:

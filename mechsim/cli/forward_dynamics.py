@@ -1,7 +1,7 @@
 """Forward dynamics, statics and vibrations of `mechsim dynamics`: from any initial state, drivers free."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,24 +15,31 @@ from mechsim.analytic.dynamics import (
     equilibria,
     holding,
     nearest_equilibrium,
-    response,
-    run,
 )
 from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.analytic.dynamics.mode_motion import mode_motions
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
-from mechsim.cli.load_options import LoadOptions
-from mechsim.cli.options import ModelOptions, pair_of
+from mechsim.cli.forward_results import EquilibriumJson, ModeJson, QuantityJson
+from mechsim.cli.initial_options import InitialOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
+from mechsim.model.motion import Motion
+from mechsim.model.quantities import (
+    Quantity,
+    numeric_quantity,
+    quantity_names,
+    record_columns,
+    unwrapped,
+)
+from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import crosscheck_forward
+from mechsim.studies.frequency_response import frequency_response
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 
-# frequencies of a response, from a tenth of the lowest to ten times the highest natural frequency
-FREQUENCIES = 200
 # an imaginary part of a mode shape below this fraction of its largest amplitude is rounding
 REAL = 1e-6
 # printed amplitudes of a mode shape, the largest first
@@ -40,20 +47,9 @@ MOST_AMPLITUDES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForwardOptions:
+class ForwardOptions(InitialOptions):
     """A run from an initial state, equilibria, modes of vibration, or a frequency response."""
 
-    initial: tuple[tuple[str, str], ...] = option(
-        (),
-        "Initial coordinate J.q or rate J.v of a joint; the drivers are free, and the run lasts --duration.",
-        read=pair_of("--initial crank.q=10deg"),
-        many=True,
-        metavar="J.q=VALUE",
-    )
-    until: str | None = option(
-        None, "Event that ends the run, as P.y=0 or J.q=90deg.", metavar="QUANTITY=VALUE"
-    )
-    restitution: float = option(0.0, "Coefficient of restitution at the limits of joints, 0 to 1.")
     statics: bool = option(
         False, "List the equilibria; with --initial also what holds that configuration.", name="--statics"
     )
@@ -62,20 +58,28 @@ class ForwardOptions:
     )
     response: str | None = option(
         None,
-        "Frequency response from a unit load in joint J or on a point's P.x to such a quantity.",
+        "Frequency response from a unit load in joint J or on a point's P.x to a quantity.",
         metavar="LOAD:QUANTITY",
+    )
+    of: tuple[str, ...] = option(
+        (),
+        "More quantities of the run, as distance:P,Q, angle:LINK,LINK or expr:EXPRESSION.",
+        read=quantity_names,
+        name="--of",
+        metavar="Q,...",
     )
 
     @property
     def requested(self) -> bool:
         """Whether any of them is asked for."""
-        return bool(self.initial or self.until or self.statics or self.modes or self.response)
+        return self.released or bool(self.statics or self.modes or self.response)
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Instants of a run, MuJoCo's method, files to write, and whether all checks are listed."""
+    """Duration and instants of a run, MuJoCo's method, files to write, and whether all checks are listed."""
 
+    duration: float | None
     samples: int
     method: str | None
     csv: str | None
@@ -83,38 +87,44 @@ class Output:
     verbose: bool
 
 
-def forward_dynamics(
-    source: ModelOptions, loads: LoadOptions, forward: ForwardOptions, output: Output
-) -> Result[Any]:
+def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Output) -> Result[Any]:
     """Return a run from an initial state, equilibria, modes or a frequency response."""
-    if output.plot is not None and (forward.statics or forward.modes or forward.response):
-        raise InputError(
-            "--plot draws a run from an initial state; drop it, or --statics, --modes, --response"
-        )
+    analysis = forward.statics or forward.modes or forward.response
+    if forward.of and analysis:
+        raise InputError("--of is of a run from an initial state; drop it, or --statics, --modes, --response")
     if output.csv is not None and (forward.statics or forward.modes):
         raise InputError("--csv holds a run or a response; take --json for --statics and --modes")
-    # --duration is that of the run, not of motion laws
-    model = loads.dynamic_model(replace(source, duration=None).load(still=True))
+    if output.plot is not None and forward.statics:
+        raise InputError("--plot draws a run, modes or a response; drop it, or --statics")
     initial = dict(forward.initial)
     if forward.statics:
         return _statics(model, initial)
     if forward.modes:
-        return _modes(model, initial)
+        return _modes(model, initial, output.plot)
     if forward.response is not None:
-        return _response(model, forward.response, initial, output.csv)
-    result = run(
-        model,
-        initial=initial,
-        duration=1.0 if source.duration is None else source.duration,
-        until=forward.until,
-        samples=output.samples,
-        restitution=forward.restitution,
-    )
+        return _response(model, forward.response, initial, output)
+    quantities = tuple(numeric_quantity(name, model.mechanism) for name in forward.of)
+    result = forward.run(model, output.duration, output.samples)
+    known = record_columns(result.motion, quantities) | dict(result.columns())
+    values = {quantity.name: _values(quantity, known) for quantity in quantities}
     if output.csv is not None:
-        files.write(output.csv, result.motion)
+        files.write_table(output.csv, dict(result.columns()) | values)
     if output.plot is not None:
-        plots.write(output.plot, plots.motion_plot(result.motion))
-    return _run(model, result, _verdict(model, result, initial, output.method), output.verbose)
+        shown = {f"{quantity.name} [{quantity.unit}]": values[quantity.name] for quantity in quantities}
+        plots.write(output.plot, plots.history_plot(result, shown))
+    verdict = _verdict(model, result, initial, output.method)
+    extents = {
+        quantity.name: QuantityJson(**_extent(values[quantity.name]), unit=quantity.unit)
+        for quantity in quantities
+    }
+    return _run(model, result, extents, verdict, output.verbose)
+
+
+def _values(quantity: Quantity, columns: Mapping[str, Array]) -> Array:
+    """Return a quantity over a run; forces are known to `mechsim dynamics` of a prescribed motion."""
+    if not {column.name for column in quantity.columns} <= columns.keys():
+        raise InputError(f"{quantity.name} needs forces in joints, which a run from an initial state lacks")
+    return unwrapped(quantity.number(columns)) if quantity.angle else quantity.number(columns)
 
 
 def _verdict(
@@ -126,11 +136,16 @@ def _verdict(
     return crosscheck_forward(result, model, initial_values(model.mechanism, initial))
 
 
-def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None, verbose: bool) -> Result[Any]:
+def _run(
+    model: DynamicModel,
+    result: DynamicRun,
+    quantities: Mapping[str, QuantityJson],
+    verdict: Verdict | None,
+    verbose: bool,
+) -> Result[Any]:
     """Return a run from an initial state."""
     name = model.mechanism.name
-    data: dict[str, Any] = {
-        "mechanism": name,
+    data = {
         "outcome": result.outcome,
         "reason": result.reason,
         "duration": float(result.time[-1]),
@@ -140,9 +155,10 @@ def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None, verbo
         "events": list(result.events),
         "steps": result.steps,
         "final": _final(result),
+        "quantities": dict(quantities),
+        "passed": None if verdict is None else verdict.passed,
+        "checks": [] if verdict is None else [check.as_dict() for check in verdict.checks],
     }
-    if verdict is not None:
-        data |= {"passed": verdict.passed, "checks": [check.as_dict() for check in verdict.checks]}
 
     def text() -> None:
         end = f": {result.reason}" if result.reason else ""
@@ -152,11 +168,15 @@ def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None, verbo
             f"{number(result.lost[-1])} J, {result.steps} steps"
         )
         rows = [
-            (joint, *_extent(motion.value), motion.unit, float(motion.rate[-1]))
+            (joint, *_extent(motion.value).values(), motion.unit, float(motion.rate[-1]))
             for joint, motion in result.motion.joints.items()
         ]
-        head = ("joint", "least", "largest", "at the end", "unit", "rate at the end")
-        print_table("coordinates", head, rows)
+        rows += [
+            (quantity, extent["least"], extent["largest"], extent["final"], extent["unit"], None)
+            for quantity, extent in quantities.items()
+        ]
+        head = ("quantity", "least", "largest", "at the end", "unit", "rate at the end")
+        print_table("", head, rows)
         if verdict is not None:
             print_verdicts({"against MuJoCo, stepped": verdict}, verbose=verbose)
         elif result.events:
@@ -166,8 +186,12 @@ def _run(model: DynamicModel, result: DynamicRun, verdict: Verdict | None, verbo
     return Result(data, text, passed)
 
 
-def _extent(values: Any) -> tuple[float, float, float]:
-    return float(values.min()), float(values.max()), float(values[-1])
+def _extent(values: Array) -> dict[str, float]:
+    return {
+        "least": float(values.min()),
+        "largest": float(values.max()),
+        "final": float(values[-1]),
+    }
 
 
 def _final(result: DynamicRun) -> dict[str, float]:
@@ -202,10 +226,10 @@ def _statics(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
             print_text(f"{number(effort)} {unit} in {driver} hold the initial configuration")
 
     facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
-    return Result({"mechanism": mechanism.name, "equilibria": facts, "holding": efforts}, text)
+    return Result({"equilibria": facts, "holding": efforts}, text)
 
 
-def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
+def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
     return {
         "q": dict(equilibrium.q),
         "stable": equilibrium.stable,
@@ -214,17 +238,21 @@ def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
     }
 
 
-def _mode_facts(mode: Mode) -> dict[str, Any]:
+def _mode_facts(mode: Mode) -> ModeJson:
     """Return a mode as plain data; amplitudes that are in phase or opposed are real numbers."""
     largest = max((abs(value) for value in mode.shape.values()), default=0.0)
     real = all(abs(value.imag) <= REAL * largest for value in mode.shape.values())
-    shape = {name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()}
+    shape: dict[str, float | list[float]] = {
+        name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()
+    }
     return {"frequency": mode.frequency, "damping_ratio": mode.damping_ratio, "shape": shape}
 
 
-def _modes(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
+def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) -> Result[Any]:
     """Return frequencies, damping ratios and shapes of the modes about the nearest equilibrium."""
     equilibrium, name = nearest_equilibrium(model, initial=initial), model.mechanism.name
+    if plot is not None:
+        plots.write(plot, plots.mode_plot(model.mechanism, _cycles(equilibrium)))
 
     def text() -> None:
         rows: list[tuple[str, str, str]] = []
@@ -236,28 +264,27 @@ def _modes(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
         title = f"{name}: modes about a {state} equilibrium"
         print_table(title, ("frequency [Hz]", "damping ratio", "shape"), rows)
 
-    return Result({"mechanism": name, **_equilibrium_facts(equilibrium)}, text, equilibrium.stable)
+    return Result(_equilibrium_facts(equilibrium), text, equilibrium.stable)
 
 
-def _response(
-    model: DynamicModel, requested: str, initial: Mapping[str, str], csv: str | None
-) -> Result[Any]:
+def _cycles(equilibrium: Equilibrium) -> dict[str, Motion]:
+    return {cycle.title: cycle.motion for cycle in mode_motions(equilibrium)}
+
+
+def _response(model: DynamicModel, requested: str, initial: Mapping[str, str], output: Output) -> Result[Any]:
     """Return the frequency response from a load to a quantity."""
-    load, colon, quantity = requested.partition(":")
-    if not colon:
-        raise InputError(f"--response is {requested!r}; give LOAD:QUANTITY, as in crank:P.x")
-    modes = nearest_equilibrium(model, initial=initial).modes
-    natural = [mode.frequency for mode in modes if mode.frequency > 0.0] or [1.0]
-    frequencies = np.geomspace(0.1 * min(natural), 10.0 * max(natural), FREQUENCIES)
-    values = response(model, load, quantity, frequencies, initial=initial)
-    magnitude = np.abs(values)
-    table = {"frequency": frequencies, "magnitude": magnitude, "phase": np.angle(values)}
-    if csv is not None:
-        files.write_table(csv, table)
+    result = frequency_response(model, requested, initial)
+    table = result.columns()
+    if output.csv is not None:
+        files.write_table(output.csv, table)
+    if output.plot is not None:
+        plots.write(output.plot, plots.bode_plot(table, f"{result.quantity} [{result.unit}]"))
+    magnitude, frequency = table["magnitude"], table["frequency"]
     peak = int(np.argmax(magnitude))
     text = (
-        f"{model.mechanism.name}: from a unit load {load} to {quantity}: {number(magnitude[0])} at "
-        f"{number(frequencies[0])} Hz, largest {number(magnitude[peak])} at {number(frequencies[peak])} Hz"
+        f"{model.mechanism.name}: from a unit load {result.load} to {result.quantity}: "
+        f"{number(magnitude[0])} {result.unit} at {number(frequency[0])} Hz, largest "
+        f"{number(magnitude[peak])} {result.unit} at {number(frequency[peak])} Hz"
     )
-    data = {"mechanism": model.mechanism.name, "response": table}
+    data = {"load": result.load, "quantity": result.quantity, "unit": result.unit, "response": table}
     return Result(data, lambda: print_text(text))

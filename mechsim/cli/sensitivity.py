@@ -15,6 +15,7 @@ from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
 from mechsim.cli.unit_warnings import warn_about_angles
 from mechsim.errors import InputError
+from mechsim.model.quantities import quantity_names
 from mechsim.pictures import plots
 from mechsim.studies.sensitivity import (
     Loading,
@@ -43,8 +44,9 @@ class SensitivityOptions:
 
     quantities: tuple[str, ...] = option(
         (),
-        "Quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3.",
-        read=units.parse_names,
+        "Quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3, "
+        "distance:P,Q, angle:LINK,LINK, expr:EXPRESSION.",
+        read=quantity_names,
         name="--of",
         metavar="Q,...",
     )

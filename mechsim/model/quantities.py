@@ -244,14 +244,26 @@ def scalar_quantities(names: Iterable[str], mechanism: Mechanism) -> list[Quanti
 def unknown(name: str, mechanism: Mechanism) -> InputError:
     """Return the error that a name is no quantity, with the nearest one."""
     joints = [joint.name for joint in mechanism.joints]
-    short = list(dict.fromkeys([*mechanism.points, *joints, *coordinate_units(mechanism)]))
-    columns = [f"{point}.x" for point in mechanism.points]
-    word, colon, _ = name.partition(":")
+    points = moving_points(mechanism)
+    short = list(dict.fromkeys([*points, *joints, *coordinate_units(mechanism)]))
+    columns = [f"{point}.x" for point in points]
+    word, colon, rest = name.partition(":")
+    point = (rest if colon else name).partition(".")[0]
+    if point in mechanism.points and point not in points:
+        return InputError(
+            f"{point} of {mechanism.name} is a point of the frame, which does not move, so that {name} is no "
+            f"quantity; distance:P,{point} is one"
+        )
     words = [f"{word}:{subject}" for subject in short] if colon else []
     close = get_close_matches(name, [*short, *columns, "torque", TRANSMISSION, *words], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
     known = f"known are points and joints ({', '.join(short)}) and names as P.x, J.v, torque:J, distance:P,Q"
     return InputError(f"{mechanism.name} has no quantity {name!r}{hint} {known}")
+
+
+def moving_points(mechanism: Mechanism) -> list[str]:
+    """Return the points of moving links; motions have no columns of those of the frame."""
+    return [point for point, (link, _) in mechanism.points.items() if link != GROUND]
 
 
 def coordinate_units(mechanism: Mechanism) -> dict[str, str]:
@@ -303,7 +315,7 @@ def _source(row: QuantityKind, subject: str) -> Source:
 
 def _subjects(row: QuantityKind, mechanism: Mechanism) -> Iterable[str]:
     if row.subject == "point":
-        return mechanism.points
+        return moving_points(mechanism)
     return [FRAME, *(joint.name for joint in mechanism.joints)]
 
 
@@ -383,19 +395,29 @@ def _rate_of_point(letter: str, order: int) -> "Callable[[Mechanism, str], Any]"
 
 
 def _with_point(point: str, mechanism: Mechanism) -> Mechanism:
-    if point not in mechanism.points:
+    if point not in moving_points(mechanism):
         raise unknown(point, mechanism)
     return mechanism
 
 
 def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
     """Derive the distance of two points."""
-    first, second = (quantity(f"{point}.xyz", mechanism) for point in _pair("distance:P,Q", text))
-    return (
-        (*first.columns, *second.columns),
-        lambda values: _length([a - b for a, b in zip(values[:3], values[3:], strict=True)]),
-        "m",
-    )
+    columns: list[Column] = []
+    frame: list[Sequence[float]] = []
+    for point in _pair("distance:P,Q", text):
+        link, position = mechanism.points.get(point, ("", ()))
+        if link == GROUND:
+            frame.append(position)
+        else:
+            columns += quantity(f"{point}.xyz", mechanism).columns
+    if not columns:
+        raise InputError(f"distance:{text} is constant: both are points of the frame; name one that moves")
+
+    def distance(values: Sequence[Array]) -> Array:
+        others = values[3:] if len(values) > 3 else frame[0]
+        return _length([a - b for a, b in zip(values[:3], others, strict=True)])
+
+    return columns, distance, "m"
 
 
 def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
@@ -502,6 +524,27 @@ KINDS = {
         QuantityKind("expression", word="expr", derive=_expression),
     )
 }
+
+
+def quantity_names(text: str) -> tuple[str, ...]:
+    """Return names of quantities written with commas between; commas within names and brackets stay.
+
+    Example:
+        >>> quantity_names("rocker,distance:A,B,expr:atan2(B.y, B.x)")
+        ('rocker', 'distance:A,B', 'expr:atan2(B.y, B.x)')
+    """
+    pairs = "|".join(row.word for row in KINDS.values() if row.pair)
+    names: list[str] = []
+    for piece in text.split(","):
+        open_name = names and (
+            names[-1].count("(") > names[-1].count(")")
+            or re.search(rf"(?<![\w.])(?:{pairs}):[^\W\d][\w.]*$", names[-1])
+        )
+        if open_name:
+            names[-1] += f",{piece}"
+        else:
+            names.append(piece)
+    return tuple(names)
 
 
 def unwrapped(angles: Array) -> Array:

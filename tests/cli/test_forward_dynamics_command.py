@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from mechsim import cli
+from mechsim import cli, files
 
 
 @pytest.fixture
@@ -86,7 +86,14 @@ def test_a_frequency_response_is_tabulated(facts):
         (["--initial", "foo.q=1"], "initial value 'foo.q' is not J.q or J.v"),
         (["--initial", "crank.q=1kg"], "kg"),
         (["--until", "B.x"], "event 'B.x' is not QUANTITY=VALUE"),
-        (["--response", "crank"], "--response is 'crank'; give LOAD:QUANTITY"),
+        (["--until", "distance:A,B=1kg"], "kg"),
+        (["--until", "force:A=1"], "needs accelerations or forces"),
+        (["--until", "expr:A.x*B.y=1mm"], "give a number in m2"),
+        (["--of", "force:A", "--until", "crank.q=0", "--method", "none"], "needs forces in joints"),
+        (["--of", "crank", "--modes"], "--of is of a run"),
+        (["--response", "crank.v:B.x", "--initial", "crank.q=-95deg"], "is no displacement"),
+        (["--response", "crank:speed:B", "--initial", "crank.q=-95deg"], "has no linear response"),
+        (["--response", "crank"], "response is 'crank'; give LOAD:QUANTITY"),
         (["--modes", "--initial", "rocker.q=9"], "do not close at the initial values"),
     ],
 )
@@ -95,3 +102,56 @@ def test_bad_input_ends_in_one_sentence(words, message, command):
     assert code == 2
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_distances_angles_and_expressions_are_quantities_of_a_run(tmp_path, facts):
+    table = tmp_path / "run.csv"
+    names = "distance:A,B,angle:crank,rocker,expr:A.x/B.y,crank.a"
+    code, run = facts("--initial", "crank.q=30deg", "--duration", "0.1s", "--of", names, "--csv", str(table))
+    assert code == 0
+    quantities = run["quantities"]
+    assert [*quantities] == ["distance:A,B", "angle:crank,rocker", "expr:A.x/B.y", "crank.a"]
+    assert quantities["distance:A,B"]["largest"] == pytest.approx(0.091, abs=1e-15)
+    assert quantities["crank.a"]["unit"] == "rad/s2"
+    columns = files.read(str(table))
+    assert columns["expr:A.x/B.y"] == pytest.approx(columns["A.x"] / columns["B.y"])
+    assert {"kinetic", "potential", "work", "lost"} <= columns.keys()
+
+
+def test_a_run_ends_where_an_angle_between_links_takes_a_value(facts):
+    words = ["--initial", "crank.q=30deg", "--until", "angle:crank,rocker=170deg", "--method", "none"]
+    code, run = facts(*words, "--of", "angle:crank,rocker")
+    assert code == 0
+    assert run["outcome"] == "done"
+    assert run["quantities"]["angle:crank,rocker"]["final"] == pytest.approx(np.deg2rad(170.0), abs=1e-10)
+
+
+def test_an_angle_that_jumps_by_a_revolution_ends_no_run(facts):
+    words = ["--initial", "crank.q=30deg", "--duration", "0.3s", "--method", "none"]
+    # the angle grows from 62 to 353 degrees: as an angle between -180 and 180 it jumps on the way
+    code, run = facts(*words, "--until", "angle:crank,rocker=10deg")
+    assert code == 1
+    assert run["outcome"] == "time over"
+
+
+def test_velocities_respond_with_the_frequency_times_displacements(facts):
+    found = [
+        facts("--response", f"crank:{of}", "--initial", "crank.q=-95deg")[1] for of in ("B.x", "B.vx", "B.ax")
+    ]
+    frequency, displacement, velocity, acceleration = (
+        np.array(found[i]["response"][name])
+        for i, name in ((0, "frequency"), (0, "magnitude"), (1, "magnitude"), (2, "magnitude"))
+    )
+    np.testing.assert_allclose(velocity, 2.0 * np.pi * frequency * displacement, rtol=1e-9)
+    np.testing.assert_allclose(acceleration, (2.0 * np.pi * frequency) ** 2 * displacement, rtol=1e-9)
+    assert found[0]["unit"] == "m/(N m)"
+
+
+def test_runs_modes_and_responses_are_drawn(tmp_path, command):
+    for i, words in enumerate((["--until", "crank.q=-20deg"], ["--modes"], ["--response", "crank:B.x"])):
+        picture = tmp_path / f"{i}.png"
+        code, _, error = command(
+            *words, "--initial", "crank.q=-95deg", "--method", "none", "--plot", str(picture)
+        )
+        assert (code, error) == (1 if i == 0 else 0, "")
+        assert picture.stat().st_size > 10_000

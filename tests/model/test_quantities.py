@@ -1,5 +1,7 @@
 """Names of quantities: one grammar, understood by sweep, sensitivity, fit, optimise and validate."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from mechsim.model.quantities import (
     effort_units,
     numeric_quantity,
     quantity,
+    quantity_names,
     record_columns,
     scalar_quantities,
 )
@@ -143,6 +146,29 @@ def test_a_vector_stands_for_its_components():
 def test_what_is_no_quantity_is_rejected(name, message):
     with pytest.raises(InputError, match=message):
         quantity(name, catalog.make("four_bar").mechanism)
+
+
+def test_commas_in_names_and_brackets_do_not_part_names():
+    text = "rocker,distance:A,B,expr:atan2(B.y, B.x)*angle:crank,rocker,P3.x"
+    names = ("rocker", "distance:A,B", "expr:atan2(B.y, B.x)*angle:crank,rocker", "P3.x")
+    assert quantity_names(text) == names
+
+
+def test_a_distance_from_a_point_of_the_frame_is_a_quantity_and_its_place_is_none():
+    form = catalog.make("four_bar")
+    points = {**form.mechanism.points, "O": ("ground", (0.0, 0.0, 0.0)), "O4": ("ground", (0.1, 0.0, 0.0))}
+    mechanism = replace(form.mechanism, points=points)
+    motion = form.solve(ANGLES)
+    for name in ("distance:A,O", "distance:O,A"):
+        length = quantity(name, mechanism)
+        assert length.number(record_columns(motion, [length])) == pytest.approx(0.032, abs=1e-15)
+    for name, message in {
+        "O.x": "is a point of the frame",
+        "speed:O": "is a point of the frame",
+        "distance:O,O4": "is constant",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            quantity(name, mechanism)
 
 
 def test_units_follow_through_an_expression():

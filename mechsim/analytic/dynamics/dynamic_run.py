@@ -1,6 +1,6 @@
 """Runs of forward dynamics: `run` integrates a mechanism from an initial state and returns its motion."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,14 +16,11 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.dynamics.forward_dynamics import Integration, StateLayout, Trajectory, stops_of
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
-from mechsim.analytic.loops.kinematics import Coordinates, twists
-from mechsim.analytic.loops.record import point_on, tree_joint_motions
-from mechsim.analytic.vector_method.rotations import cross
+from mechsim.analytic.dynamics.state_quantities import motion_of, parse_event, stacked
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
-from mechsim.model.links import GROUND
-from mechsim.model.motion import LinkMotion, Motion, short_repr
+from mechsim.model.motion import Motion, short_repr
 from mechsim.numerics.arrays import Array
 
 # relative error of a step: at 1e-12 and larger, steps with an accidentally vanishing estimate are too long
@@ -69,6 +66,12 @@ class DynamicRun:
         assert self.motion.time is not None
         return self.motion.time
 
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the motion's columns, and kinetic, potential, work and lost in [J]."""
+        yield from self.motion.columns()
+        for name in ("kinetic", "potential", "work", "lost"):
+            yield name, getattr(self, name)
+
     @property
     def energy_error(self) -> float:
         """Largest error of the energy balance, corrections included, relative to the energy exchanged."""
@@ -101,7 +104,8 @@ def run(
         initial: coordinates `J.q` and rates `J.v` at the start in SI, or text with a unit, as
             {"crank.q": "10deg"}; what is left out starts where assembly puts it, at rest.
         duration: longest time in [s], or text.
-        until: an event that ends the run, as "P.y=0" or "J.q=90deg"; either direction of crossing counts.
+        until: an event that ends the run, as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm"; either direction
+            of crossing counts.
         samples: instants after the first at which the result is evaluated.
         tolerance: relative error of an integration step.
         restitution: of the stops of joints with a range: rate after an impact over that before, 0 to 1.
@@ -131,8 +135,8 @@ def run(
         raise InputError(f"tolerance of a step is {tolerance}; give 1e-14 to 1e-2")
     names = {*values.coordinates, *values.rates, *getattr(model.drive, "ranges", {})}
     event = None if until is None else parse_event(model.mechanism, until)
-    if event is not None and event.joint:
-        names.add(event.name)
+    if event is not None:
+        names.update(event.quantity.subjects("joint"))
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0))
     q, rates = initial_state(equations, values)
     stops = stops_of(equations, getattr(model.drive, "ranges", {}))
@@ -161,17 +165,13 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
         states.append(state)
         results.append(dynamics)
         energies.append((work, lost))
-    q = Coordinates(
-        np.concatenate([state.q.values for state in states], 1),
-        np.concatenate([state.q.turns for state in states], -1),
-    )
-    rates = np.concatenate([state.rates for state in states], 1)
+    whole = equations.kinematics(*stacked(states))
     accelerations = np.concatenate([dynamics.acceleration for dynamics in results], 1)
     kinetic = np.concatenate([dynamics.kinetic for dynamics in results])
     potential = np.concatenate([dynamics.potential for dynamics in results])
     work, lost = np.array(energies).T
     return DynamicRun(
-        motion=motion_of(equations, equations.kinematics(q, rates), accelerations, times),
+        motion=motion_of(equations, whole, accelerations, times),
         kinetic=kinetic,
         potential=potential,
         work=work,
@@ -181,97 +181,6 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
         events=trajectory.events,
         steps=trajectory.steps,
         drift=trajectory.drift,
-    )
-
-
-def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Array, times: Array) -> Motion:
-    """Return the motion of links, joints and points at n states and their accelerations, (count, n)."""
-    tree, mechanism = equations.loops.tree, equations.model.mechanism
-    scale = equations.loops.units[:, None]
-    spatial = state.bias + twists(tree, state.poses, accelerations * scale)
-    links: dict[str, LinkMotion] = {}
-    for name, i in tree.links.items():
-        origin, (linear, angular) = state.poses.position[i].T, np.split(state.twist[i].T, 2, 1)
-        linear_second, angular_second = np.split(spatial[i].T, 2, 1)
-        velocity = linear + cross(angular, origin)
-        acceleration = linear_second + cross(angular_second, origin) + cross(angular, velocity)
-        rotation = state.poses.rotation[i].transpose(2, 0, 1)
-        links[name] = LinkMotion(origin, rotation, velocity, angular, acceleration, angular_second)
-    values = state.q.values, state.rates * scale, accelerations * scale
-    joints = tree_joint_motions(tree, mechanism.joints, links, values)
-    first = joints[mechanism.drivers[0]] if mechanism.drivers else next(iter(joints.values()))
-    return Motion(
-        source="loop equations",
-        angle=first.value,
-        speed=first.rate,
-        acceleration=first.acceleration,
-        points={
-            point: point_on(links[link], local)
-            for point, (link, local) in mechanism.points.items()
-            if link != GROUND
-        },
-        links=links,
-        joints=joints,
-        time=times,
-        drivers=mechanism.drivers,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """An event: a joint's coordinate or a point's component takes a value.
-
-    Attributes:
-        name: of the joint coordinate, or of the point.
-        joint: whether it is a joint.
-        component: "q" or "v" of a joint; "x", "y", "z", "vx", "vy" or "vz" of a point.
-        value: in SI.
-    """
-
-    name: str
-    joint: bool
-    component: str
-    value: float
-
-    def function(self, equations: EquationsOfMotion, state: Kinematics) -> float:
-        """Return the quantity less its value at one state."""
-        tree = equations.loops.tree
-        if self.joint:
-            index = tree.index_of[self.name]
-            values = state.q.values if self.component == "q" else state.rates * equations.loops.units[:, None]
-            return float(values[index, 0]) - self.value
-        link, local = equations.model.mechanism.points[self.name]
-        i, axis = tree.index[link], "xyz".index(self.component[-1])
-        point = state.poses.position[i, :, 0] + state.poses.rotation[i, :, :, 0] @ np.asarray(local)
-        if self.component[0] != "v":
-            return float(point[axis]) - self.value
-        velocity = state.twist[i, :3, 0] + cross(state.twist[i, 3:, 0], point)
-        return float(velocity[axis]) - self.value
-
-
-def parse_event(mechanism: Any, text: str) -> Event:
-    """Return the event that a text as "P.y=0" or "J.q=90deg" describes.
-
-    Raises:
-        InputError: for other text, or a name that the mechanism does not have.
-    """
-    quantity, sign, value = text.partition("=")
-    name, _, component = quantity.strip().rpartition(".")
-    coordinates = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
-    joint = name in coordinates and component in ("q", "v")
-    point = name in mechanism.points and component in ("x", "y", "z", "vx", "vy", "vz")
-    if not sign or not (joint or point):
-        raise InputError(
-            f"event {text!r} is not QUANTITY=VALUE; give J.q or J.v of a joint ({', '.join(coordinates)}) or "
-            f"P.x or P.vx of a point ({', '.join(mechanism.points)}), as in {coordinates[0]}.q=90deg"
-        )
-    if point and mechanism.points[name][0] == GROUND:
-        raise InputError(f"event {text!r} names a point of the frame, which does not move")
-    unit = "m" if point else mechanism.unit(name)
-    if "v" in component:
-        unit += "/s"
-    return Event(
-        name, joint, component, float(units.parse(value.strip(), unit, f"value of {quantity.strip()}"))
     )
 
 

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.dynamic_run import initial_values, parse_event
+from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.initial_state import initial_state, projected
 from mechsim.analytic.dynamics.linearization import (
     LinearModel,
     Mode,
-    Quantity,
     displaced,
     linear_model,
     null_space,
 )
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
+from mechsim.analytic.dynamics.state_quantities import change_from, displacement_of, load_displacement
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.errors import AssemblyError, InputError
@@ -153,29 +153,30 @@ def response(
 
     Args:
         source: a mechanism, or what has one.
-        load: where the load acts: a joint coordinate "J" (torque or force in the joint) or a component
-            "P.x" of a point (force on it in that direction).
-        output: the quantity that responds, named likewise.
+        load: the displacement on which the load does work: a joint coordinate "J" (torque or force in the
+            joint), a component "P.x" of a point (force on it in that direction), or "distance:P,Q" (forces
+            that push both points apart).
+        output: the quantity that responds: a displacement, its velocity or its acceleration, as P.x or J.v.
         frequencies: (n,) in [Hz].
         forces: what acts besides; None takes the forces of the source.
         initial: coordinates `J.q` near the equilibrium.
 
     Returns:
-        Output in [m] or [rad] per [N] or [N m].
+        Output in SI per [N] or [N m].
 
     Raises:
         InputError: for a name that the mechanism does not have.
         AssemblyError: where Newton's method finds no equilibrium.
     """
     linear = nearest_equilibrium(source, forces, initial=initial).linear
-    mechanism = linear.equations.model.mechanism
-    coordinates = [name for joint in mechanism.joints for name in joint.coordinates]
-
-    def quantity(name: str) -> Quantity:
-        event = parse_event(mechanism, f"{name}.q=0" if name in coordinates else f"{name}=0")
-        return lambda state: event.function(linear.equations, state)
-
-    return linear.response(quantity(load), quantity(output), frequencies)
+    equations = linear.equations
+    mechanism = equations.model.mechanism
+    displacement = load_displacement(load, mechanism)
+    quantity, order = displacement_of(output, mechanism)
+    at_rest = equations.kinematics(linear.q, np.zeros((equations.loops.tree.count, 1)))
+    functions = [change_from(equations, at_rest, of) for of in (displacement, quantity)]
+    frequencies = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
+    return (2j * np.pi * frequencies) ** order * linear.response(*functions, frequencies)
 
 
 def holding(

@@ -33,6 +33,7 @@ from mechsim.pictures.plots.sensitivity import (
     sensitivity_plot,
     tolerance_plot,
 )
+from mechsim.pictures.plots.vibration import bode_plot, history_plot, mode_plot, phase_plot
 
 __all__ = [
     "COLOURS",
@@ -45,6 +46,7 @@ __all__ = [
     "ToleranceSheet",
     "assembly_plot",
     "blank",
+    "bode_plot",
     "coupler_curve",
     "decades",
     "drawn",
@@ -53,7 +55,10 @@ __all__ = [
     "error_plot",
     "format_of",
     "free_plot",
+    "history_plot",
+    "mode_plot",
     "motion_plot",
+    "phase_plot",
     "reaction_plot",
     "schematic_plot",
     "sensitivity_plot",

@@ -1,0 +1,84 @@
+"""Motions along mode shapes, to be drawn: a vibration of visible amplitude about an equilibrium."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.analytic.dynamics.linearization import LinearModel, Mode, displaced
+from mechsim.analytic.dynamics.state_quantities import motion_of, stacked
+from mechsim.analytic.dynamics.statics import Equilibrium
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.motion import Motion
+from mechsim.numerics.angles import REVOLUTION
+
+# largest displacement of a coordinate, in [rad] or sizes of the mechanism; halved while loops do not close
+AMPLITUDE, HALVINGS = 0.25, 6
+# [s] for one cycle of a mode that does not oscillate
+STILL_PERIOD = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ModeMotion:
+    """One cycle along a mode shape.
+
+    Attributes:
+        title: number, frequency and damping ratio in words.
+        period: of the cycle in [s].
+        motion: from the largest displacement to the next, without damping; closed at every instant.
+    """
+
+    title: str
+    period: float
+    motion: Motion
+
+
+def mode_motion(equilibrium: Equilibrium, number: int, samples: int = 72) -> ModeMotion:
+    """Return a cycle along a mode shape, its amplitude large enough to be seen.
+
+    Args:
+        equilibrium: with its modes.
+        number: of the mode, from 1.
+        samples: intervals of the cycle.
+
+    Raises:
+        InputError: where there is no such mode.
+        AssemblyError: where the loops close at no visible amplitude.
+    """
+    count = len(equilibrium.modes)
+    if not 1 <= number <= count:
+        raise InputError(f"there is no mode {number}; this equilibrium has modes 1 to {count}")
+    mode, linear = equilibrium.modes[number - 1], equilibrium.linear
+    period = 1.0 / mode.frequency if mode.frequency > 0.0 else STILL_PERIOD
+    amplitude = AMPLITUDE
+    for halving in range(HALVINGS + 1):
+        try:
+            motion = _cycle(linear, mode, amplitude, period, samples)
+            break
+        except AssemblyError:
+            if halving == HALVINGS:
+                raise
+            amplitude *= 0.5
+    damping = f"{mode.damping_ratio:.3g}"
+    return ModeMotion(f"mode {number}: {mode.frequency:.4g} Hz, damping ratio {damping}", period, motion)
+
+
+def mode_motions(equilibrium: Equilibrium, samples: int = 72) -> list[ModeMotion]:
+    """Return a cycle along each mode shape; see `mode_motion`."""
+    return [mode_motion(equilibrium, number, samples) for number in range(1, len(equilibrium.modes) + 1)]
+
+
+def _cycle(linear: LinearModel, mode: Mode, amplitude: float, period: float, samples: int) -> Motion:
+    """Return the closed configurations along a mode shape over one period."""
+    equations, loops = linear.equations, linear.equations.loops
+    names = {i: name for name, i in loops.tree.index_of.items()}
+    shape = np.array([mode.shape[names[i]] / loops.units[i] for i in equations.free])
+    independent = amplitude * (linear.basis.T @ shape)
+    times = np.linspace(0.0, period, samples + 1)
+    turn = np.exp(1j * REVOLUTION * times / period)
+    rate = 1j * REVOLUTION / period
+    states = [
+        displaced(equations, linear.q, linear.basis, (independent * z).real, (rate * independent * z).real)
+        for z in turn
+    ]
+    whole = equations.kinematics(*stacked(states))
+    return motion_of(equations, whole, np.zeros_like(whole.rates), times)

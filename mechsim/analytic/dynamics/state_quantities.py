@@ -1,0 +1,164 @@
+"""Quantities of a state by their names, as P.x, J.v or distance:P,Q: events and outputs of responses."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from mechsim import units
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.analytic.loops.kinematics import Coordinates, twists
+from mechsim.analytic.loops.record import point_on, tree_joint_motions
+from mechsim.analytic.vector_method.rotations import cross, wrap
+from mechsim.errors import InputError
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import LinkMotion, Motion
+from mechsim.model.quantities import Quantity, numeric_quantity, quantity, record_columns
+from mechsim.numerics.arrays import Array
+
+
+def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Array, times: Array) -> Motion:
+    """Return the motion of links, joints and points at n states and their accelerations, (count, n)."""
+    tree, mechanism = equations.loops.tree, equations.model.mechanism
+    scale = equations.loops.units[:, None]
+    spatial = state.bias + twists(tree, state.poses, accelerations * scale)
+    links: dict[str, LinkMotion] = {}
+    for name, i in tree.links.items():
+        origin, (linear, angular) = state.poses.position[i].T, np.split(state.twist[i].T, 2, 1)
+        linear_second, angular_second = np.split(spatial[i].T, 2, 1)
+        velocity = linear + cross(angular, origin)
+        acceleration = linear_second + cross(angular_second, origin) + cross(angular, velocity)
+        rotation = state.poses.rotation[i].transpose(2, 0, 1)
+        links[name] = LinkMotion(origin, rotation, velocity, angular, acceleration, angular_second)
+    values = state.q.values, state.rates * scale, accelerations * scale
+    joints = tree_joint_motions(tree, mechanism.joints, links, values)
+    first = joints[mechanism.drivers[0]] if mechanism.drivers else next(iter(joints.values()))
+    return Motion(
+        source="loop equations",
+        angle=first.value,
+        speed=first.rate,
+        acceleration=first.acceleration,
+        points={
+            point: point_on(links[link], local)
+            for point, (link, local) in mechanism.points.items()
+            if link != GROUND
+        },
+        links=links,
+        joints=joints,
+        time=times,
+        drivers=mechanism.drivers,
+    )
+
+
+def stacked(states: Sequence[Kinematics]) -> tuple[Coordinates, Array]:
+    """Return coordinates and rates of several states together, (count, n)."""
+    q = Coordinates(
+        np.concatenate([state.q.values for state in states], 1),
+        np.concatenate([state.q.turns for state in states], -1),
+    )
+    return q, np.concatenate([state.rates for state in states], 1)
+
+
+def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
+    """Return the quantity of a name, a number that follows from configuration and velocities.
+
+    Raises:
+        InputError: for another name, or a quantity that needs accelerations or forces.
+    """
+    result = numeric_quantity(name, mechanism)
+    if result.order > 1 or result.uses("force", "formula"):
+        raise InputError(
+            f"{name} of {mechanism.name} needs accelerations or forces; give a quantity of positions and "
+            "velocities, as J.q, P.vx or distance:P,Q"
+        )
+    return result
+
+
+def value_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematics) -> float:
+    """Return a quantity at one state."""
+    motion = motion_of(equations, state, np.zeros_like(state.rates), np.zeros(1))
+    return float(quantity.number(record_columns(motion, [quantity]))[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An event: a quantity takes a value in SI."""
+
+    quantity: Quantity
+    value: float
+
+    def function(self, equations: EquationsOfMotion, state: Kinematics) -> float:
+        """Return the quantity less its value at one state; not a number where an angle is opposite to it."""
+        difference = value_at(equations, self.quantity, state) - self.value
+        if self.quantity.kind != "angle":
+            return difference
+        # whole revolutions of an angle between links do not count, and its jump by one is no crossing
+        difference = float(wrap(difference))
+        return difference if abs(difference) < 0.5 * np.pi else np.nan
+
+
+def parse_event(mechanism: Mechanism, text: str) -> Event:
+    """Return the event that a text as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm" describes.
+
+    Raises:
+        InputError: for other text, or a name that the mechanism does not have.
+    """
+    name, sign, value = text.rpartition("=")
+    if not sign:
+        raise InputError(f"event {text!r} is not QUANTITY=VALUE; write it as P.y=0 or J.q=90deg")
+    quantity = state_quantity(name.strip(), mechanism)
+    return Event(quantity, _event_value(value.strip(), quantity))
+
+
+def _event_value(text: str, quantity: Quantity) -> float:
+    """Return a value in SI; units of expressions, as m2, are not read."""
+    if quantity.unit in get_args(units.Unit):
+        return units.parse(text, quantity.unit, f"value of {quantity.name}")  # pyright: ignore[reportArgumentType]
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"value of {quantity.name} is {text!r}; give a number in {quantity.unit}") from None
+
+
+def load_displacement(name: str, mechanism: Mechanism) -> Quantity:
+    """Return the displacement on which a unit load in [N] or [N m] does work.
+
+    Raises:
+        InputError: for a name of no displacement.
+    """
+    result = state_quantity(name, mechanism)
+    if result.order or result.unit not in ("m", "rad"):
+        raise InputError(f"{name} is no displacement on which a load does work; give J, P.x or distance:P,Q")
+    return result
+
+
+def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
+    """Return the quantity of positions whose derivative by time a name is, and the order of the derivative.
+
+    Raises:
+        InputError: for a name of forces, or of velocities of which no displacement is the integral.
+    """
+    result = numeric_quantity(name, mechanism)
+    if not result.order:
+        return state_quantity(name, mechanism), 0
+    if result.function is not None or len(result.columns) > 1:
+        raise InputError(f"{name} has no linear response; give a component, as P.vx or J.v")
+    column = result.columns[0]
+    if column.source == "point":
+        return quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
+    return quantity(column.subject, mechanism, scalar=True), result.order
+
+
+def change_from(
+    equations: EquationsOfMotion, state: Kinematics, of: Quantity
+) -> Callable[[Kinematics], float]:
+    """Return how a quantity of other states differs from that of one; of angles without revolutions."""
+    start = value_at(equations, of, state)
+
+    def change(other: Kinematics) -> float:
+        difference = value_at(equations, of, other) - start
+        return float(wrap(np.float64(difference))) if of.angle else difference
+
+    return change

@@ -1,0 +1,214 @@
+"""Plots of runs from an initial state and of vibrations: histories, phase portrait, Bode diagram, modes."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.model.link_poses import moved_links
+from mechsim.model.links import GROUND, IDENTITY
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.numerics.arrays import Array
+from mechsim.pictures.number_text import readable
+from mechsim.pictures.plots.figure import (
+    COLOURS,
+    LEGEND_RIGHT,
+    STYLES,
+    blank,
+    decades,
+    flattened,
+    label_of,
+    round_numbers,
+    styled,
+)
+from mechsim.shapes.body import edges, stations
+from mechsim.shapes.camera import directions
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+REST = "#9aa3ad"
+# modes in a row of a sheet
+ACROSS = 3
+
+
+class Released(Protocol):
+    """A run from an initial state."""
+
+    @property
+    def motion(self) -> Motion:
+        """Of points, links and joints."""
+        ...
+
+    @property
+    def kinetic(self) -> Array:
+        """Kinetic energy, (n,) in [J]."""
+        ...
+
+    @property
+    def potential(self) -> Array:
+        """Of gravity and springs, (n,) in [J]."""
+        ...
+
+    @property
+    def work(self) -> Array:
+        """Done by motor and loads, (n,) in [J]."""
+        ...
+
+    @property
+    def lost(self) -> Array:
+        """In friction, dampers and impacts, (n,) in [J]."""
+        ...
+
+
+@styled()
+def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -> "Figure":
+    """Draw the coordinates of joints, other quantities and the energies of a run over time.
+
+    Args:
+        run: from an initial state.
+        quantities: label with unit -> values, (n,) in SI; each has axes of its own.
+    """
+    motion, more = run.motion, dict(quantities or {})
+    time = _time(motion)
+    units = sorted({joint.unit for joint in motion.joints.values()}, reverse=True)
+    figure, axes = blank(
+        len(units) + len(more) + 1, 1, (6.4, 1.9 * (len(units) + len(more) + 1)), sharex=True
+    )
+    for ax, unit in zip(axes[: len(units), 0], units, strict=True):
+        _coordinates(ax, time, motion, unit)
+    for i, (ax, (label, values)) in enumerate(zip(axes[len(units) : -1, 0], more.items(), strict=True)):
+        ax.plot(time, values, color=COLOURS[i % 6])
+        ax.set_ylabel(label_of(label))
+    _energies(axes[-1, 0], time, run)
+    axes[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+def _time(motion: Motion) -> Array:
+    assert motion.time is not None
+    return motion.time
+
+
+def _coordinates(ax: "Axes", time: Array, motion: Motion, unit: str) -> None:
+    """Draw the coordinates of joints with one unit."""
+    joints = {name: joint for name, joint in motion.joints.items() if joint.unit == unit}
+    curves: dict[str, Array] = {}
+    for name, joint in joints.items():
+        values = joint.value.reshape(len(time), -1)
+        for k in range(values.shape[1]):
+            curves[f"{name}.q{k if values.shape[1] > 1 else ''}"] = values[:, k]
+    factor, text = (np.pi / 180.0, "°") if unit == "rad" else readable(np.stack([*curves.values()]), unit)
+    for i, (name, values) in enumerate(curves.items()):
+        style = STYLES[i // 6 % 3]
+        ax.plot(time, values / factor, color=COLOURS[i % 6], ls=style, label=label_of(name))
+    ax.set_ylabel(f"{'angle' if unit == 'rad' else 'displacement'} [{text}]")
+    scale = max(float(np.abs(values).max(initial=0.0)) for values in curves.values())
+    flattened(ax, scale / factor, text)
+    ax.legend(**LEGEND_RIGHT)
+
+
+def _energies(ax: "Axes", time: Array, run: Released) -> None:
+    energies = {
+        "kinetic": run.kinetic,
+        "potential": run.potential - run.potential[0],
+        "work of motor and loads": run.work,
+        "lost": run.lost,
+    }
+    factor, unit = readable(np.concatenate(list(energies.values())), "J")
+    for i, (label, values) in enumerate(energies.items()):
+        ax.plot(time, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=label)
+    ax.set_ylabel(f"energy [{unit}]")
+    ax.legend(**LEGEND_RIGHT)
+
+
+@styled()
+def phase_plot(motion: Motion, names: Sequence[str] | None = None) -> "Figure":
+    """Draw the rate of joint coordinates over their value; a dot marks the start.
+
+    Args:
+        motion: of a run.
+        names: joints; None takes the drivers, or the first joint where there are none.
+    """
+    chosen = tuple(names or motion.drivers or [*motion.joints][:1])
+    for name in chosen:
+        if name not in motion.joints or motion.joints[name].value.ndim > 1:
+            known = ", ".join(name for name, joint in motion.joints.items() if joint.value.ndim == 1)
+            raise InputError(f"no joint {name!r} with one coordinate for a phase portrait; known are {known}")
+    figure, axes = blank(1, len(chosen), (3.6 * len(chosen), 3.2))
+    for ax, name in zip(axes[0], chosen, strict=True):
+        joint = motion.joints[name]
+        factor, unit = (np.pi / 180.0, "°") if joint.unit == "rad" else readable(joint.value, joint.unit)
+        ax.plot(joint.value / factor, joint.rate, color=COLOURS[0])
+        ax.plot(joint.value[0] / factor, joint.rate[0], "o", ms=4, color=COLOURS[1])
+        ax.set_xlabel(label_of(f"{name}.q [{unit}]"))
+        ax.set_ylabel(label_of(f"{name}.v [{joint.unit}/s]"))
+    return figure
+
+
+@styled()
+def bode_plot(response: Mapping[str, Array], label: str) -> "Figure":
+    """Draw magnitude and phase of a frequency response.
+
+    Args:
+        response: "frequency" in [Hz], "magnitude", "phase" in [rad], (n,) each.
+        label: of the magnitude, with its unit.
+    """
+    figure, axes = blank(2, 1, (5.6, 4.4), sharex=True)
+    frequency = response["frequency"]
+    axes[0, 0].loglog(frequency, response["magnitude"], color=COLOURS[0])
+    axes[0, 0].set_ylabel(label_of(label))
+    decades(axes[0, 0].yaxis)
+    axes[1, 0].semilogx(frequency, np.rad2deg(response["phase"]), color=COLOURS[1])
+    axes[1, 0].set_ylabel("phase [°]")
+    axes[1, 0].set_xlabel("frequency [Hz]")
+    round_numbers(axes[1, 0].xaxis)
+    return figure
+
+
+@styled()
+def mode_plot(mechanism: Mechanism, modes: Mapping[str, Motion]) -> "Figure":
+    """Draw the mechanism at rest in grey, and at both ends of each mode's vibration.
+
+    Args:
+        mechanism: whose.
+        modes: title -> one cycle along the mode shape.
+
+    Raises:
+        InputError: where there is no mode.
+    """
+    if not modes:
+        raise InputError(f"{mechanism.name} has no mode to draw: nothing of it can move")
+    across, down = min(len(modes), ACROSS), -(-len(modes) // ACROSS)
+    figure, axes = blank(down, across, (3.4 * across, 3.0 * down))
+    back, up = directions(mechanism, "iso")
+    view = np.column_stack([np.cross(up, back), up])
+    for ax, (title, motion) in zip(axes.flat, modes.items(), strict=False):
+        half = (len(motion) - 1) // 2
+        _frame(ax, mechanism, motion, half // 2, view, REST, "-")
+        for i, frame in enumerate((0, half)):
+            _frame(ax, mechanism, motion, frame, view, COLOURS[i], STYLES[i])
+        for point in motion.points.values():
+            ax.plot(*(point.position @ view).T, color=COLOURS[2], lw=1.0)
+        ax.set_title(label_of(title), fontsize=8.0)
+        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_axis_off()
+    for ax in axes.flat[len(modes) :]:
+        ax.set_axis_off()
+    return figure
+
+
+def _frame(
+    ax: "Axes", mechanism: Mechanism, motion: Motion, frame: int, view: Array, colour: str, style: str
+) -> None:
+    """Draw the links as lines at one instant."""
+    poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
+    for link in mechanism.links:
+        pose = poses[link.name]
+        pose = pose if pose.position.ndim == 1 else pose.select(frame)
+        corners = [pose.point(tuple(point)) @ view for point in stations(mechanism, link.name)]
+        for a, b in edges([np.append(corner, 0.0) for corner in corners]):
+            ax.plot(*np.array([a[:2], b[:2]]).T, color=colour, ls=style, lw=1.6, solid_capstyle="round")
