@@ -20,7 +20,7 @@ from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.mode_motion import mode_motions
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
-from mechsim.cli.forward_results import EquilibriumJson, ModeJson, QuantityJson
+from mechsim.cli.forward_results import EquilibriumJson, Extent, ModeJson, QuantityJson
 from mechsim.cli.initial_options import InitialOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.verdict_text import print_verdicts
@@ -167,13 +167,14 @@ def _run(
             f"energy balance to {result.energy_error:.1e}, work {number(result.work[-1])} J, lost "
             f"{number(result.lost[-1])} J, {result.steps} steps"
         )
+        extents = {
+            name: QuantityJson(**_extent(joint.value), unit=joint.unit)
+            for name, joint in result.motion.joints.items()
+        }
+        ends = {name: float(joint.rate[-1]) for name, joint in result.motion.joints.items()}
         rows = [
-            (joint, *_extent(motion.value).values(), motion.unit, float(motion.rate[-1]))
-            for joint, motion in result.motion.joints.items()
-        ]
-        rows += [
-            (quantity, extent["least"], extent["largest"], extent["final"], extent["unit"], None)
-            for quantity, extent in quantities.items()
+            (name, extent["least"], extent["largest"], extent["final"], extent["unit"], ends.get(name))
+            for name, extent in [*extents.items(), *quantities.items()]
         ]
         head = ("quantity", "least", "largest", "at the end", "unit", "rate at the end")
         print_table("", head, rows)
@@ -186,12 +187,8 @@ def _run(
     return Result(data, text, passed)
 
 
-def _extent(values: Array) -> dict[str, float]:
-    return {
-        "least": float(values.min()),
-        "largest": float(values.max()),
-        "final": float(values[-1]),
-    }
+def _extent(values: Array) -> Extent:
+    return Extent(least=float(values.min()), largest=float(values.max()), final=float(values[-1]))
 
 
 def _final(result: DynamicRun) -> dict[str, float]:

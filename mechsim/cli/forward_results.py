@@ -7,12 +7,17 @@ from mechsim.model.finding import Outcome
 from mechsim.model.masses import LinkMass
 
 
-class QuantityJson(TypedDict):
-    """A quantity over a run."""
+class Extent(TypedDict):
+    """Least, largest and last value of a quantity over a run."""
 
     least: float
     largest: float
     final: float
+
+
+class QuantityJson(Extent):
+    """A quantity over a run."""
+
     unit: str
 
 
@@ -68,7 +73,7 @@ class ModesJson(EquilibriumJson):
     masses: list[LinkMass]
 
 
-class FrequencyResponse(TypedDict):
+class ResponseColumns(TypedDict):
     """Columns of a frequency response, over frequencies in [Hz]; phases in [rad]."""
 
     frequency: list[float]
@@ -84,7 +89,7 @@ class ResponseJson(TypedDict):
     load: str
     quantity: str
     unit: str
-    response: FrequencyResponse
+    response: ResponseColumns
 
 
 ForwardJson = ForwardRunJson | StaticsJson | ModesJson | ResponseJson

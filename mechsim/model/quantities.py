@@ -414,7 +414,7 @@ def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Functi
         raise InputError(f"distance:{text} is constant: both are points of the frame; name one that moves")
 
     def distance(values: Sequence[Array]) -> Array:
-        others = values[3:] if len(values) > 3 else frame[0]
+        others: Sequence[Any] = values[3:] if len(values) > 3 else frame[0]
         return _length([a - b for a, b in zip(values[:3], others, strict=True)])
 
     return columns, distance, "m"

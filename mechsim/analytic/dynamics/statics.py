@@ -174,9 +174,10 @@ def response(
     displacement = load_displacement(load, mechanism)
     quantity, order = displacement_of(output, mechanism)
     at_rest = equations.kinematics(linear.q, np.zeros((equations.loops.tree.count, 1)))
-    functions = [change_from(equations, at_rest, of) for of in (displacement, quantity)]
+    entry, reading = (change_from(equations, at_rest, of) for of in (displacement, quantity))
     frequencies = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
-    return (2j * np.pi * frequencies) ** order * linear.response(*functions, frequencies)
+    derivative: NDArray[np.complex128] = (2j * np.pi * frequencies) ** order
+    return derivative * linear.response(entry, reading, frequencies)
 
 
 def holding(

@@ -1,7 +1,7 @@
 """Plots of runs from an initial state and of vibrations: histories, phase portrait, Bode diagram, modes."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -202,7 +202,7 @@ def mode_plot(mechanism: Mechanism, modes: Mapping[str, Motion]) -> "Figure":
 
 
 def _frame(
-    ax: "Axes", mechanism: Mechanism, motion: Motion, frame: int, view: Array, colour: str, style: str
+    ax: "Axes", mechanism: Mechanism, motion: Motion, frame: int, view: Array, colour: Any, style: str
 ) -> None:
     """Draw the links as lines at one instant."""
     poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
