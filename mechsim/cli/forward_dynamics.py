@@ -61,7 +61,7 @@ class ForwardOptions(InitialOptions):
         "Frequency response from a unit load in joint J or on a point's P.x to a quantity.",
         metavar="LOAD:QUANTITY",
     )
-    of: tuple[str, ...] = option(
+    quantities: tuple[str, ...] = option(
         (),
         "More quantities of the run, as distance:P,Q, angle:LINK,LINK or expr:EXPRESSION.",
         read=quantity_names,
@@ -90,7 +90,7 @@ class Output:
 def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Output) -> Result[Any]:
     """Return a run from an initial state, equilibria, modes or a frequency response."""
     analysis = forward.statics or forward.modes or forward.response
-    if forward.of and analysis:
+    if forward.quantities and analysis:
         raise InputError("--of is of a run from an initial state; drop it, or --statics, --modes, --response")
     if output.csv is not None and (forward.statics or forward.modes):
         raise InputError("--csv holds a run or a response; take --json for --statics and --modes")
@@ -103,10 +103,10 @@ def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Outpu
         return _modes(model, initial, output.plot)
     if forward.response is not None:
         return _response(model, forward.response, initial, output)
-    quantities = tuple(numeric_quantity(name, model.mechanism) for name in forward.of)
+    quantities = tuple(numeric_quantity(name, model.mechanism) for name in forward.quantities)
     result = forward.run(model, output.duration, output.samples)
-    known = record_columns(result.motion, quantities) | dict(result.columns())
-    values = {quantity.name: _values(quantity, known) for quantity in quantities}
+    columns = record_columns(result.motion, quantities) | dict(result.columns())
+    values = {quantity.name: _values(quantity, columns) for quantity in quantities}
     if output.csv is not None:
         files.write_table(output.csv, dict(result.columns()) | values)
     if output.plot is not None:

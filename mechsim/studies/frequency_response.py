@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import DynamicModel, nearest_equilibrium, response
 from mechsim.errors import InputError
-from mechsim.model.quantities import quantity
+from mechsim.model.quantities import numeric_quantity
 from mechsim.numerics.arrays import Array
 
 # frequencies, from a tenth of the lowest to ten times the highest natural one
@@ -53,18 +53,17 @@ def frequency_response(
         InputError: for text of another form.
         AssemblyError: where no equilibrium is found.
     """
-    load, colon, of = text.partition(":")
+    load, colon, output = text.partition(":")
     if load in ("distance", "angle"):
         # the pair of names ends at the next colon
-        pair, colon, of = of.partition(":")
+        pair, colon, output = output.partition(":")
         load = f"{load}:{pair}"
-    if not (load and colon and of):
+    if not (load and colon and output):
         raise InputError(f"response is {text!r}; give LOAD:QUANTITY, as in crank:P.x")
     modes = nearest_equilibrium(model, initial=initial).modes
     natural = [mode.frequency for mode in modes if mode.frequency > 0.0] or [1.0]
     frequency = np.geomspace(BELOW * min(natural), ABOVE * max(natural), FREQUENCIES)
-    values = response(model, load, of, frequency, initial=initial)
-    names = (quantity(name, model.mechanism, scalar=True).unit for name in (load, of))
-    load_unit, unit = names
+    values = response(model, load, output, frequency, initial=initial)
+    load_unit, unit = (numeric_quantity(name, model.mechanism).unit for name in (load, output))
     effort = "N" if load_unit == "m" else "(N m)"
-    return FrequencyResponse(load, of, f"{unit}/{effort}", frequency, values)
+    return FrequencyResponse(load, output, f"{unit}/{effort}", frequency, values)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
-from mechsim.model.quantities import Quantity, numeric_quantity, quantity, record_columns
+from mechsim.model.quantities import Quantity, numeric_quantity, record_columns
 from mechsim.numerics.arrays import Array
 
 
@@ -95,7 +95,7 @@ class Event:
         if self.quantity.kind != "angle":
             return difference
         # whole revolutions of an angle between links do not count, and its jump by one is no crossing
-        difference = float(wrap(difference))
+        difference = float(wrap(np.array(difference)))
         return difference if abs(difference) < 0.5 * np.pi else np.nan
 
 
@@ -114,8 +114,9 @@ def parse_event(mechanism: Mechanism, text: str) -> Event:
 
 def _event_value(text: str, quantity: Quantity) -> float:
     """Return a value in SI; units of expressions, as m2, are not read."""
-    if quantity.unit in get_args(units.Unit):
-        return units.parse(text, quantity.unit, f"value of {quantity.name}")  # pyright: ignore[reportArgumentType]
+    unit: Any = quantity.unit
+    if unit in get_args(units.Unit):
+        return units.parse(text, unit, f"value of {quantity.name}")
     try:
         return float(text)
     except ValueError:
@@ -147,18 +148,18 @@ def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
         raise InputError(f"{name} has no linear response; give a component, as P.vx or J.v")
     column = result.columns[0]
     if column.source == "point":
-        return quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
-    return quantity(column.subject, mechanism, scalar=True), result.order
+        return numeric_quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
+    return numeric_quantity(column.subject, mechanism), result.order
 
 
 def change_from(
-    equations: EquationsOfMotion, state: Kinematics, of: Quantity
+    equations: EquationsOfMotion, state: Kinematics, quantity: Quantity
 ) -> Callable[[Kinematics], float]:
     """Return how a quantity of other states differs from that of one; of angles without revolutions."""
-    start = value_at(equations, of, state)
+    start = value_at(equations, quantity, state)
 
     def change(other: Kinematics) -> float:
-        difference = value_at(equations, of, other) - start
-        return float(wrap(np.float64(difference))) if of.angle else difference
+        difference = value_at(equations, quantity, other) - start
+        return float(wrap(np.array(difference))) if quantity.angle else difference
 
     return change

@@ -136,8 +136,8 @@ def phase_plot(motion: Motion, names: Sequence[str] | None = None) -> "Figure":
     chosen = tuple(names or motion.drivers or [*motion.joints][:1])
     for name in chosen:
         if name not in motion.joints or motion.joints[name].value.ndim > 1:
-            known = ", ".join(name for name, joint in motion.joints.items() if joint.value.ndim == 1)
-            raise InputError(f"no joint {name!r} with one coordinate for a phase portrait; known are {known}")
+            names = ", ".join(name for name, joint in motion.joints.items() if joint.value.ndim == 1)
+            raise InputError(f"no joint {name!r} with one coordinate for a phase portrait; known are {names}")
     figure, axes = blank(1, len(chosen), (3.6 * len(chosen), 3.2))
     for ax, name in zip(axes[0], chosen, strict=True):
         joint = motion.joints[name]
