@@ -44,7 +44,7 @@ def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
     path = folder / "finger.xml"
     path.write_text(text)
     form = load(str(path), drive=drive)
-    motion_laws = {} if form.motion_laws is None else form.motion_laws.by_name
+    motion_laws = form.motion_laws.by_name
     fed = control_laws(ctrl or {})
     return scene_of(form.source, form.mechanism, joint_laws=motion_laws, ctrl=fed, duration=duration)
 

@@ -34,8 +34,8 @@ class KinematicSolver(Protocol):
         ...
 
     @property
-    def motion_laws(self) -> MotionLaws | None:
-        """Motion laws of the drivers; None for a crank."""
+    def motion_laws(self) -> MotionLaws:
+        """Motion laws of the drivers; `CRANK` for a crank at any speed."""
         ...
 
     @property

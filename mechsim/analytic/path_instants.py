@@ -34,7 +34,7 @@ class PathInstants:
 
 def path_instants(
     mechanism: Mechanism,
-    motion_laws: MotionLaws | None,
+    motion_laws: MotionLaws,
     angles: ArrayLike | None,
     speed: ArrayLike | None,
     acceleration: ArrayLike,
@@ -44,7 +44,7 @@ def path_instants(
 
     Args:
         mechanism: what moves.
-        motion_laws: its motion laws; None where a crank is driven.
+        motion_laws: its motion laws.
         angles: crank angles, (n,) in [rad] or text; None where times are given.
         speed: crank speed in [rad/s] or text; None is 1 at crank angles.
         acceleration: crank acceleration in [rad/s2].
@@ -56,7 +56,7 @@ def path_instants(
     """
     angles = None if angles is None else units.si_angles(angles, "the crank angles")
     speed = units.si(speed, "rad/s", "the crank's speed")
-    if motion_laws is not None:
+    if not motion_laws.crank:
         return _under_laws(mechanism, motion_laws, angles, speed, acceleration, t)
     if t is None and angles is None:
         raise InputError(f"{mechanism.name}: no instants are given; give crank angles in rad, or times as t=")
@@ -110,7 +110,7 @@ def _under_laws(
                 f"{mechanism.name}: t = {outside[0]:g} s is outside the table of {name}, 0 to {end:g} s; "
                 "give times within it, or more rows"
             )
-    return PathInstants(motion_laws.rate * time, motion_laws.rate, 0.0, time)
+    return PathInstants(motion_laws.parameter(time), motion_laws.rate, 0.0, time)
 
 
 def _times(name: str, t: ArrayLike) -> Array:

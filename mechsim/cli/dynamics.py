@@ -36,7 +36,7 @@ from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
-from mechsim.studies.motion_source import profile_of
+from mechsim.studies.motion_source import driven_as, profile_of
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 
@@ -251,7 +251,7 @@ def dynamics(
         return _with_masses(model, result, verbose)
     model = loads.dynamic_model(source.load_moving())
     shown = output_units(units, model.drive) or SI_UNITS
-    if model.drive.motion_laws is not None and options.free:
+    if not model.drive.motion_laws.crank and options.free:
         raise InputError("--free releases a crank, and motion laws drive the joints; drop one of them")
     free = model.forces.motor is not None or options.free
     data, text, passed = (_free if free else _prescribed)(model, options, shown, units is not None)
@@ -273,7 +273,7 @@ def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool) -> Res
 
 def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
     """Return data, text and success of a prescribed motion."""
-    laws, method = model.drive.motion_laws, options.mujoco_method
+    method = options.mujoco_method
     profile = profile_of(model.drive, options.speed, options.turns)
     model = model.starting_at(profile.angles)
     if method != "none":
@@ -289,8 +289,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
             run = driven(
                 model.mechanism,
                 model.forces,
-                profile=None if laws is not None else profile,
-                motion_laws=laws,
+                **driven_as(model.drive, profile),
                 method=method,
                 tolerance=options.tolerance,
                 # with a tolerance the fewest steps that satisfy it determine the instants
@@ -332,7 +331,7 @@ def _steady_turns(
     model: DynamicModel, options: DynamicsOptions
 ) -> tuple[Fluctuation | None, Fluctuation | None]:
     """Return a turn under a constant torque, and one with the flywheel; None where there is none."""
-    if model.drive.motion_laws is not None or not model.drive.crank_range().full:
+    if not model.drive.motion_laws.crank or not model.drive.crank_range().full:
         return None, None
     steady = None
     # a crank that is too slow for its springs or weight has no steady turn under a constant torque

@@ -64,9 +64,7 @@ def few_digits(solver: Form, motion: Motion) -> FewDigits | None:
     if digits >= ENOUGH_DIGITS:
         return None
     laws, instant = solver.motion_laws, float(examined.angle[worst])
-    if laws is not None:
-        return FewDigits(digits, instant / laws.rate, "t", float(conditioning[worst]))
-    return FewDigits(digits, instant, "angle", float(conditioning[worst]))
+    return FewDigits(digits, instant / laws.rate, laws.axis, float(conditioning[worst]))
 
 
 def fewest_digits(*candidates: FewDigits | None) -> FewDigits | None:
@@ -89,7 +87,7 @@ def _examined_rows(solver: Form, motion: Motion) -> NDArray[np.intp]:
     for angle in solver.change_points():
         gap = motion.angle - angle
         distance = np.minimum(
-            distance, np.abs(gap if solver.motion_laws else (gap + np.pi) % REVOLUTION - np.pi)
+            distance, np.abs((gap + np.pi) % REVOLUTION - np.pi if solver.motion_laws.crank else gap)
         )
     rows = np.flatnonzero((distance > NEAR_CHANGE_POINT) & (motion.speed != 0.0))
     if motion.conditioning is None and len(rows):
@@ -110,7 +108,7 @@ def limited_swing(solver: Form, speed: float) -> CrankProfile | None:
     Raises:
         AssemblyError: where the loops close at no crank angle.
     """
-    if solver.motion_laws is not None:
+    if not solver.motion_laws.crank:
         return None
     try:
         arcs = solver.crank_range()

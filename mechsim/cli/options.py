@@ -206,7 +206,7 @@ def _with_notes(solver: Form) -> Form:
 def require_motion(solver: Form) -> Form:
     """Return a mechanism; raise InputError if several drivers have no motion law."""
     # a closed form has a crank, and its mechanism may be one that cannot be assembled
-    if solver.motion_laws is None and not isinstance(solver, ClosedForm) and not solver.mechanism.has_crank:
+    if solver.motion_laws.crank and not isinstance(solver, ClosedForm) and not solver.mechanism.has_crank:
         drivers = solver.mechanism.drivers
         amplitude = "10mm" if solver.mechanism.unit(drivers[0]) == "m" else "30deg"
         raise InputError(

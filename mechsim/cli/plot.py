@@ -62,9 +62,9 @@ def plot(
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
     require_taken(kind, PLOTS[kind].takes, options)
     solver = source.load_moving()
-    if solver.motion_laws is not None and speed != SPEED:
+    if not solver.motion_laws.crank and speed != SPEED:
         raise InputError(f"--speed is of a crank without a motion law; {solver.name} has one: leave it out")
-    if solver.motion_laws is not None and kind not in TIMED:
+    if not solver.motion_laws.crank and kind not in TIMED:
         raise InputError(
             f"plot {kind!r} is of a crank without a motion law; with motion laws known are {', '.join(TIMED)}"
         )

@@ -102,7 +102,7 @@ def render(source: ModelOptions, output: File, animation: AnimationOptions, look
     look = replace(look, **drawn_as(solver))
     if animation.trace:
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
-    timed = solver.motion_laws is not None
+    timed = not solver.motion_laws.crank
     if timed and animation.speed != AnimationOptions().speed:
         raise InputError(f"--speed is of a crank without a motion law; {solver.name} has one: leave it out")
     profile = profile_of(solver, animation.speed, animation.turns, angle)

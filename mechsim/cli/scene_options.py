@@ -61,7 +61,7 @@ def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> Use
     assert isinstance(solver, MjcfForm)
     assert solver.source is not None
     notes.extend(f"{solver.name}: {fact}" for fact in solver.facts)
-    drive = {} if solver.motion_laws is None else dict(solver.motion_laws.by_name)
+    drive = dict(solver.motion_laws.by_name)
     drive |= {name: steady(value, 0.0) for name, value in solver.mechanism.locked.items()}
     ctrl = control_laws(dict(controls.ctrl))
     laws: dict[str, State] = {**drive, **ctrl}

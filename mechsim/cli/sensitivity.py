@@ -137,7 +137,7 @@ def sensitivity(
     plot_path = None if options.plot is None else writable(options.plot, ".svg", ".pdf", ".png")
     parametric = source.load_parametric()
     solver = parametric.make({})
-    if solver.motion_laws is not None and (options.angles or options.speed):
+    if not solver.motion_laws.crank and (options.angles or options.speed):
         name = "--angles" if options.angles else "--speed"
         raise InputError(f"{name} is of a crank without a motion law; leave it out with --drive")
     if options.angles is None:

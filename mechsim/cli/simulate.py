@@ -37,6 +37,7 @@ from mechsim.model.motion_laws import interval_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
+from mechsim.studies.motion_source import driven_as
 from mechsim.studies.scene import SceneRun, UserScene, start_error
 from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.step_sizes import finer
@@ -181,7 +182,7 @@ def _print_written(output: str | None, rows: int) -> None:
 def _motion(solver: Form, options: RunOptions) -> CrankProfile:
     """Return the motion of the crank, or the path parameter of motion laws."""
     laws = solver.motion_laws
-    if laws is not None:
+    if not laws.crank:
         options.exclude(*CRANK_OPTIONS, because=HAS_LAW)
         return laws.path_profile
     if options.profile:
@@ -205,8 +206,7 @@ def _run(
     with progress("simulate", None) as report:
         return simulation.simulate(
             solver,
-            profile=motion if solver.motion_laws is None else None,
-            motion_laws=solver.motion_laws,
+            **driven_as(solver, motion),
             tolerance=tolerance,
             settings=Settings(**settings) if settings else None,
             timestep=timestep,

@@ -68,7 +68,7 @@ class SolveOptions:
 
     def check(self, solver: Form) -> None:
         """Raise InputError for options that exclude each other."""
-        if (self.angles or self.speed) and (solver.motion_laws or self.poses):
+        if (self.angles or self.speed) and (not solver.motion_laws.crank or self.poses):
             name = "--angles" if self.angles else "--speed"
             raise InputError(f"{name} is of a crank without a motion law; leave it out with --drive and --at")
         if self.samples is not None:
@@ -147,7 +147,7 @@ def solve(
 def _task(solver: Form, options: SolveOptions) -> SolveTask:
     """Return what is to be solved: a motion under motion laws, a swing, or crank angles."""
     laws, samples = solver.motion_laws, options.samples or SAMPLES
-    if laws is not None:
+    if not laws.crank:
         times = np.linspace(0.0, laws.duration, samples)
         return SolveTask(solver, times, lambda t: solver.solve(t=t), f"{samples:,} samples")
     speed = speed_of(options.speed or SPEED)

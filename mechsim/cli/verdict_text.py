@@ -330,14 +330,14 @@ def _description(case: "Case") -> str:
         f"{len(mechanism.links) + 1} links",
         f"{len(mechanism.drivers)} DOF",
     ]
-    if case.drive.motion_laws is None and mechanism.has_crank:
+    if case.drive.motion_laws.crank and mechanism.has_crank:
         facts.append("full rotation" if case.drive.crank_range().full else "limited rotation")
     return ", ".join(facts)
 
 
 def _stepped(case: "Case", speed: str) -> str:
     """Return how a stepped run was made."""
-    if case.drive.motion_laws is not None:
+    if not case.drive.motion_laws.crank:
         speed = "motion laws"
     settings = case.run.settings
     integrator = "" if settings is None else f", {settings.integrator}"

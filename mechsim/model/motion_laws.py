@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -187,10 +187,10 @@ SLOWEST, FASTEST = 1e-12, 1e9
 
 @dataclass(frozen=True)
 class MotionLaws:
-    """The programs of all drivers of a mechanism, by a clock that runs as fast as the fastest of them.
+    """The motion laws of all drivers of a mechanism.
 
-    The clock's angle stands where a crank's would: `clock` is the profile of a crank that turns steadily,
-    by about a radian where the fastest driver moves by a radian or by the mechanism's size.
+    Solvers follow them over the path parameter: the time multiplied by `rate`, so that the fastest driver
+    moves by about a radian, or by the mechanism's size, while the parameter grows by one.
 
     Attributes:
         duration: in [s].
@@ -200,20 +200,51 @@ class MotionLaws:
         label: time in [s] -> name of an instant in messages; None names it by its time.
     """
 
+    # whether a crank is driven, at a speed that each call states
+    crank: ClassVar[bool] = False
+    # name and unit of the instants in tables
+    axis: ClassVar[Literal["t", "angle"]] = "t"
+    unit: ClassVar[Literal["s", "rad"]] = "s"
+
     duration: float
     drivers: tuple[str, ...]
     states: tuple[State, ...]
     rate: float
     label: Callable[[float], str] | None = None
 
-    def instant_label(self, angle: float) -> str:
-        """Return what the instant of an angle of the clock is called."""
-        time = angle / self.rate
+    @property
+    def length(self) -> float:
+        """Path parameter at the end."""
+        return self.rate * self.duration
+
+    def path_speed(self, crank_speed: float) -> float:
+        """Return the rate of the path parameter, in [rad/s]: of a crank its speed."""
+        return self.rate
+
+    def instants(self, parameter: Array) -> Array:
+        """Return times in [s], or angles of a crank in [rad], at path parameters."""
+        return parameter / self.rate
+
+    def parameter(self, instants: Array) -> Array:
+        """Return path parameters at times in [s], or at angles of a crank in [rad]."""
+        return self.rate * instants
+
+    def time(self, parameter: Array) -> Array | None:
+        """Return times in [s] at path parameters; None of a crank."""
+        return self.instants(parameter)
+
+    def spread(self, count: int) -> Array:
+        """Return path parameters over the whole motion, (count,); a crank's last is one before the first."""
+        return np.linspace(0.0, self.length, count)
+
+    def instant_label(self, parameter: float) -> str:
+        """Return what the instant of a path parameter is called."""
+        time = parameter / self.rate
         return f"{time:.7g} s" if self.label is None else self.label(time)
 
     @property
     def path_profile(self) -> CrankProfile:
-        """The profile of the clock."""
+        """The path parameter over time."""
 
         def state(time: Array) -> tuple[Array, Array, Array]:
             return self.rate * time, np.full_like(time, self.rate), np.zeros_like(time)
@@ -228,9 +259,9 @@ class MotionLaws:
         )
         return value, rate, acceleration
 
-    def along_path(self, angle: Array) -> tuple[Array, Array, Array]:
-        """Return the drivers and their first two derivatives at angles of the clock, (drivers, n) each."""
-        value, rate, acceleration = self.state(angle / self.rate)
+    def along_path(self, parameter: Array) -> tuple[Array, Array, Array]:
+        """Return the drivers and their first two derivatives by the path parameter, (drivers, n) each."""
+        value, rate, acceleration = self.state(parameter / self.rate)
         return value, rate / self.rate, acceleration / self.rate**2
 
     @property
@@ -241,12 +272,11 @@ class MotionLaws:
     @cached_property
     def first(self) -> Mapping[str, float]:
         """Where the drivers stand at time zero."""
-        values = self.state(np.zeros(1))[0][:, 0]
-        return dict(zip(self.drivers, values.tolist(), strict=True))
+        return {name: float(np.ravel(state(np.zeros(1))[0])[0]) for name, state in self.by_name.items()}
 
     @cached_property
     def fastest(self) -> float:
-        """The pace, or the angular frequency where drivers oscillate faster, in [rad/s]: a cycle at least."""
+        """The rate, or the angular frequency where drivers oscillate faster, in [rad/s]: a cycle at least."""
         _, rate, second = self.state(_probes(self.duration))
         quick, quicker = (np.sqrt((derivative**2).mean(1)) for derivative in (rate, second))
         frequency = np.divide(quicker, quick, out=np.zeros_like(quick), where=quick > 0.0)
@@ -260,6 +290,36 @@ class MotionLaws:
     def with_duration(self, duration: float) -> "MotionLaws":
         """Return the same programs over another duration in [s]."""
         return replace(self, duration=duration)
+
+
+@dataclass(frozen=True)
+class CrankLaw(MotionLaws):
+    """One crank, whose angle is the path parameter.
+
+    A call that solves or simulates states its speed; the laws are those of a revolution at 1 rad/s.
+    """
+
+    crank: ClassVar[bool] = True
+    axis: ClassVar[Literal["t", "angle"]] = "angle"
+    unit: ClassVar[Literal["s", "rad"]] = "rad"
+
+    def path_speed(self, crank_speed: float) -> float:
+        return crank_speed
+
+    def time(self, parameter: Array) -> None:
+        return None
+
+    def spread(self, count: int) -> Array:
+        return self.length * np.arange(count) / count
+
+    def instant_label(self, parameter: float) -> str:
+        return f"crank angle {parameter:.6g} rad"
+
+    def along_path(self, parameter: Array) -> tuple[Array, Array, Array]:
+        return parameter[None], np.ones((1, len(parameter))), np.zeros((1, len(parameter)))
+
+
+CRANK = CrankLaw(duration=REVOLUTION, drivers=(), states=(), rate=1.0)
 
 
 def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration: float) -> MotionLaws:

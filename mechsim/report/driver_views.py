@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.motion import path_under_laws, solve_under_laws
+from mechsim.analytic.loops.motion import driven_path, solve_along
 from mechsim.analytic.loops.path import ContinuationPath
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.links import GROUND
@@ -64,7 +64,6 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
         AssemblyError: where the loops do not close on the way.
     """
     laws = solver.motion_laws
-    assert laws is not None
     times = np.linspace(0.0, laws.duration, SAMPLES + 1)
     motion = solver.solve(t=times)
     grid = motion_grid("as programmed", solver.mechanism, motion, driver="time", unit="s", nodes=times)
@@ -98,13 +97,11 @@ def box_of(solver: LoopForm, limits: Mapping[str, tuple[float, float]], start: M
     """
     begin, low, high = dict(start), dict[str, float](), dict[str, float]()
     spans: dict[str, tuple[float, float]] = {}
-    if solver.motion_laws is not None:
-        values = solver.motion_laws.state(np.linspace(0.0, solver.motion_laws.duration, 257))[0]
-        spans = {
-            name: (float(v.min()), float(v.max()))
-            for name, v in zip(solver.motion_laws.drivers, values, strict=True)
-        }
-        begin |= solver.motion_laws.first
+    times = np.linspace(0.0, solver.motion_laws.duration, 257)
+    for name, state in solver.motion_laws.by_name.items():
+        values = state(times)[0]
+        spans[name] = float(np.min(values)), float(np.max(values))
+    begin |= solver.motion_laws.first
     for name in solver.mechanism.drivers:
         unit = solver.mechanism.unit(name)
         least_range = MANUAL_RANGE[unit][len(solver.mechanism.drivers) > 2] * (
@@ -182,22 +179,19 @@ def _row(
     parameter = nodes - values[moved]
     try:
         laws = make_motion_laws(mechanism, states, 1.0)
-        path = path_under_laws(mechanism, laws)
+        path = driven_path(mechanism, laws)
     except AssemblyError:
         return np.zeros(len(nodes), dtype=np.bool_), None
     parameter = parameter * laws.rate
     ends = [_reached(path, direction, float(parameter[end])) for direction, end in ((-1, 0), (1, -1))]
-    stand = (parameter >= ends[0]) & (parameter <= ends[1])
-    if not stand.any():
-        return stand, None
-    reachable = parameter[stand]
-    return stand, solve_under_laws(
-        path, laws, reachable, np.full_like(reachable, laws.rate), np.zeros_like(reachable)
-    )
+    reachable = (parameter >= ends[0]) & (parameter <= ends[1])
+    if not reachable.any():
+        return reachable, None
+    return reachable, solve_along(path, parameter[reachable], laws.rate, 0.0, laws)
 
 
 def _reached(path: ContinuationPath, direction: int, end: float) -> float:
-    """Return how far a path can be followed towards an end, in the angle of its clock."""
+    """Return how far a path can be followed towards an end, as a path parameter."""
     with suppress(AssemblyError):
         path.extend(end)
         return end

@@ -38,7 +38,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
         record |= _mobility(solver)
         if (
             not solver.mechanism.has_crank
-            or solver.motion_laws is not None
+            or not solver.motion_laws.crank
             or record["outcome"] != "determined"
         ):
             return record
@@ -130,13 +130,13 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
         "redundant": determinacy.redundant_equations,
     }
     motion_laws = solver.motion_laws
-    law_texts = {} if motion_laws is None else {name: _text(law) for name, law in motion_laws.by_name.items()}
+    law_texts = {name: _text(law) for name, law in motion_laws.by_name.items()}
     return {
         "mobility": counts,
         "mobility_explained": lines,
         "outcome": determinacy.outcome,
         "motion_laws": law_texts,
-        "duration": None if motion_laws is None else motion_laws.duration,
+        "duration": None if motion_laws.crank else motion_laws.duration,
     }
 
 

@@ -93,7 +93,7 @@ class PlotSource:
     def title(self) -> str:
         """The mechanism, and the speed of its crank or the time that its motion laws take."""
         laws, name = self.solver.motion_laws, self.solver.name.replace("_", "-")
-        if laws is not None:
+        if not laws.crank:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
         return f"{name}, crank at {self.speed * 60.0 / REVOLUTION:.4g} rpm"
 

@@ -249,7 +249,7 @@ def mechanism_view(
     """
     searched, limits = limits is None, limits or {}
     method = "closed form" if isinstance(solver, ClosedForm) else "loop equations"
-    if solver.mechanism.has_crank and solver.motion_laws is None:
+    if solver.mechanism.has_crank and solver.motion_laws.crank:
         grids = crank_grids(solver, speed, limits.get(solver.mechanism.crank.name))
         others, sentence = curve_grids(solver) if searched else ([], NOT_SOUGHT)
         facts = [
@@ -260,7 +260,7 @@ def mechanism_view(
     assert isinstance(solver, LoopForm)
     start = start_poses(solver.mechanism)[1]
     by_hand = hand_grids(solver, box_of(solver, limits, start))
-    programmed = [] if solver.motion_laws is None else [motion_law_grid(solver)]
+    programmed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]
     drawn = _view(solver, [*programmed, *by_hand], ["Solved by its loop equations."])
     return replace(drawn, platform=platform_of(solver.mechanism, limits))
 

@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.limits import require_steps
 from mechsim.model.mechanism import Mechanism, starting_at
-from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
+from mechsim.model.motion_laws import CRANK, CrankProfile, MotionLaws, constant
 from mechsim.model.scene import Scene
 from mechsim.numerics.inputs import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget
@@ -155,16 +155,13 @@ def simulate(
     ):
         if value is not None:
             require(name, value, kind)
-    if motion_laws is None and speed is None and profile is None:
-        # what moves by its loop equations may have programs of its own
-        own = getattr(source, "motion_laws", None)
-        motion_laws = own if isinstance(own, MotionLaws) else None
+    motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     require_motion_laws(source, motion_laws, speed if profile is None else profile)
     if profile is not None:
         source = starting_at(source, profile.angles)
-    drivers = drive if motion_laws is None else motion_laws.drivers
+    drivers = drive if motion_laws.crank else motion_laws.drivers
     closed = from_source(source, scene, drivers=drivers, lock=lock, key=key)
-    if motion_laws is not None:
+    if not motion_laws.crank:
         profile = parameter_profile(motion_laws)
     elif profile is None:
         if speed is None:
@@ -210,7 +207,7 @@ def _check(
 
 
 def _movable(
-    closed: ClosedModel, method: Method | None, motion_laws: MotionLaws | None
+    closed: ClosedModel, method: Method | None, motion_laws: MotionLaws
 ) -> tuple[ClosedModel, Method, bool]:
     """Return a model at the start of its motion, the method, and whether the drivers determine all poses.
 
@@ -227,29 +224,36 @@ def _movable(
     if method == "step":
         closed = closed.without_contacts(mobility.determined_bodies)
     return (
-        closed if motion_laws is None else at_initial_state(closed, motion_laws),
+        closed if motion_laws.crank else at_initial_state(closed, motion_laws),
         method,
         not mobility.undetermined,
     )
 
 
-def require_motion_laws(source: Source, motion_laws: MotionLaws | None, else_given: object) -> None:
+def laws_of(source: object, motion_laws: MotionLaws | None, crank_motion: object) -> MotionLaws:
+    """Return the requested motion laws; without them, and without a crank motion, those of the source."""
+    if motion_laws is None and crank_motion is None:
+        motion_laws = getattr(source, "motion_laws", None)
+    return motion_laws if isinstance(motion_laws, MotionLaws) else CRANK
+
+
+def require_motion_laws(source: Source, motion_laws: MotionLaws, crank_motion: object) -> None:
     """Reject motion laws that do not fit the mechanism's drivers, and a crank motion next to them.
 
     Raises:
         InputError: naming the drivers.
     """
-    if motion_laws is not None and else_given is not None:
+    if not motion_laws.crank and crank_motion is not None:
         raise InputError("both programs and a crank's motion were given; give one of them")
     model = description(source)
     if not isinstance(model, Mechanism):
         return
-    if motion_laws is None and not model.has_crank:
+    if motion_laws.crank and not model.has_crank:
         raise InputError(
             f"{model.name}: {', '.join(model.drivers)} {'is' if len(model.drivers) == 1 else 'are'} driven, "
             "and no lone crank; give each a program"
         )
-    if motion_laws is not None and set(motion_laws.drivers) != set(model.drivers):
+    if not motion_laws.crank and set(motion_laws.drivers) != set(model.drivers):
         raise InputError(
             f"{model.name}: the programs are of {', '.join(motion_laws.drivers)}; drivers are "
             f"{', '.join(model.drivers)}"

@@ -71,7 +71,7 @@ class MeasuredMotion:
 
     Attributes:
         over: the crank's angle in [rad], or t in [s] under programs, as the table has it, (n,).
-        angles: of the crank, or of the clock of programs, (n,) in [rad].
+        angles: path parameters, (n,) in [rad].
         values: quantity -> (n,), in SI.
         deviations: quantity -> standard deviation of each, (n,), of those of which it is known.
     """
@@ -96,7 +96,7 @@ def measured_of(table: Mapping[str, Array], solver: Form, where: str = "the tabl
         InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
     """
     columns, motion_laws = columns_in_si(table, where), solver.motion_laws
-    over = "angle" if motion_laws is None else "t"
+    over = motion_laws.axis
     if over not in columns:
         unit = "crank angles in rad" if over == "angle" else "times in s"
         raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(columns) or 'none'}")
@@ -130,7 +130,7 @@ def measured_of(table: Mapping[str, Array], solver: Form, where: str = "the tabl
             raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
-    angles = instants if motion_laws is None else motion_laws.rate * instants
+    angles = motion_laws.parameter(instants)
     if len(angles) and float(np.ptp(angles)) > MAX_RANGE:
         turns = float(np.ptp(angles)) / (2.0 * np.pi)
         raise InputError(

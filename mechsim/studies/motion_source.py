@@ -22,11 +22,10 @@ WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 def profile_of(solver: Form, speed: float, turns: float, through: float | None = None) -> CrankProfile:
     """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
 
-    The swing passes a crank angle, or where assembly begins. Drivers under programs go by their clock.
+    The swing passes a crank angle, or where assembly begins. Of motion laws it is their path parameter.
     """
-    motion_laws = solver.motion_laws
-    if motion_laws is not None:
-        return motion_laws.path_profile
+    if not solver.motion_laws.crank:
+        return solver.motion_laws.path_profile
     if not (turns != 0.0 and abs(turns) < 1e4):
         raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
     return within_range(
@@ -35,11 +34,13 @@ def profile_of(solver: Form, speed: float, turns: float, through: float | None =
 
 
 def simulated(solver: Form, profile: CrankProfile, **options: Any) -> Run:
-    """Return a run in MuJoCo under the programs of the drivers, or else under the motion of the crank."""
-    motion_laws = solver.motion_laws
-    if motion_laws is not None:
-        return simulate(solver, motion_laws=motion_laws, **options)
-    return simulate(solver, profile=profile, **options)
+    """Return a run in MuJoCo under the motion laws of the drivers, or else under the motion of the crank."""
+    return simulate(solver, **driven_as(solver, profile), **options)
+
+
+def driven_as(solver: Form, profile: CrankProfile) -> dict[str, Any]:
+    """Return what drives a run in MuJoCo: the motion laws of the drivers, or a motion of the crank."""
+    return {"profile": profile} if solver.motion_laws.crank else {"motion_laws": solver.motion_laws}
 
 
 def motion_of(solver: Form, method: str, profile: CrankProfile, samples: float) -> Motion:
@@ -90,6 +91,5 @@ def joint_loads(solver: Form, method: str, profile: CrankProfile, motion: Motion
 
 def simulated_forces(solver: Form, profile: CrankProfile, samples: int) -> ForceRecord:
     """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
-    model, motion_laws = weighing(solver.starting_at(profile.angles)), solver.motion_laws
-    moved: dict[str, Any] = {"profile": profile} if motion_laws is None else {"motion_laws": motion_laws}
-    return driven(model.mechanism, model.forces, samples=samples, **moved).efforts
+    model = weighing(solver.starting_at(profile.angles))
+    return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).efforts

@@ -15,7 +15,7 @@ from mechsim.model.motion import Motion, PointMotion, select_instants
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.motion_source import simulated
+from mechsim.studies.motion_source import driven_as, simulated
 from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
 from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
@@ -60,8 +60,7 @@ def by_reference(solver: Form, reference: ReferenceData, closed: Form | None = N
 
 
 def _solved(solver: Form, reference: ReferenceData) -> Motion:
-    motion_laws = solver.motion_laws
-    if motion_laws is None:
+    if solver.motion_laws.crank:
         assert reference.speed is not None
         return solver.solve(reference.first, reference.speed)
     return solver.solve(t=reference.first)
@@ -84,16 +83,15 @@ def _by_equations(solver: Form, reference: ReferenceData) -> Verdict:
 
 def _by_poses(solver: Form, reference: ReferenceData) -> Verdict:
     try:
-        acting, motion_laws, profile = _dynamic_model(solver), solver.motion_laws, _profile(solver, reference)
-        samples = len(reference.first) - (motion_laws is None)
+        acting, profile = _dynamic_model(solver), _profile(solver, reference)
+        samples = len(reference.first) - solver.motion_laws.crank
         motion = simulated(solver, profile, method="pose", samples=samples).motion
         run = driven(
             acting.mechanism,
             acting.forces,
-            profile=None if motion_laws is not None else profile,
-            motion_laws=motion_laws,
             method="pose",
             samples=samples,
+            **driven_as(solver, profile),
         )
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
@@ -105,9 +103,8 @@ def _by_poses(solver: Form, reference: ReferenceData) -> Verdict:
 
 def _profile(solver: Form, reference: ReferenceData) -> CrankProfile:
     """Return the crank's steady motion over the reference data, or the path of the motion laws."""
-    motion_laws = solver.motion_laws
-    if motion_laws is not None:
-        return motion_laws.path_profile
+    if not solver.motion_laws.crank:
+        return solver.motion_laws.path_profile
     assert reference.speed is not None
     speed, start, end = reference.speed, reference.first[0], reference.first[-1]
 

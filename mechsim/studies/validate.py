@@ -157,8 +157,7 @@ def _validated(drive: Form, designs: DesignFamily, speed: float, work: _Work) ->
     begin, quick, tolerance, watch = clock.perf_counter(), work.quick, work.tolerance, work.watch
     profile = profile_of(drive, speed, drive.period / REVOLUTION)
     drive = drive.starting_at(profile.angles)
-    # by the clock of programs there is no other speed than their own
-    speed = speed if drive.motion_laws is None else profile.max_speed
+    speed = drive.motion_laws.path_speed(speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
     exact = drive.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
@@ -169,7 +168,7 @@ def _validated(drive: Form, designs: DesignFamily, speed: float, work: _Work) ->
         formula = compare_model(designs, speed=speed, tolerance=tolerance, attribute=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
-    crank_speed = speed if profile.steady and drive.motion_laws is None else None
+    crank_speed = speed if profile.steady and drive.motion_laws.crank else None
     published = None
     watch("poses", 0.0)
     poses = run = simulated(drive, profile, method="pose", progress=lambda text, _: watch(text, 0.0))
@@ -231,7 +230,7 @@ def _stepped(
 ) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
     limit = allowed.value
-    programmed = drive.motion_laws is not None
+    programmed = not drive.motion_laws.crank
     decided = profile if programmed else _decided(drive, profile, speed)
     runs = 0
 

@@ -15,7 +15,7 @@ from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
+from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
@@ -99,10 +99,10 @@ def apply_prescription(
     ):
         return solver
     form_laws = loop_form.motion_laws
-    laws: dict[str, DriverLaw] = {} if form_laws is None else dict(form_laws.by_name)
+    laws: dict[str, DriverLaw] = dict(form_laws.by_name)
     laws |= file_laws or {}
     laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
-    if file_duration is None and form_laws is not None:
+    if file_duration is None and not form_laws.crank:
         file_duration = form_laws.duration
     return replace(
         loop_form,
@@ -153,8 +153,8 @@ def _motion_laws(
     requested: float | None,
     stated: float | None,
     written: WrittenUnits,
-) -> MotionLaws | None:
-    """Return the programs of what is given for drivers; None where nothing is."""
+) -> MotionLaws:
+    """Return the motion laws of what is given for drivers; `CRANK` where nothing is."""
     if laws:
         states = _states(mechanism, laws, written)
         return make_motion_laws(mechanism, states, duration_of(requested, stated, states))
@@ -163,7 +163,7 @@ def _motion_laws(
             f"{mechanism.name} has no programs that could last {requested:g} s; "
             "give --drive JOINT=PROGRAM too"
         )
-    return None
+    return CRANK
 
 
 def _states(mechanism: Mechanism, laws: Mapping[str, DriverLaw], written: WrittenUnits) -> dict[str, State]:

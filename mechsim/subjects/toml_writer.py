@@ -51,7 +51,7 @@ def driving_lines(solver: LoopForm) -> Iterator[str]:
     Raises:
         InputError: for a program or a load that no text says.
     """
-    if solver.motion_laws is not None:
+    if not solver.motion_laws.crank:
         yield from _motion_law_lines(solver.motion_laws)
     if solver.formula:
         yield from ("", "[formula]", f"python = {quoted(solver.formula)}")

@@ -10,7 +10,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.force_record import ForceRecord, FreeRun
 from mechsim.model.motion import Motion, PointMotion, Solver
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers, require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
@@ -166,8 +166,8 @@ def crosscheck(
     checks = [*checks_of(MOTION, motion, exact, allowed, _conditioning(motion, exact, solver))]
     if speed is not None:
         checks += checks_of(CRANK_DRIVE, motion, _at_constant_speed(motion, speed), allowed)
-    motion_laws = getattr(solver, "motion_laws", None)
-    if motion.drivers and isinstance(motion_laws, MotionLaws):
+    motion_laws = getattr(solver, "motion_laws", CRANK)
+    if motion.drivers and not motion_laws.crank:
         checks += checks_of(PROGRAMMED, motion, _under_motion_laws(motion, motion_laws), allowed)
     other = None if solver is None else lambda: elsewhere(motion, exact, solver)
     return concluded(checks, other, instants_of(motion).unit)
@@ -333,13 +333,13 @@ def _analytic_motion(simulated: Motion, analytic: Motion | Solver | PointFunctio
     """Return the analytic motion at the simulated crank angles, speeds and accelerations."""
     solver = _solver(analytic)
     if solver is not None:
-        motion_laws = getattr(solver, "motion_laws", None)
-        if motion_laws is not None and not simulated.drivers:
+        motion_laws = getattr(solver, "motion_laws", CRANK)
+        if not motion_laws.crank and not simulated.drivers:
             raise InputError(
                 f"motion laws drive {', '.join(motion_laws.drivers)} on the analytic side, and a crank at a "
                 "given speed drives the simulated one; simulate it under the same motion laws"
             )
-        if motion_laws is not None:
+        if not motion_laws.crank:
             as_driven = getattr(solver, "solve_as", None)
             return solver.solve(t=simulated.time) if as_driven is None else as_driven(simulated)
         return solver.solve(*_crank_motion(simulated))

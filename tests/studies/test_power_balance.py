@@ -105,7 +105,7 @@ def given(efforts, motion):
 
 def moved(form, mechanism, forces, method):
     """Return motion and efforts by a road: MuJoCo's poses, its steps, or formulas at the poses' instants."""
-    asked = {"motion_laws": form.motion_laws} if form.motion_laws else {"speed": SPEED}
+    asked = {"speed": SPEED} if form.motion_laws.crank else {"motion_laws": form.motion_laws}
     run = driven(mechanism, forces, method="step" if method == "step" else "pose", samples=SAMPLES, **asked)
     if method != "formulas":
         return run.motion, run.efforts

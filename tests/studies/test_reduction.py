@@ -43,7 +43,7 @@ def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0
     path = folder / "scene.xml"
     path.write_text(text)
     form = load(str(path), drive=drive, track=track)
-    motion_laws = {} if form.motion_laws is None else form.motion_laws.by_name
+    motion_laws = form.motion_laws.by_name
     fed = control_laws({"servo": ctrl} if ctrl else {})
     made = scene_of(
         form.source,

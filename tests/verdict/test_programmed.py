@@ -20,7 +20,7 @@ TIME = np.linspace(0.0, 1.0, 40)
 
 def record(form: LoopForm, source: str):
     """Return a motion as a simulator would have recorded it."""
-    assert form.motion_laws is not None
+    assert not form.motion_laws.crank
     motion = form.solve(t=TIME)
     return replace(motion, source=source, time=TIME, origin=None, closure=np.zeros(len(TIME)))
 

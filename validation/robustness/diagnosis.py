@@ -156,8 +156,8 @@ def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
 
 def shifted(subject: Subject, change: dict) -> EvaluationPoints:
     """Return a subject whose drivers go otherwise: name -> (scale, offset, late by)."""
-    motion_laws = getattr(subject.solver, "motion_laws", None)
-    if motion_laws is None:
+    motion_laws = subject.solver.motion_laws
+    if motion_laws.crank:
         scale, offset, _ = next(iter(change.values()))
         angle = scale * subject.evaluation.angle + offset
         return subject.solved(angle=angle, speed=scale * subject.evaluation.speed)

@@ -30,7 +30,7 @@ from mechsim.model.limits import Ranges
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, JointMotion, Motion, join
-from mechsim.model.motion_laws import interval_around, no_crank_range_error
+from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around, no_crank_range_error
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, values
@@ -103,7 +103,7 @@ class ClosedForm(ABC):
     # parameters that may be arrays, one number a design, for `many_designs`
     broadcast: ClassVar[frozenset[str]] = frozenset()
     # what a `LoopForm` may have: drivers under programs, the forces and the formula of its file
-    motion_laws: ClassVar[None] = None
+    motion_laws: ClassVar[MotionLaws] = CRANK
     forces: ClassVar[None] = None
     formula: ClassVar[str] = ""
     ranges: ClassVar[Ranges] = {}
@@ -225,7 +225,7 @@ class ClosedForm(ABC):
             AssemblyError: where the loop cannot close; says over which part of the turn it can.
         """
         if t is not None or angles is None:
-            angles = path_instants(self.mechanism, None, angles, speed, 0.0, t).parameter
+            angles = path_instants(self.mechanism, CRANK, angles, speed, 0.0, t).parameter
         angles = self._angles(angles)
         solver = self.with_change_point(change_point).starting_at(angles)
         pieces = [solver._positions_at(angles[piece]) for piece in _chunks(len(angles))]
@@ -268,7 +268,7 @@ class ClosedForm(ABC):
         """
         time = None
         if t is not None or angles is None:
-            instants = path_instants(self.mechanism, None, angles, speed, acceleration, t)
+            instants = path_instants(self.mechanism, CRANK, angles, speed, acceleration, t)
             angles, speed, time = instants.parameter, instants.rate, instants.time
         angles = self._angles(angles)
         speed = checked_rate(self.name, "speed", 1.0 if speed is None else speed, angles.shape)

@@ -45,7 +45,7 @@ def efforts_along(
 
     Args:
         model: mechanism with masses, and what acts on it.
-        followed: the motion, at unit speed of the crank or of the clock of programs.
+        followed: the motion, at unit rate of the path parameter.
         change: dimension -> derivatives of `machine_numbers`, as `changes` gives them; None for that by the
             drivers themselves, where no load follows a course over their angle.
         speed: of it, scalar or (n,) in [rad/s].
@@ -97,7 +97,7 @@ def moved_efforts(
 
     Args:
         model: the dynamic model.
-        motion: its motion at speed 1 rad/s of the crank or of the programs' clock, complex or not.
+        motion: its motion at unit rate of the path parameter, complex or not.
         speed: scalar or (n,) in [rad/s].
         acceleration: scalar or (n,) in [rad/s2].
         nominal: the mechanism itself where that of the model carries complex steps.
@@ -114,7 +114,7 @@ def moved_efforts(
 def _times(model: DynamicModel, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
     """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
     motion_laws = model.drive.motion_laws
-    if motion_laws is not None:
-        return motion.angle / motion_laws.rate
+    if not motion_laws.crank:
+        return motion_laws.time(motion.angle)
     steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()
     return motion.angle / speed if steady else None

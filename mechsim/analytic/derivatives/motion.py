@@ -12,12 +12,10 @@ from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.motion import (
-    crank_instants,
-    crank_path,
+    driven_path,
     instants_of_laws,
     motion_along,
     motion_record,
-    path_under_laws,
     with_locked_values,
 )
 from mechsim.analytic.loops.oracle import crank_angles, crank_rate
@@ -34,7 +32,7 @@ from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.link_poses import split
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import ChangePointPolicy, Motion
+from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import STEP, change_of, stepped
 
@@ -121,7 +119,7 @@ def motion_derivatives(
         form: what moves.
         change: dimension -> derivatives of the mechanism's numbers, as `changes` gives them; None for that
             by the drivers themselves, all of them ahead by as much.
-        angles: of the crank, or of the clock of programs, (n,) in [rad].
+        angles: path parameters, (n,) in [rad].
         speed: of it, scalar or (n,) in [rad/s].
         acceleration: of it, scalar or (n,) in [rad/s2].
         torn: whether dimensions that changed alone would tear the loops are left out without a word.
@@ -181,12 +179,10 @@ def followed_form(
 ) -> tuple[ContinuationPath, Instants]:
     """Return the path of what moves, and instants along it."""
     motion_laws = form.motion_laws
-    through: ChangePointPolicy = form.change_point
-    if motion_laws is not None:
-        path = path_under_laws(form.mechanism, motion_laws, through)
-        return path, with_locked_values(path, instants_of_laws(motion_laws, angle, speed, acceleration))
-    path, _ = motion_along(crank_path(form.mechanism, through), angle, speed, acceleration)
-    return path, crank_instants(path, angle, speed, acceleration)
+    path = driven_path(form.mechanism, motion_laws, form.change_point)
+    if motion_laws.crank:
+        path, _ = motion_along(path, angle, speed, acceleration)
+    return path, with_locked_values(path, instants_of_laws(motion_laws, angle, speed, acceleration))
 
 
 def _changed(
@@ -244,9 +240,7 @@ def record_of(
     if mechanism is not None:
         record = replace(record, conditioning=None)
     motion_laws = form.motion_laws
-    if motion_laws is None:
-        return record
-    return replace(record, time=instants.parameter / motion_laws.rate, drivers=motion_laws.drivers)
+    return replace(record, time=motion_laws.time(instants.parameter), drivers=motion_laws.drivers)
 
 
 def derivative_of(motion: Motion) -> Motion:
@@ -344,7 +338,7 @@ def motion_beside(
     *,
     reach: float = np.inf,
 ) -> MotionBeside:
-    """Return a motion from which others near it are solved, at angles of the crank or of a clock.
+    """Return a motion from which others near it are solved, at path parameters.
 
     Others are no farther than `reach`, as `MotionBeside` has it.
 

@@ -120,15 +120,15 @@ def dynamic_model(
     return DynamicModel(described, acting, solver)
 
 
-def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws | None) -> None:
-    if motion_laws is not None and any(course.over == "angle" for course in forces.courses):
+def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws) -> None:
+    if not motion_laws.crank and any(course.over == "angle" for course in forces.courses):
         raise InputError(
             f"{mechanism.name}: a load goes over the crank's angle, but programs drive it; "
             "give it over time, or drive the crank by its speed"
         )
     if not (forces.flywheel or forces.crank_torque or forces.motor):
         return
-    if motion_laws is not None:
+    if not motion_laws.crank:
         raise InputError(
             f"{mechanism.name}: a flywheel, motor or torque on the crank is given, but programs drive it; "
             "leave it out, or drive the crank by its speed"

@@ -159,9 +159,7 @@ def prescribed_along(
     angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
         model = model.starting_at(angle, float(np.ravel(rate)[0]))
-    motion_laws = model.drive.motion_laws
-    if motion_laws is not None and time is None:
-        time = angle / motion_laws.rate
+    time = model.drive.motion_laws.time(angle) if time is None else time
     n, joints = len(angle), len(model.mechanism.joints)
     equations = 6.0 * len(model.mechanism.links)
     each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)

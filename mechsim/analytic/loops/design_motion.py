@@ -25,7 +25,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion, PointMotion
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
 
 
@@ -66,7 +66,7 @@ class SharedLoops:
 
 
 def shared_loops(
-    mechanism: Mechanism, joints: Sequence[str], motion_laws: MotionLaws | None = None
+    mechanism: Mechanism, joints: Sequence[str], motion_laws: MotionLaws = CRANK
 ) -> SharedLoops | None:
     """Return what designs of a mechanism have in common; None where they cannot be followed together.
 
@@ -77,7 +77,7 @@ def shared_loops(
         AssemblyError: where its own loops do not close.
         MobilityError: where the drivers leave joints or tracked points open, or are too many.
     """
-    if motion_laws is None and not mechanism.has_crank:
+    if motion_laws.crank and not mechanism.has_crank:
         return None
     solver = checked_start(mechanism)
     loops = solver.loops
@@ -88,22 +88,12 @@ def shared_loops(
             return None
     locked = locked_values(mechanism)
 
-    def crank_law(angle: Array) -> tuple[Array, Array, Array]:
-        rate, zero = np.ones((1, len(angle))), np.zeros((1, len(angle)))
-        return (
-            with_locked(angle[None], locked),
-            with_locked(rate, 0.0 * locked),
-            with_locked(zero, 0.0 * locked),
-        )
-
-    if motion_laws is None:
-        return SharedLoops(solver, crank_law, float(solver.reference.values[loops.driven[0], 0]))
-
     def motion_law(s: Array) -> tuple[Array, Array, Array]:
         value, first, second = motion_laws.along_path(s)
         return with_locked(value, locked), with_locked(first, 0.0 * locked), with_locked(second, 0.0 * locked)
 
-    return SharedLoops(solver, motion_law, 0.0)
+    initial = float(solver.reference.values[loops.driven[0], 0]) if motion_laws.crank else 0.0
+    return SharedLoops(solver, motion_law, initial)
 
 
 def many_motion(
@@ -120,8 +110,8 @@ def many_motion(
     Args:
         like: what they have in common (see `shared_loops`).
         started: the designs; their guesses say which assemblies are meant.
-        angles: of the crank, or of the clock of programs, (p,) in [rad].
-        speed: of the crank or the clock in [rad/s].
+        angles: path parameters, (p,) in [rad].
+        speed: rate of the path parameter in [rad/s].
         joints: whose motion is wanted.
         rates: False leaves velocities and accelerations zero.
 

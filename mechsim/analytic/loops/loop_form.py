@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.motion import (
-    crank_path,
-    path_under_laws,
+    driven_path,
     solve_along,
     solve_prescribed,
-    solve_under_laws,
 )
 from mechsim.analytic.loops.oracle import conditioning
 from mechsim.analytic.loops.path import ContinuationPath
@@ -27,10 +25,9 @@ from mechsim.model.limits import INSTANTS, ROUNDED, Ranges, check_instants, extr
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
-from mechsim.model.motion_laws import MotionLaws, interval_around
+from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
 from mechsim.units import WrittenUnits
 
@@ -51,7 +48,7 @@ class LoopForm:
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
         change_point: how it goes on where two assemblies meet.
         forces: what acts on it; None where that is not said.
-        motion_laws: of its drivers, where they are not one crank; angles are then those of their clock.
+        motion_laws: of its drivers; `CRANK` for a crank at any speed.
         ranges: joint -> between which values it can stand, in [m] or [rad].
         written: the units that its file declares.
     """
@@ -61,7 +58,7 @@ class LoopForm:
     formula: str = ""
     change_point: ChangePointPolicy = "smooth"
     forces: Forces | None = None
-    motion_laws: MotionLaws | None = None
+    motion_laws: MotionLaws = CRANK
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     written: WrittenUnits = WrittenUnits()
 
@@ -76,8 +73,8 @@ class LoopForm:
 
         It is two revolutions if the change points lead to another assembly; with motion laws it is their end.
         """
-        if self.motion_laws is not None:
-            return self.motion_laws.rate * self.motion_laws.duration
+        if not self.motion_laws.crank:
+            return self.motion_laws.length
         if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
             return REVOLUTION
         return REVOLUTION if self._back_after_a_turn() else 2.0 * REVOLUTION
@@ -134,11 +131,7 @@ class LoopForm:
         Raises:
             AssemblyError: where the loops do not close.
         """
-        if self.motion_laws is None:
-            return replace(solve_along(self._path, parameter, rate, second), origin=self)
-        time_angle = np.atleast_1d(numbers(parameter))
-        rates = [np.broadcast_to(numbers(values), time_angle.shape) for values in (rate, second)]
-        return replace(solve_under_laws(self._path, self.motion_laws, time_angle, *rates), origin=self)
+        return replace(solve_along(self._path, parameter, rate, second, self.motion_laws), origin=self)
 
     def solve_as(self, driven: Motion) -> Motion:
         """Return the motion where the drivers of another motion under the same programs really were.
@@ -146,7 +139,7 @@ class LoopForm:
         Raises:
             AssemblyError: where the loops do not close.
         """
-        if self.motion_laws is None:
+        if self.motion_laws.crank:
             return self.solve_along(driven.angle, driven.speed, driven.acceleration)
         drivers = [driven.joints[name] for name in self.motion_laws.drivers]
         instants = Instants(
@@ -193,18 +186,13 @@ class LoopForm:
         return {name: joints[name].value for name in self.ranges if name in joints}
 
     def _require_within(self, parameter: Array, values: Mapping[str, Array]) -> None:
-        motion_laws = self.motion_laws
         require_within(
             self.name,
             self.ranges,
             values,
             {name: self.mechanism.unit(name) for name in self.ranges},
-            lambda index: (
-                f"crank angle {parameter[index]:.6g} rad"
-                if motion_laws is None
-                else motion_laws.instant_label(float(parameter[index]))
-            ),
-            "turn the crank less" if motion_laws is None else "move the drivers less",
+            lambda index: self.motion_laws.instant_label(float(parameter[index])),
+            "move the drivers less",
         )
 
     def positions(
@@ -245,7 +233,7 @@ class LoopForm:
 
         The motion passes them as `through` says.
         """
-        if self.motion_laws is not None:
+        if not self.motion_laws.crank:
             return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
         start, full = self.mechanism.start, self._range.full
         within = [
@@ -280,14 +268,12 @@ class LoopForm:
 
     @cached_property
     def _path(self) -> ContinuationPath:
-        if self.motion_laws is not None:
-            return path_under_laws(self.mechanism, self.motion_laws, self.change_point)
-        return crank_path(self.mechanism, self.change_point)
+        return driven_path(self.mechanism, self.motion_laws, self.change_point)
 
     @cached_property
     def _range(self) -> Arcs:
         closing, start = self._closing_range, self.mechanism.start
-        if not self.ranges or self.motion_laws is not None or not closing.arcs:
+        if not self.ranges or not self.motion_laws.crank or not closing.arcs:
             return closing
         around = (start - REVOLUTION, start + REVOLUTION) if closing.full else interval_around(closing, start)
         if around is None:
@@ -336,7 +322,7 @@ class LoopForm:
     def _closing_range(self) -> Arcs:
         """The arc of crank angle over which the loops close."""
         path, start = self._path, self.mechanism.start
-        if self.motion_laws is not None:
+        if not self.motion_laws.crank:
             path.extend(self.period)
             return Arcs(False, ((0.0, self.period),))
         ends: list[float] = []

@@ -19,7 +19,7 @@ from mechsim.errors import AssemblyError
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, described, starting_at
 from mechsim.model.motion import ChangePointPolicy, Motion
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
 
@@ -109,37 +109,54 @@ def solve(
 
 
 def solve_along(
-    path: ContinuationPath, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike
+    path: ContinuationPath,
+    parameter: ArrayLike,
+    speed: ArrayLike,
+    acceleration: ArrayLike,
+    motion_laws: MotionLaws = CRANK,
 ) -> Motion:
-    """Return the motion of a mechanism whose path may be known already; else as `solve`."""
+    """Return the motion at values of the path parameter, (n,), and its rates; else as `solve`.
+
+    Args:
+        path: from `driven_path`.
+        parameter: crank angles in [rad], or times multiplied by the rate of the motion laws.
+        speed: rate of the parameter, scalar or (n,) in [rad/s].
+        acceleration: its second rate, scalar or (n,) in [rad/s2].
+        motion_laws: of the drivers.
+
+    Raises:
+        AssemblyError: at the instant beyond which the loops cannot close in this assembly.
+    """
     mechanism = path.loops.tree.mechanism
-    crank_angle = crank_angles(mechanism, angles)
-    rate = crank_rate(mechanism, "speed", speed, len(crank_angle))
-    second = crank_rate(mechanism, "acceleration", acceleration, len(crank_angle))
-    return motion_record(*motion_along(path, crank_angle, rate, second), crank_angle, rate, second)
+    parameter = crank_angles(mechanism, parameter)
+    rate = crank_rate(mechanism, "speed", speed, len(parameter))
+    second = crank_rate(mechanism, "acceleration", acceleration, len(parameter))
+    return solve_prescribed(path, motion_laws, instants_of_laws(motion_laws, parameter, rate, second))
 
 
 def motion_along(
     path: ContinuationPath, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[ContinuationPath, LoopMotion]:
-    """Return the motion and its path, of a crank that only swings on whatever lap it is asked for."""
-    instants = crank_instants(path, angle, speed, acceleration)
+    """Return the motion of a crank and its path, which may be that of another revolution."""
+    return _motion_at(
+        path, with_locked_values(path, instants_of_laws(CRANK, angle, speed, acceleration)), CRANK
+    )
+
+
+def _motion_at(
+    path: ContinuationPath, instants: Instants, motion_laws: MotionLaws
+) -> tuple[ContinuationPath, LoopMotion]:
     try:
         return path, loop_motion(path, instants)
     except AssemblyError:
-        for revolutions in other_revolutions(path.loops.tree.mechanism.start, angle):
+        if not motion_laws.crank:
+            raise
+        for revolutions in other_revolutions(path.loops.tree.mechanism.start, instants.parameter):
             other_path = _on_other_revolution(path, revolutions)
             if other_path is not None:
                 with suppress(AssemblyError):
                     return other_path, loop_motion(other_path, instants)
         raise
-
-
-def crank_instants(path: ContinuationPath, angle: Array, speed: Array, acceleration: Array) -> Instants:
-    """Return instants at crank angles (n,) in [rad] along a path, with the crank's rates (n,)."""
-    zero = 0.0 * locked_values(path.loops.tree.mechanism)
-    rates = with_locked(speed[None], zero), with_locked(acceleration[None], zero)
-    return Instants(angle, speed, acceleration, path.prescribed(angle), *rates)
 
 
 def _on_other_revolution(path: ContinuationPath, revolutions: int) -> ContinuationPath | None:
@@ -206,21 +223,23 @@ def motion_record(
     )
 
 
-def path_under_laws(
+def driven_path(
     mechanism: Mechanism, motion_laws: MotionLaws, change_point: ChangePointPolicy = "smooth"
 ) -> ContinuationPath:
-    """Return the path of a mechanism's assembly over the path parameter of its motion laws, from time zero.
+    """Return the path of a mechanism's assembly over the path parameter of its motion laws.
 
     Args:
-        mechanism: its guess says which assembly is meant, and where the drivers stand in it; from there they
-            go straight to where the programs begin.
+        mechanism: its guess selects the assembly; from the guess the drivers go straight to where their laws
+            start.
         motion_laws: of its drivers.
         change_point: "smooth" or "branch" where two assemblies meet.
 
     Raises:
-        AssemblyError: where the loops do not close at the guess or on the way to where the programs begin.
+        AssemblyError: where the loops do not close at the guess or on the way to the start of the laws.
         MobilityError: where the drivers leave joints or tracked points open, or are too many.
     """
+    if motion_laws.crank:
+        return crank_path(mechanism, change_point)
     first = checked_start(mechanism)
     locked = locked_values(mechanism)
 
@@ -231,7 +250,7 @@ def path_under_laws(
     names = PathNames(
         "the drivers",
         motion_laws.instant_label,
-        lambda parameter: f"{motion_laws.instant_label(parameter)} of the programs",
+        motion_laws.instant_label,
     )
     return ContinuationPath(first, prescribed, 0.0, change_point, names)
 
@@ -252,54 +271,30 @@ def _moved_to_start(first: LoopSolver, target: Array, policy: ChangePointPolicy)
         values = prescribed(np.array([s]))[:, 0]
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values, strict=True))
 
-    path_names = PathNames("the drivers on their way to where the programs begin", position, position)
+    path_names = PathNames("the drivers on their way to the start of the motion laws", position, position)
     path = ContinuationPath(first, prescribed, 0.0, policy, path_names)
     path.reach(distance, 1)
     return loop_solver(loops, path.unflat(path.segments[1][-1].states[-1:], np.array([distance]), target))
 
 
-def solve_under_laws(
-    path: ContinuationPath, motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
-) -> Motion:
-    """Return the motion at angles of the clock of programs, and its rates.
-
-    Args:
-        path: from `path_under_laws`.
-        motion_laws: of the drivers.
-        parameter: angles of the clock, (n,) in [rad].
-        speed: of the clock, (n,) in [rad/s]; `motion_laws.rate` is real time.
-        acceleration: of the clock, (n,) in [rad/s2].
-
-    Raises:
-        AssemblyError: at the time beyond which the loops cannot close in this assembly.
-    """
-    return solve_prescribed(path, motion_laws, instants_of_laws(motion_laws, parameter, speed, acceleration))
-
-
 def instants_of_laws(
     motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
 ) -> Instants:
-    """Return where programs have their drivers at angles of their clock, at its rates, (n,) each."""
+    """Return where the drivers are at path parameters, at its rates, (n,) each."""
     value, first, second = motion_laws.along_path(parameter)
     rate, second_rate = first * speed, first * acceleration + second * speed**2
     return Instants(parameter, speed, acceleration, value, rate, second_rate)
 
 
 def solve_prescribed(path: ContinuationPath, motion_laws: MotionLaws, instants: Instants) -> Motion:
-    """Return the motion where the drivers stand near their programs, at instants that say where.
+    """Return the motion at instants, in which the drivers may stand near their motion laws.
 
     Raises:
-        AssemblyError: as `solve_under_laws`.
+        AssemblyError: as `solve_along`.
     """
-    all_instants = with_locked_values(path, instants)
-    motion = motion_record(
-        path,
-        loop_motion(path, all_instants),
-        all_instants.parameter,
-        all_instants.speed,
-        all_instants.acceleration,
-    )
-    return replace(motion, time=instants.parameter / motion_laws.rate, drivers=motion_laws.drivers)
+    path, motion = _motion_at(path, with_locked_values(path, instants), motion_laws)
+    record = motion_record(path, motion, instants.parameter, instants.speed, instants.acceleration)
+    return replace(record, time=motion_laws.time(instants.parameter), drivers=motion_laws.drivers)
 
 
 def with_locked_values(path: ContinuationPath, instants: Instants) -> Instants:

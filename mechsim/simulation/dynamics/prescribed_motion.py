@@ -24,6 +24,7 @@ from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.poses.change_point_motion import interpolated
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.result import Driven, Method
+from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
 from mechsim.simulation.stepping import Progress, no_progress, step
@@ -66,7 +67,7 @@ def driven(
         speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
-        motion_laws: of the drivers, in place of speed or profile; angles are then those of their clock. None
+        motion_laws: of the drivers, in place of speed or profile. None
             takes those of the source where neither speed nor profile is given.
         method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
             rounding. "step" integrates in time; every number then belongs to the recorded instant,
@@ -93,11 +94,10 @@ def driven(
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples asked for; take at least 1")
     speed = si(speed, "rad/s", "the crank speed")
-    if motion_laws is None and speed is None and profile is None:
-        motion_laws = getattr(source, "motion_laws", None)
+    motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     mechanism, acting = described(source), acting_on(source, forces)
-    loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=motion_laws is not None)
-    if motion_laws is not None:
+    loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=not motion_laws.crank)
+    if not motion_laws.crank:
         loaded, profile = at_initial_state(loaded, motion_laws), parameter_profile(motion_laws)
     if profile is None:
         if speed is None:

@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from mechsim.model.finding import Finding
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.simulation.findings.actuation import fighting
 from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
 from mechsim.simulation.findings.implausible_numbers import impossible, mistaken_units
@@ -40,12 +40,12 @@ CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
 )
 
 
-def findings(read: MjcfModel, motion_laws: MotionLaws | None = None) -> tuple[Finding, ...]:
+def findings(read: MjcfModel, motion_laws: MotionLaws = CRANK) -> tuple[Finding, ...]:
     """Return what is wrong with a scene, the gravest first.
 
     Args:
         read: what was read of its file.
-        motion_laws: of its drivers; None looks at a swing of them where a motion is needed.
+        motion_laws: of its drivers; `CRANK` looks at a swing of them where a motion is needed.
     """
     scene = Inspected(read, motion_laws)
     result: list[Finding] = []

@@ -83,7 +83,7 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
 
 def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
     """Yield servos whose control stands at 0 while the drivers are asked to move."""
-    motion = None if scene.motion_laws is None else swing(scene)
+    motion = None if scene.motion_laws.crank else swing(scene)
     if motion is None:
         return
     forces = _actuator_forces(scene, motion)

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.model.finding import NO_POSITION, FilePosition
-from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws
+from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.drivers import PARAMETER_JOINT
@@ -73,11 +73,11 @@ class Inspected:
 
     Attributes:
         read: what was read of the file.
-        motion_laws: of its drivers; None where nothing says how they go.
+        motion_laws: of its drivers; `CRANK` where there are none.
     """
 
     read: MjcfModel
-    motion_laws: MotionLaws | None = None
+    motion_laws: MotionLaws = CRANK
 
     @cached_property
     def model(self) -> mujoco.MjModel:
@@ -261,7 +261,7 @@ def swing(scene: Inspected) -> Swing | None:
 
     None where the drivers do not settle one, or the loops let none be.
     """
-    if scene.motion_laws is not None:
+    if not scene.motion_laws.crank:
         with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
             return _moved(scene, scene.motion_laws, "the programs")
         return None

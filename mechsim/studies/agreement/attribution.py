@@ -94,7 +94,7 @@ def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns
 def _profile(evaluation: EvaluationPoints) -> CrankProfile:
     """Return the motion of the crank from which evaluation points were taken."""
     solver, speed = evaluation.solver, float(evaluation.speed[0])
-    if solver.motion_laws is not None:
+    if not solver.motion_laws.crank:
         return profile_of(solver, 1.0, 1.0)
     assert evaluation.time is not None
     fastest = float(np.abs(evaluation.speed).max()) * float(np.sign(speed or 1.0))
@@ -105,7 +105,7 @@ def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRu
     solver = evaluation.solver
     assert isinstance(solver, MjcfForm)
     assert solver.source is not None
-    if solver.motion_laws is None:
+    if solver.motion_laws.crank:
         raise InputError(f"{solver.name}: no program says how its drivers move in time")
     scene, controls = published_scene(solver)
     fine = _finer(scene)

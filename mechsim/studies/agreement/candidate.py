@@ -323,12 +323,12 @@ def points_of_table(
     """
     mechanism, laws = solver.mechanism, solver.motion_laws
     time_column = next((name for name in CLOCKS if name in table), None)
-    if mechanism.has_crank and laws is None:
+    if mechanism.has_crank and laws.crank:
         return _of_crank(solver, table, speed, source, time_column)
     columns = {driver: _driver_column(driver, table) for driver in mechanism.drivers}
     names = {driver: column for driver, column in columns.items() if column is not None}
     missing = [driver for driver in columns if driver not in names]
-    if time_column is not None and laws is not None and missing:
+    if time_column is not None and not laws.crank and missing:
         return _under_motion_laws(solver, laws, table[time_column].values), [time_column]
     if missing:
         raise InputError(
@@ -353,7 +353,7 @@ def _under_motion_laws(solver: Form, laws: MotionLaws, time: Array) -> Evaluatio
     if isinstance(solver, LoopForm) and last > laws.duration:
         solver = replace(solver, motion_laws=laws.with_duration(last))
     ones = np.full_like(time, laws.rate)
-    return EvaluationPoints(solver, laws.rate * time, ones, 0.0 * ones, time)
+    return EvaluationPoints(solver, laws.parameter(time), ones, 0.0 * ones, time)
 
 
 def _of_crank(

@@ -28,7 +28,7 @@ def _driven(
 ) -> EvaluationPoints:
     """Return evaluation points with other motion laws: driver -> change of its law."""
     solver, motion_laws = evaluation.solver, evaluation.solver.motion_laws
-    if motion_laws is None:
+    if motion_laws.crank:
         crank = solver.mechanism.crank.name
         steady = evaluation.angle, evaluation.speed, evaluation.acceleration
         if crank in changes:
@@ -38,7 +38,7 @@ def _driven(
             evaluation, angle=_within_a_period(evaluation, angle), speed=speed, acceleration=acceleration
         )
     joints = dict(evaluation.motion.joints)
-    time = evaluation.angle / motion_laws.rate
+    time = motion_laws.instants(evaluation.angle)
     for name, state in motion_laws.by_name.items():
         if name in changes:
             value, rate, second = (
@@ -164,7 +164,7 @@ def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
 def _rolled(misfit: Misfit) -> tuple[tuple[float], ...]:
     """Return the offset, in samples of a full turn, at which exact values look most like the claims."""
     evaluation = misfit.evaluation
-    if evaluation.solver.motion_laws is not None or not evaluation.solver.crank_range().full:
+    if not evaluation.solver.motion_laws.crank or not evaluation.solver.crank_range().full:
         return ()
     angle, n = evaluation.angle, len(evaluation) - 1
     if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - REVOLUTION) > 1e-9:
@@ -189,12 +189,12 @@ def delays(misfit: Misfit) -> Iterator[Hypothesis]:
     """All that is claimed late, by samples or by a time; one program of several late."""
     yield from _by_samples(misfit)
     evaluation, motion_laws = misfit.evaluation, misfit.evaluation.solver.motion_laws
-    if evaluation.time is None or (misfit.function and motion_laws is None):
+    if evaluation.time is None or (misfit.function and motion_laws.crank):
         return
     step = float(np.median(np.diff(evaluation.time)))
 
     def late(p: Array) -> Values:
-        rate = evaluation.speed if motion_laws is None else motion_laws.rate
+        rate = evaluation.speed if motion_laws.crank else motion_laws.rate
         return misfit.predicted(
             replace(evaluation, angle=evaluation.angle - rate * p[0], time=evaluation.time - p[0])
         )
@@ -203,15 +203,15 @@ def delays(misfit: Misfit) -> Iterator[Hypothesis]:
         return f"all is late by {p[0]:.6g} s, {p[0] / step:.4g} samples"
 
     starts = tuple((k * step,) for k in (0.0, 3.0, -3.0))
-    if motion_laws is None or _goes_on(motion_laws):
+    if _goes_on(motion_laws):
         yield Hypothesis("delay", "", NAMED, late, text, starts=starts, steps=(1e-3 * step,))
-    if motion_laws is not None and len(motion_laws.drivers) > 1:
+    if len(motion_laws.drivers) > 1:
         for driver in motion_laws.drivers:
             yield _out_of_phase(misfit, driver, motion_laws.duration)
 
 
 def _goes_on(motion_laws: MotionLaws) -> bool:
-    """Whether programs tell of a time before they begin."""
+    """Whether motion laws are defined before time zero."""
     with np.errstate(all="ignore"):
         try:
             return all(
@@ -273,8 +273,6 @@ def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
 def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
     """Two drivers taken for each other."""
     motion_laws = misfit.evaluation.solver.motion_laws
-    if motion_laws is None:
-        return
     for first_driver, other in combinations(motion_laws.drivers, 2):
         if _unit(misfit, first_driver) != _unit(misfit, other):
             continue

@@ -33,7 +33,7 @@ class EvaluationPoints:
 
     Attributes:
         solver: what moves.
-        angle: of the crank, or of the clock of programs, (n,) in [rad].
+        angle: path parameters, (n,) in [rad].
         speed: of it, (n,) in [rad/s].
         acceleration: of it, (n,) in [rad/s2].
         time: (n,) in [s]; None where only angles are known.
@@ -80,7 +80,7 @@ class EvaluationPoints:
     @property
     def instants(self) -> RecordInstants:
         """What names the instants: crank angles, times of motion laws, or rows of a table without times."""
-        if self.solver.motion_laws is None:
+        if self.solver.motion_laws.crank:
             return RecordInstants(self.angle, "rad")
         if self.time is not None:
             return RecordInstants(self.time, "s")
@@ -89,7 +89,7 @@ class EvaluationPoints:
     @property
     def phase(self) -> Array:
         """Angle of the crank within its period, or the parameter of the motion laws, (n,)."""
-        return self.angle if self.solver.motion_laws is not None else np.mod(self.angle, self.solver.period)
+        return np.mod(self.angle, self.solver.period) if self.solver.motion_laws.crank else self.angle
 
     def with_dimensions(self, solver: Form) -> "EvaluationPoints":
         """Return the same with what has other dimensions, solved from the motion here where that can be."""
@@ -141,15 +141,16 @@ class EvaluationPoints:
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:
         """Return driver -> value, rate and acceleration, (n,) each in SI."""
         motion_laws = self.solver.motion_laws
-        if self.solved is not None and motion_laws is not None:
+        if self.solved is not None and not motion_laws.crank:
             # where drivers really were, as in a run
             joints = {name: self.solved.joints[name] for name in motion_laws.drivers}
             return {name: (joint.value, joint.rate, joint.acceleration) for name, joint in joints.items()}
-        if motion_laws is None:
-            return {self.solver.mechanism.crank.name: (self.angle, self.speed, self.acceleration)}
         value, first, second = motion_laws.along_path(self.angle)
         rate, change_of_rate = first * self.speed, first * self.acceleration + second * self.speed**2
-        return {name: (value[i], rate[i], change_of_rate[i]) for i, name in enumerate(motion_laws.drivers)}
+        return {
+            name: (value[i], rate[i], change_of_rate[i])
+            for i, name in enumerate(self.solver.mechanism.drivers)
+        }
 
     def exact(self, quantity: Quantity) -> Array:
         """Return a quantity, (n, k) in SI.
@@ -264,6 +265,6 @@ def evaluation_points(solver: Form, speed: float, samples: int = INSTANTS) -> Ev
 def driver_inputs(evaluation: EvaluationPoints) -> Array | Mapping[str, Array]:
     """Return what a formula is asked at: the crank's angles, or the coordinates of the drivers by name."""
     drivers = {name: state[0] for name, state in evaluation.drivers().items()}
-    if evaluation.solver.motion_laws is None or len(drivers) == 1:
+    if len(drivers) == 1:
         return next(iter(drivers.values()))
     return drivers

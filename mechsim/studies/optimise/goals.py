@@ -185,21 +185,15 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
             "as examples/design/torque_ripple.py does"
         )
-    whole = solver.motion_laws is None and abs(angles[-1] - angles[0] - REVOLUTION) < ANGLE_TOLERANCE
+    whole = solver.motion_laws.crank and abs(angles[-1] - angles[0] - REVOLUTION) < ANGLE_TOLERANCE
     index = None
     if measured.angle is not None:
         distance = np.abs(angles - measured.angle)
         index = int(np.argmin(distance))
         if distance[index] > ANGLE_TOLERANCE:
-            motion_laws = solver.motion_laws
-            place = (
-                f"{measured.angle:.6g} rad"
-                if motion_laws is None
-                else motion_laws.instant_label(measured.angle)
-            )
             raise InputError(
-                f"{text} is taken at {place}, where the motion is not solved; give `moved` "
-                f"{'an angle' if motion_laws is None else 'a time'} there"
+                f"{text} is taken at {solver.motion_laws.instant_label(measured.angle)}, where the motion is "
+                "not solved; give `moved` this instant"
             )
         whole = False
     return _Measured(measured, slice(0, -1) if whole else slice(None), index)

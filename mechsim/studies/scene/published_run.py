@@ -123,13 +123,12 @@ def published_run(source: MjcfForm, profile: CrankProfile) -> PublishedRun:
     run = stepped(scene, records=RECORDS)
     if run.broken:
         return PublishedRun(path=path, settings=settings, driven=driven, note=run.broken)
-    crank = source.motion_laws is None
     return PublishedRun(
         path=path,
         settings=settings,
         driven=driven,
-        instants=profile.state(run.time)[0] if crank else run.time,
-        instants_unit="rad" if crank else "s",
+        instants=profile.state(run.time)[0] if source.motion_laws.crank else run.time,
+        instants_unit=source.motion_laws.unit,
         gaps=loop_gaps(run),
         errors=scene.closure.errors(run.qpos, run.points).max(1, initial=0.0),
     )
@@ -149,9 +148,8 @@ def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tu
         MechsimError: if the scene cannot start.
     """
     assert source.source is not None
-    if source.motion_laws is not None:
-        laws: dict[str, State] = dict(source.motion_laws.by_name)
-    else:
+    laws: dict[str, State] = dict(source.motion_laws.by_name)
+    if source.motion_laws.crank:
         assert profile is not None
         laws = {source.mechanism.crank.name: profile.state}
     joint_laws, ctrl = _servo_laws(source, laws)
@@ -188,7 +186,7 @@ def loop_gaps(run: SceneRun) -> Array:
 
 
 def _duration(source: MjcfForm, profile: CrankProfile | None) -> float:
-    if source.motion_laws is not None:
+    if not source.motion_laws.crank:
         return float(source.motion_laws.duration)
     assert profile is not None
     return float(profile.duration)

@@ -89,7 +89,7 @@ class MovedFamily:
 
     Attributes:
         family: the mechanisms.
-        angles: of the crank, or of the clock of programs, (n,) in [rad].
+        angles: path parameters, (n,) in [rad].
         speed: of the crank in [rad/s]; programs have their own.
         loading: what efforts are of.
     """
@@ -107,19 +107,17 @@ class MovedFamily:
     @cached_property
     def over(self) -> tuple[str, Array]:
         """The instants: crank angle in [rad], or t in [s] under motion laws."""
-        motion_laws = self.solver.motion_laws
-        return ("angle", self.angles) if motion_laws is None else ("t", self.angles / motion_laws.rate)
+        return self.solver.motion_laws.axis, self.solver.motion_laws.instants(self.angles)
 
     @property
     def rate(self) -> float:
-        """Speed of the crank or of the clock, in [rad/s]."""
-        motion_laws = self.solver.motion_laws
-        return self.speed if motion_laws is None else motion_laws.rate
+        """Rate of the path parameter, in [rad/s]."""
+        return self.solver.motion_laws.path_speed(self.speed)
 
     @property
     def offset(self) -> str:
         """The name of the crank's unknown zero, a dimension in [rad]; empty under programs."""
-        alone = self.solver.motion_laws is None and self.solver.mechanism.has_crank
+        alone = self.solver.motion_laws.crank and self.solver.mechanism.has_crank
         return self.solver.mechanism.crank.name + OFFSET if alone else ""
 
     def quantity(self, name: str) -> Quantity:
@@ -201,7 +199,7 @@ class MovedFamily:
 
     @cached_property
     def _nominal_unit_motion(self) -> MotionBeside | None:
-        """The same per radian of the crank or of the clock."""
+        """The same per radian of the path parameter."""
         return None if self._nominal_motion is None else motion_beside(self.solver, self.angles, reach=REACH)
 
     def _parted(self, dimensions: Mapping[str, float]) -> tuple[dict[str, float], float]:
@@ -362,7 +360,7 @@ def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamil
 
 
 def instants_of(solver: Form) -> Array:
-    """Return angles of the crank or of the programs' clock spread over what it can do, (n,) in [rad].
+    """Return path parameters spread over the whole motion, (n,) in [rad].
 
     A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:
     derivatives have no bound there.
@@ -371,8 +369,8 @@ def instants_of(solver: Form) -> Array:
         AssemblyError: if the loops close at no crank angle.
     """
     motion_laws = solver.motion_laws
-    if motion_laws is not None:
-        low, high, period = 0.0, motion_laws.rate * motion_laws.duration, np.inf
+    if not motion_laws.crank:
+        low, high, period = 0.0, motion_laws.length, np.inf
     elif (arcs := solver.crank_range()).full:
         low, high, period = 0.0, REVOLUTION, REVOLUTION
     else:

@@ -212,7 +212,7 @@ def moved(
     solver = designs.make({})
     if angles is None and t is None:
         return moved_along(designs, instants_of(solver), crank_speed, forces)
-    path_speed = None if solver.motion_laws is not None else crank_speed
+    path_speed = crank_speed if solver.motion_laws.crank else None
     parameter = np.atleast_1d(
         numbers(path_instants(solver.mechanism, solver.motion_laws, angles, path_speed, 0.0, t).parameter)
     )

@@ -51,7 +51,7 @@ def _subject(task: SweepTask) -> str:
     if isinstance(make, OfPython):
         return repr((sorted(make.fixed.items()), make.model.rpartition(":")[2], _file(make.model)))
     motion_laws = task.subject.solver.motion_laws
-    drivers = mechanism.drivers if motion_laws is None else (*motion_laws.drivers, repr(motion_laws.duration))
+    drivers = mechanism.drivers if motion_laws.crank else (*motion_laws.drivers, repr(motion_laws.duration))
     return repr((task.subject.name, drivers, _hash(numbers_of(mechanism).tobytes())))
 
 

@@ -10,7 +10,7 @@ from mechsim import units
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.model.quantities import (
     AXES,
     Quantity,
@@ -138,7 +138,7 @@ class TurnMeasure:
         return STATISTICS[self.kind](values)
 
 
-def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws | None = None) -> TurnMeasure:
+def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) -> TurnMeasure:
     """Return the measure that a text names.
 
     Args:
@@ -146,7 +146,7 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws | None = No
             quantities as `model.quantities` has them, at:ANGLE:Q or under motion laws at:TIME:Q,
             crank_range, dead_centres, assemblies, or FILE.py:FUNC of a Motion.
         mechanism: whose.
-        motion_laws: its motion laws; None where a crank is driven.
+        motion_laws: its motion laws.
 
     Raises:
         InputError: for an unknown word or quantity, with the nearest one.
@@ -174,9 +174,9 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws | None = No
     raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
 
 
-def _parameter(text: str, index: str, motion_laws: MotionLaws | None) -> float:
+def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:
     """Return the path parameter at a crank angle, or under motion laws at a time, in [rad]."""
-    if motion_laws is None:
+    if motion_laws.crank:
         return units.parse(index, "rad", f"the angle of {text}")
     try:
         time = units.parse(index, "s", f"the time of {text}")
@@ -228,7 +228,7 @@ def _number(where: str, value: object) -> float:
 
 
 def measures(
-    texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, motion_laws: MotionLaws | None = None
+    texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, motion_laws: MotionLaws = CRANK
 ) -> tuple[TurnMeasure, ...]:
     """Return the measures that texts name, each once.
 

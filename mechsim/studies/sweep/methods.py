@@ -215,7 +215,7 @@ def _loop_swings(
 ) -> Rows:
     """Measure designs whose cranks swing by loop equations together; return their indices."""
     assert task.loops is not None
-    if not len(others) or task.subject.solver.motion_laws is not None:
+    if not len(others) or not task.subject.solver.motion_laws.crank:
         return others[:0]
     try:
         tracer = SwingTracer(task.loops, started.subset(others))
@@ -325,7 +325,7 @@ def swing_arc(solver: Form) -> tuple[float, float] | None:
     Raises:
         AssemblyError: if it assembles at no crank angle.
     """
-    if solver.motion_laws is not None:
+    if not solver.motion_laws.crank:
         return None
     arcs = solver.crank_range()
     if arcs.full:
@@ -342,7 +342,7 @@ def _solved_alone(
     """Return the measures of one design by its formulas or loop equations along a crank motion (p,)."""
     kept = {name: np.array([value]) for name, value in facts.items()}
     angles, path_speed = crank.angle, crank.speed
-    if solver.motion_laws is not None:
+    if not solver.motion_laws.crank:
         # the rate of the path parameter depends on the design; the times are the same
         angles, path_speed = (
             angles / path_speed * solver.motion_laws.rate,
@@ -382,7 +382,7 @@ def require_measurable(task: SweepTask) -> None:
             )
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
             closed_form(solver, "a transmission angle")
-    if solver.motion_laws is None and not solver.mechanism.has_crank:
+    if solver.motion_laws.crank and not solver.mechanism.has_crank:
         raise InputError(
             f"{solver.name} has no single crank; give its drivers motion laws with --drive JOINT=PROGRAM"
         )

@@ -105,7 +105,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
         AssemblyError: if it cannot be assembled along the whole motion.
     """
     solver = with_closed_start(solver)
-    motion_laws, prescribed = solver.motion_laws, prescribed_motion(solver, task.path_speed)
+    prescribed = prescribed_motion(solver, task.path_speed)
     options: dict[str, Any] = {"method": "step", "settings": task.settings, "samples": task.intervals}
     options |= prescribed
     if "profile" in prescribed and task.angle_index:
@@ -123,7 +123,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
         motion = study.motion
         forces = {name: column[task.records][None] for name, column in study.efforts.columns()}
     mechanism = solver.mechanism
-    if mechanism.has_crank and motion_laws is None:
+    if mechanism.has_crank and solver.motion_laws.crank:
         # the generator's name of the crank
         joints = {
             (mechanism.crank.name if name == CRANK else name): value for name, value in motion.joints.items()
@@ -149,7 +149,7 @@ def prescribed_motion(solver: Form, speed: float) -> dict[str, Any]:
     Raises:
         AssemblyError: if its loops close at no crank angle.
     """
-    if solver.motion_laws is not None:
+    if not solver.motion_laws.crank:
         return {"motion_laws": solver.motion_laws}
     arcs = solver.crank_range()
     if arcs.full:

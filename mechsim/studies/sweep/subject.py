@@ -139,7 +139,7 @@ def swept(
         return SweptSubject(name, solver, result, OfPython(source.address, current))
     if isinstance(solver, ClosedForm):
         return SweptSubject(name, solver, result, OfCatalog(solver))
-    if isinstance(source, TomlModel) and plain and solver.motion_laws is None:
+    if isinstance(source, TomlModel) and plain and solver.motion_laws.crank:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
         make = OfToml(source.source, current, solver.mechanism.guess, unit_of)
         return SweptSubject(name, solver, result, make)

@@ -82,7 +82,7 @@ def dataset(
 def _driven(task: SweepTask) -> dict[str, object]:
     """Return the speed of the crank, or the duration of the motion laws."""
     motion_laws = task.subject.solver.motion_laws
-    if motion_laws is None:
+    if motion_laws.crank:
         return {"speed": task.path_speed, "speed_units": "rad/s"}
     return {"duration": motion_laws.duration, "duration_units": "s"}
 

@@ -83,9 +83,8 @@ class SweepTask:
 
     @property
     def path_speed(self) -> float:
-        """Rate of the path parameter in [rad/s]: speed of the crank, or `pace` of the motion laws."""
-        motion_laws = self.subject.solver.motion_laws
-        return self.speed if motion_laws is None else motion_laws.rate
+        """Rate of the path parameter in [rad/s]."""
+        return self.subject.solver.motion_laws.path_speed(self.speed)
 
     @cached_property
     def angle_index(self) -> dict[float, int]:
@@ -98,12 +97,7 @@ class SweepTask:
         """Path parameters of the poses, (poses,) in [rad]; empty if no motion is measured."""
         if not any(measure.turns for measure in self.measures):
             return np.zeros(0)
-        motion_laws = self.subject.solver.motion_laws
-        if motion_laws is None:
-            path = REVOLUTION * np.arange(self.samples) / self.samples
-        else:
-            path = np.linspace(0.0, motion_laws.rate * motion_laws.duration, self.samples)
-        return np.concatenate([path, [*self.angle_index]])
+        return np.concatenate([self.subject.solver.motion_laws.spread(self.samples), [*self.angle_index]])
 
     def within(self, low: ArrayLike, high: ArrayLike) -> CrankRows:
         """Return the crank motion over which designs that swing are measured.
@@ -184,7 +178,7 @@ class SweepTask:
         """The model with which designs are stepped together; None if each must be stepped alone."""
         solver = self.subject.solver
         alone = self.settings is None or self.wants("function") or self.uses("link") or self.samples > CHUNK
-        if alone or solver.motion_laws is not None or (self.loaded and not self._weighed):
+        if alone or not solver.motion_laws.crank or (self.loaded and not self._weighed):
             return None
         with suppress(MechsimError):
             return shared_model(solver.mechanism, self.forces.gravity if self.loaded else None)
@@ -215,7 +209,7 @@ class SweepTask:
     @property
     def intervals(self) -> int:
         """Intervals between the poses of a stepped motion, whose last pose is the end."""
-        return self.samples if self.subject.solver.motion_laws is None else self.samples - 1
+        return self.samples if self.subject.solver.motion_laws.crank else self.samples - 1
 
     @property
     def stride(self) -> int:
@@ -231,21 +225,20 @@ class SweepTask:
             InputError: for an angle at which something is measured and no instant is recorded.
         """
         motion_laws, solver = self.subject.solver.motion_laws, self.subject.solver
-        period = REVOLUTION if motion_laws is None else motion_laws.rate * motion_laws.duration
-        start = solver.mechanism.start if motion_laws is None else 0.0
+        start = solver.mechanism.start if motion_laws.crank else 0.0
+        interval = motion_laws.length / self.intervals
         result = np.arange(self.samples)
         for angle in self.angle_index:
-            index = (angle - start) / period * self.intervals
+            index = (angle - start) / interval
             if abs(index - round(index)) > RECORD_TOLERANCE:
-                scale, unit = (1.0, "rad") if motion_laws is None else (motion_laws.rate, "s")
+                rate, unit = motion_laws.rate, motion_laws.unit
                 raise InputError(
-                    f"at {angle / scale:.6g} {unit} nothing is recorded, but every "
-                    f"{period / self.intervals / scale:.6g} {unit}; choose --samples so that "
-                    "a pose lies there"
+                    f"at {angle / rate:.6g} {unit} nothing is recorded, but every "
+                    f"{interval / rate:.6g} {unit}; choose --samples so that a pose lies there"
                 )
-            result = np.append(
-                result, round(index) % (self.samples if motion_laws is None else self.samples + 1)
-            )
+            # a crank's last record is its first again
+            rows = self.samples if motion_laws.crank else self.samples + 1
+            result = np.append(result, round(index) % rows)
         return result
 
     def wants(self, kind: str) -> bool:
