@@ -60,7 +60,7 @@ def synthesize(
     line = (point[0], point[1]), units.parse_angle(tilt, "--tilt"), units.parse_length(length, "--length")
     by_circle = synthesize_looper(*line, base)
     straightest = synthesize_looper(*line, base, equal_ripple=True)
-    designs = {"rocker's circle kept best": by_circle, "straightest": straightest}
+    designs = {"smallest radial error": by_circle, "straightest": straightest}
 
     def text() -> None:
         head = ("criterion", "frame [mm]", "angle [deg]", "rocker [mm]", "deviation [mm]")

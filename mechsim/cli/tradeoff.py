@@ -1,15 +1,17 @@
 """Command `mechsim tradeoff`: speed against accuracy of MuJoCo's settings, measured."""
 
+import textwrap
 from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict
 
+import numpy as np
 import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import DriveOptions, ModelOptions, Output, Speed, load_model, speed_of, writable
-from mechsim.cli.output import Value, number, print_table, print_text
+from mechsim.cli.output import Value, number, print_table, print_text, width
 from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.cli.schema import Settings
@@ -219,6 +221,7 @@ def _print(result: Tradeoff, by: str) -> None:
         order = result.order(curve, by)
         if order is not None:
             print_text(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
+    print_text("use: integrator, time constant of the loops (turn/10: a tenth of a turn), compliance scale")
     print_text(_count(result))
 
 
@@ -233,9 +236,17 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
             bounds_of.setdefault("\n".join(filter(None, lines)), []).append(f"{limit:.0e}")
     for text, bounds in bounds_of.items():
         typer.echo(f"{', '.join(bounds)}:")
-        # text to copy: never broken
         for line in filter(None, text.splitlines()):
-            typer.echo(f"  {line}")
+            typer.echo("\n".join(_shell_lines(line)) if line.startswith("mechsim") else f"  {line}")
+
+
+def _shell_lines(line: str) -> list[str]:
+    """Return a command in lines that fit the terminal and can be copied, ended by a backslash."""
+    lines = textwrap.wrap(line, width() - 6, break_long_words=False, break_on_hyphens=False)
+    return [
+        f"  {'  ' if i else ''}{text}{' ' + chr(92) if i < len(lines) - 1 else ''}"
+        for i, text in enumerate(lines)
+    ]
 
 
 def _count(result: Tradeoff) -> str:
@@ -246,9 +257,9 @@ def _count(result: Tradeoff) -> str:
     if result.left_out:
         items.append(f"{result.left_out} left out for lack of time")
     if result.untried:
-        names = ", ".join(result.untried[:MOST_FAMILIES])
+        names = "; ".join(result.untried[:MOST_FAMILIES])
         rest = len(result.untried) - MOST_FAMILIES
-        items.append(f"nothing tried of {names}{f' and {rest} more' if rest > 0 else ''}")
+        items.append(f"not tried: {names}{f' and {rest} more' if rest > 0 else ''}")
     return "; ".join(items)
 
 
@@ -263,7 +274,7 @@ def _costs(source: ModelOptions, controls: ControlOptions) -> Result[Any]:
         "costs": [
             {
                 "what": cost.what,
-                "freedoms": cost.dofs,
+                "dofs": cost.dofs,
                 "rows": cost.rows,
                 "us_per_step": cost.step,
                 "time_ratio": cost.ratio,
@@ -277,8 +288,7 @@ def _costs(source: ModelOptions, controls: ControlOptions) -> Result[Any]:
             cost.what,
             str(cost.dofs),
             str(cost.rows),
-            number(cost.step, 3),
-            number(cost.ratio, 3),
+            *((number(cost.step, 3), number(cost.ratio, 3)) if np.isfinite(cost.step) else ("", "")),
             f"{cost.error:.1e}" if cost.error < float("inf") else "diverges",
         )
         for cost in costs

@@ -315,7 +315,7 @@ def _print(report: TuningReport, data: dict[str, Any]) -> None:
     head = ["settings changed", f"{result.by} [{unit}]", "trajectory [m]", "ms/s"]
     # the measure that decides is not printed twice
     keep = [i for i in range(4) if not (i == 2 and result.by == "trajectory")]
-    title = f"{data['mechanism']}: {result.by} within {result.tolerance:g} {unit}; ms per simulated second"
+    title = f"{result.scene.path}: {result.by} within {result.tolerance:g} {unit}; ms per simulated second"
     print_table(title, [head[i] for i in keep], [[row[i] for i in keep] for row in rows])
     typer.echo(f"wrote {data['output']}")
     if data["put_in"]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import command_line_page
+import gallery_page
 import pytest
 from published_text import with_included
 
@@ -156,3 +157,12 @@ def test_a_missing_command_option_or_name_is_noticed():
         "ms.catalog.made",
         "ms.solve",
     ]
+
+
+def test_a_card_of_the_gallery_opens_its_view_and_stands_still_where_motion_is_unwanted(tmp_path):
+    (tmp_path / "extra" / "pictures").mkdir(parents=True)
+    (tmp_path / "extra" / "pictures" / "klann.gif").write_bytes(b"0" * 2_000_000)
+    text = gallery_page.card(tmp_path / "extra", "klann", "Klann's leg")
+    assert text.startswith('<a href="../views/klann.html">')
+    assert '<source media="(prefers-reduced-motion: reduce)" srcset="../pictures/klann.png">' in text
+    assert gallery_page.megabytes(tmp_path, "*.gif") == 2.0

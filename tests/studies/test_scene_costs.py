@@ -33,7 +33,7 @@ def test_each_thing_is_turned_on_or_off_alone_and_judged_against_the_scene_as_it
 
 
 def test_what_is_needed_is_seen_to_be(costs):
-    loops = costs["without 1 loop: none of their rows"]
+    loops = costs["without 1 loop"]
     assert loops.rows < costs["as it is"].rows
     assert loops.error > 1e-3
 

@@ -120,7 +120,7 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
                 candidates.append(RemovalCandidate("options", f"{field} {name}", edit))
     loops = [candidate.name for candidate in observed.spec.equalities if candidate.active]
     if loops:
-        what = f"without {count_text(len(loops), 'loop')}: none of their rows"
+        what = f"without {count_text(len(loops), 'loop')}"
         candidates.append(RemovalCandidate("rows", what, _no_loops))
     return candidates
 

@@ -386,4 +386,4 @@ class TuningReport:
 
 
 def _figures(error: float, trial: SceneTrial) -> str:
-    return f"error {error:.2g}, {1e3 * trial.seconds:.3g} ms a simulated second"
+    return f"error {error:.2g}, {1e3 * trial.seconds:.3g} ms per simulated second"

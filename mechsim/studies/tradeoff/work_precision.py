@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.files import atomic_path
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
 from mechsim.simulation import Settings
@@ -199,7 +200,17 @@ def command(point: Point, model: str, speed: float) -> str | None:
     options = [_option(name, value) for name, value in _changed(point.settings).items()]
     options += [f"--cut {','.join(build.cut)}"] if build.cut else []
     options += [f"--scene {build.level}"] if build.level != Build().level else []
-    return " ".join(["mechsim", "simulate", model, "--speed", f"{speed!r}rad/s", *options])
+    return " ".join(["mechsim", "simulate", model, "--speed", _speed_text(speed), *options])
+
+
+def _speed_text(speed: float) -> str:
+    """Return a crank speed as the option --speed takes it, in rpm where that is a short number."""
+    short = f"{speed * 60.0 / REVOLUTION:g}"
+    return (
+        f"{short}rpm"
+        if np.isclose(float(short) * REVOLUTION / 60.0, speed, rtol=1e-12)
+        else f"{speed!r}rad/s"
+    )
 
 
 def exporting(point: Point, model: str, speed: float) -> str | None:

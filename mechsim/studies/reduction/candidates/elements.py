@@ -31,7 +31,7 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     if observed.spec.option.disableflags & CONTACTS_DISABLED:
         return []
     if not observed.touched:
-        return [RemovalCandidate("contacts", "looking for contacts: nothing touched", _disable_contacts)]
+        return [RemovalCandidate("contacts", "contact detection (nothing touched)", _disable_contacts)]
     names = [
         geom.name
         for geom in observed.spec.geoms

@@ -52,7 +52,7 @@ def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
     if option.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY):
         candidates.append(RemovalCandidate(CHEAPER_STEPS, "the energy flag", _no_energy))
     if not option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND):
-        candidates.append(RemovalCandidate(CHEAPER_STEPS, "looking for islands", _no_islands))
+        candidates.append(RemovalCandidate(CHEAPER_STEPS, "island detection", _no_islands))
     if option.iterations > 1:
         candidates.append(
             RemovalCandidate(
