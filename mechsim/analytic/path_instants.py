@@ -65,11 +65,7 @@ def path_instants(
         return PathInstants(angles, 1.0 if speed is None else speed, acceleration)
     if angles is not None:
         raise InputError(f"{mechanism.name}: both crank angles and times t are given; leave one of them out")
-    if not mechanism.has_crank:
-        raise InputError(
-            f"{mechanism.name}: times t are given, but no motion law says how "
-            f"{', '.join(mechanism.drivers)} move; give each one, as drive= of ms.load takes it"
-        )
+    motion_laws.require_drivers(mechanism)
     time = _times(mechanism.name, t)
     constant = np.nan if speed is None else number(speed)
     if not (np.isfinite(constant) and number(acceleration) == 0.0):

@@ -206,13 +206,8 @@ def _with_notes(solver: Form) -> Form:
 def require_motion(solver: Form) -> Form:
     """Return a mechanism; raise InputError if several drivers have no motion law."""
     # a closed form has a crank, and its mechanism may be one that cannot be assembled
-    if solver.motion_laws.crank and not isinstance(solver, ClosedForm) and not solver.mechanism.has_crank:
-        drivers = solver.mechanism.drivers
-        amplitude = "10mm" if solver.mechanism.unit(drivers[0]) == "m" else "30deg"
-        raise InputError(
-            f"{solver.name}: {', '.join(drivers)} {'has' if len(drivers) == 1 else 'have'} no motion law; "
-            f"give each a --drive JOINT=LAW, as in --drive '{drivers[0]}={amplitude}*sin(2*pi*t)'"
-        )
+    if not isinstance(solver, ClosedForm):
+        solver.motion_laws.require_drivers(solver.mechanism)
     return solver
 
 

@@ -212,6 +212,14 @@ class MotionLaws:
     rate: float
     label: Callable[[float], str] | None = None
 
+    def require_drivers(self, mechanism: Mechanism) -> None:
+        """Raise InputError unless these laws drive all drivers of a mechanism, and nothing else."""
+        if set(self.drivers) != set(mechanism.drivers):
+            raise InputError(
+                f"{mechanism.name}: the motion laws are of {', '.join(self.drivers)}; drivers are "
+                f"{', '.join(mechanism.drivers)}"
+            )
+
     @property
     def length(self) -> float:
         """Path parameter at the end."""
@@ -302,6 +310,17 @@ class CrankLaw(MotionLaws):
     crank: ClassVar[bool] = True
     axis: ClassVar[Literal["t", "angle"]] = "angle"
     unit: ClassVar[Literal["s", "rad"]] = "rad"
+
+    def require_drivers(self, mechanism: Mechanism) -> None:
+        """Raise InputError unless a crank is the only driver of a mechanism."""
+        if not mechanism.has_crank:
+            first, have = mechanism.drivers[0], "has" if len(mechanism.drivers) == 1 else "have"
+            amplitude = "10mm" if mechanism.unit(first) == "m" else "30deg"
+            raise InputError(
+                f"{mechanism.name}: {', '.join(mechanism.drivers)} {have} no motion law; give each one: "
+                f"--drive JOINT=LAW, as in --drive '{first}={amplitude}*sin(2*pi*t)', or in Python "
+                f"drive={{'{first}': '{amplitude}*sin(2*pi*t)'}}"
+            )
 
     def path_speed(self, crank_speed: float) -> float:
         return crank_speed

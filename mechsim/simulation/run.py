@@ -248,13 +248,4 @@ def require_motion_laws(source: Source, motion_laws: MotionLaws, crank_motion: o
     model = description(source)
     if not isinstance(model, Mechanism):
         return
-    if motion_laws.crank and not model.has_crank:
-        raise InputError(
-            f"{model.name}: {', '.join(model.drivers)} {'is' if len(model.drivers) == 1 else 'are'} driven, "
-            "and no lone crank; give each a program"
-        )
-    if not motion_laws.crank and set(motion_laws.drivers) != set(model.drivers):
-        raise InputError(
-            f"{model.name}: the programs are of {', '.join(motion_laws.drivers)}; drivers are "
-            f"{', '.join(model.drivers)}"
-        )
+    motion_laws.require_drivers(model)

@@ -183,9 +183,9 @@ def test_what_is_asked_for_twice_or_not_at_all_is_refused():
     mechanism, moves = CASES["five-bar"]()
     with pytest.raises(InputError, match="both programs and a crank's motion"):
         simulate(mechanism, motion_laws=moves, speed=1.0)
-    with pytest.raises(InputError, match="left, right are driven, and no lone crank"):
+    with pytest.raises(InputError, match="left, right have no motion law; give each one"):
         simulate(mechanism, speed=1.0)
-    with pytest.raises(InputError, match="programs are of left, right; drivers are stroke"):
+    with pytest.raises(InputError, match="the motion laws are of left, right; drivers are stroke"):
         simulate(boom(), motion_laws=moves)
 
 

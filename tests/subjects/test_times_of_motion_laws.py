@@ -101,7 +101,7 @@ def test_a_crank_at_a_known_speed_takes_times_too(looped):
 
 
 def test_several_drivers_without_motion_laws_are_named():
-    with pytest.raises(InputError, match="no motion law says how left, right move; give each one"):
+    with pytest.raises(InputError, match="left, right have no motion law; give each one"):
         LoopForm(ms.load("five_bar").mechanism).solve(t=TIMES)
 
 

@@ -298,11 +298,7 @@ def _candidates(
         source, function = getattr(against, "__name__", "the function"), against
     if not callable(function):
         raise InputError(f"{source} is of type {type(function).__name__}; name a function")
-    if solver.motion_laws.crank and not solver.mechanism.has_crank:
-        raise InputError(
-            f"{solver.name}: no motion law drives {', '.join(solver.mechanism.drivers)}; give each one, as "
-            f"drive={{'{solver.mechanism.drivers[0]}': '0.3*sin(2*pi*t)'}}"
-        )
+    solver.motion_laws.require_drivers(solver.mechanism)
     evaluation = evaluation_points(solver, speed)
     parameters = dict(solver.parameters) if isinstance(solver, LoopForm) else None
 

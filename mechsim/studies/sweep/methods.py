@@ -382,10 +382,7 @@ def require_measurable(task: SweepTask) -> None:
             )
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
             closed_form(solver, "a transmission angle")
-    if solver.motion_laws.crank and not solver.mechanism.has_crank:
-        raise InputError(
-            f"{solver.name} has no single crank; give its drivers motion laws with --drive JOINT=PROGRAM"
-        )
+    solver.motion_laws.require_drivers(solver.mechanism)
 
 
 def _require_stepped(task: SweepTask) -> None:
