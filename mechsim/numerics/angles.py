@@ -7,6 +7,11 @@ from mechsim.numerics.arrays import Array
 REVOLUTION = 2.0 * np.pi
 
 
+def wrapped(angles: Array) -> Array:
+    """Return angles in [rad], of any shape, within half a revolution of zero."""
+    return angles - REVOLUTION * np.round(angles / REVOLUTION)
+
+
 def other_revolutions(angle: float, targets: Array) -> list[int]:
     """Return the revolutions to add to an angle so that targets (n,) lie within one of it, fewest first.
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim import units
 from mechsim.analytic.forms import Form
@@ -19,11 +19,27 @@ DEVIATION_SIGNS = ("±", "+-")
 _UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
 
 
-def columns_in_si(table: Mapping[str, ArrayLike], where: str) -> dict[str, Array]:
-    """Return the columns of a table in SI, named without their units.
+@dataclass(frozen=True)
+class TableColumn:
+    """One column of a table, in SI.
+
+    Attributes:
+        values: (n,).
+        uncertainty: standard deviations, (n,); None where the table has none.
+    """
+
+    values: Array
+    uncertainty: Array | None = None
+
+
+def table_columns(table: Mapping[str, ArrayLike], where: str) -> dict[str, TableColumn]:
+    """Return the columns of a table by name, in SI, each with its standard deviations.
+
+    A header may name a unit, as `P.x [mm]`; a column `P.x ±`, or `± P.x`, holds standard deviations of P.x.
 
     Raises:
-        InputError: for a unit that is not known, or two columns of one name.
+        InputError: for an unknown unit, two columns of one name, numbers that are not finite, standard
+            deviations of no column, or some that are not above 0.
     """
     columns: dict[str, Array] = {}
     for header, values in table.items():
@@ -31,7 +47,28 @@ def columns_in_si(table: Mapping[str, ArrayLike], where: str) -> dict[str, Array
         if name in columns:
             raise InputError(f"{where} has the column {name!r} twice; leave one out")
         columns[name] = factor * np.asarray(values, dtype=np.float64)
-    return columns
+        _require_rows(columns[name], np.abs(columns[name]) <= HUGE, name, where, "take the row out")
+    result = {name: TableColumn(values) for name, values in columns.items() if deviation_of(name) is None}
+    for name, values in columns.items():
+        quantity_name = deviation_of(name)
+        if quantity_name is None:
+            continue
+        if quantity_name not in result:
+            raise InputError(
+                f"{where}: column {name} is the standard deviation of {quantity_name}, but there is no "
+                f"column {quantity_name}; there are {', '.join(result)}"
+            )
+        _require_rows(values, values > 0.0, name, where, "give it above 0")
+        result[quantity_name] = TableColumn(result[quantity_name].values, values)
+    return result
+
+
+def _require_rows(values: Array, valid: NDArray[np.bool_], name: str, where: str, remedy: str) -> None:
+    """Reject a column (n,) with an invalid value, naming its first one."""
+    if not valid.all():
+        row = int(np.argmin(valid))
+        problem = f"{values[row]:g}" if np.isfinite(values[row]) else "no finite number"
+        raise InputError(f"{where}: column {name} is {problem} in row {row + 1}; {remedy}")
 
 
 def column_in_si(header: str, where: str) -> tuple[str, float]:
@@ -95,39 +132,20 @@ def measured_of(table: Mapping[str, Array], solver: Form, where: str = "the tabl
     Raises:
         InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
     """
-    columns, motion_laws = columns_in_si(table, where), solver.motion_laws
+    columns, motion_laws = table_columns(table, where), solver.motion_laws
     over = motion_laws.axis
     if over not in columns:
         unit = "crank angles in rad" if over == "angle" else "times in s"
         raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(columns) or 'none'}")
-    for name, column in columns.items():
-        sound = np.abs(column) <= HUGE
-        if not sound.all():
-            row = int(np.argmin(sound)) + 1
-            problem = "no finite number" if not np.isfinite(column[row - 1]) else f"{column[row - 1]:g}"
-            raise InputError(f"{where}: column {name} is {problem} in row {row}; take the row out")
-    deviations: dict[str, Array] = {}
-    values: dict[str, Array] = {}
-    for name, column in columns.items():
-        quantity_name = deviation_of(name)
-        if quantity_name is None:
-            values[name] = column
-        elif quantity_name not in columns:
-            raise InputError(
-                f"{where}: column {name} is the standard deviation of {quantity_name}, but there is no "
-                f"column {quantity_name}"
-            )
-        elif not (column > 0.0).all():
-            row = int(np.argmin(column > 0.0)) + 1
-            raise InputError(f"{where}: column {name} is {column[row - 1]:g} in row {row}; give it above 0")
-        else:
-            deviations[quantity_name] = column
-    instants = values.pop(over)
-    # what says when, or what was asked for, was not measured
+    instants = columns[over].values
+    # instants and prescribed motions are not measured
     for name in (over, "angle", "time", "speed", "acceleration", *solver.mechanism.drivers):
-        values.pop(name, None)
-        if name in deviations:
+        if name in columns and columns.pop(name).uncertainty is not None:
             raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
+    values = {name: column.values for name, column in columns.items()}
+    deviations = {
+        name: column.uncertainty for name, column in columns.items() if column.uncertainty is not None
+    }
     if not values:
         raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
     angles = motion_laws.parameter(instants)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.motion import Motion
+from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 
 Error = Callable[[Any, Any, str], Array | None]
 Subjects = Callable[[Any, Any], Iterable[str]]
 
-TAU = 2.0 * np.pi
 # fraction of the largest crank speed below which the crank stands: Coulomb friction has no direction there
 STANDING = 1e-7
 
@@ -92,7 +92,7 @@ def of_joints(unit: Literal["rad", "m"]) -> Error:
         if exact.joints[name].unit != unit:
             return None
         error = computed.joints[name].value - exact.joints[name].value
-        return np.abs(error - TAU * np.round(error / TAU) if unit == "rad" else error)
+        return np.abs(wrapped(error) if unit == "rad" else error)
 
     return difference
 

@@ -254,7 +254,8 @@ def attributions(
     return sorted(
         results,
         key=lambda result: (
-            -result.whole / scales.of(next(c.quantity for c in positions if c.quantity.name == result.name))
+            -result.whole
+            / scales.scale(next(c.quantity for c in positions if c.quantity.name == result.name))
         ),
     )
 

@@ -1,14 +1,14 @@
 """What somebody else's model says: values by name at instants, read from a function and checked."""
 
-import csv
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mechsim import files
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
@@ -19,7 +19,7 @@ from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, table
 from mechsim.model.quantities import AXES, Quantity, quantity, unknown
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, driver_inputs
-from mechsim.studies.measured_table import column_in_si, deviation_of
+from mechsim.studies.measured_table import TableColumn, table_columns
 from mechsim.subjects.python_object import run_user_code
 
 # second arguments by which a function asks for more than places of drivers
@@ -46,6 +46,12 @@ class Candidate:
     quantity: Quantity
     values: Array
     uncertainty: Array | None = None
+
+    @property
+    def measured_columns(self) -> NDArray[np.bool_]:
+        """Which components have standard deviations, (k,)."""
+        deviations = np.zeros_like(self.values) if self.uncertainty is None else self.uncertainty
+        return np.asarray((deviations > 0.0).all(0))
 
 
 def values_of_function(
@@ -219,96 +225,19 @@ def _more(
 
 
 CLOCKS = ("t", "time")
-LARGEST = 200_000_000
-
-
-@dataclass(frozen=True)
-class TableColumn:
-    """One column of a table, in SI.
-
-    Attributes:
-        values: (n,).
-        uncertainty: standard deviations, (n,); None where the table has none.
-    """
-
-    values: Array
-    uncertainty: Array | None = None
 
 
 def read_table(path: str) -> dict[str, TableColumn]:
-    """Return the columns of a .csv file: name -> values in SI.
-
-    A header may name a unit, as `P.x [mm]`; a column `P.x ±`, or `± P.x`, holds standard deviations of P.x.
+    """Return the columns of a .csv file of two rows or more, as `table_columns` has them.
 
     Raises:
-        InputError: for a file that holds no such table; names the line and the column.
+        InputError: for a file that holds no such table; names the row and the column.
     """
-    heads, rows = _rows(path)
-    columns: dict[str, Array] = {}
-    for i, head in enumerate(heads):
-        name, factor = column_in_si(head, path)
-        if name in columns:
-            raise InputError(f"{path} has the column {name!r} twice; leave one out")
-        columns[name] = factor * np.array([row[i] for row in rows])
-    values_by_name = {name: values for name, values in columns.items() if deviation_of(name) is None}
-    deviations: dict[str, Array] = {}
-    for name, values in columns.items():
-        name_of = deviation_of(name)
-        if name_of is not None:
-            deviations[name_of] = _positive(path, name_of, values)
-    for name in deviations:
-        if name not in values_by_name:
-            raise InputError(
-                f"{path} has an uncertainty of {name!r}, but no column of it; there are "
-                f"{', '.join(values_by_name)}"
-            )
-    return {name: TableColumn(values, deviations.get(name)) for name, values in values_by_name.items()}
-
-
-def _positive(path: str, name: str, deviations: Array) -> Array:
-    positive = deviations > 0.0
-    if not positive.all():
-        row = int(np.argmin(positive))
-        raise InputError(
-            f"the standard deviation of {name} in {path} is {deviations[row]:g} in row {row + 2}; "
-            "give it above 0"
-        )
-    return deviations
-
-
-def _rows(path: str) -> tuple[list[str], list[list[float]]]:
-    try:
-        if Path(path).stat().st_size > LARGEST:
-            raise InputError(f"{path} is larger than {LARGEST:,} bytes; give a shorter table")
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            lines = [row for row in csv.reader(file) if any(text.strip() for text in row)]
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}; name one that can be read") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot read {path}: {str(error).splitlines()[0]}; give a .csv in UTF-8") from None
-    if len(lines) < 3:
-        raise InputError(
-            f"{path} has {max(0, len(lines) - 1)} rows of numbers; give a header and two rows or more"
-        )
-    heads = [text.strip() for text in lines[0]]
-    rows: list[list[float]] = []
-    for number, texts in enumerate(lines[1:], 2):
-        if len(texts) != len(heads):
-            raise InputError(
-                f"row {number} of {path} has {len(texts)} values under {len(heads)} names; correct it"
-            )
-        rows.append([_number(path, number, head, text) for head, text in zip(heads, texts, strict=True)])
-    return heads, rows
-
-
-def _number(path: str, row: int, head: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"row {row} of {path} has {text.strip()!r} under {head!r}; give a finite number")
-    return value
+    table = files.read(path)
+    rows = len(next(iter(table.values())))
+    if rows < 2:
+        raise InputError(f"{path} has {rows} row of numbers; give a header and two rows or more")
+    return table_columns(table, path)
 
 
 def points_of_table(
@@ -339,12 +268,10 @@ def points_of_table(
     time = table[time_column].values if time_column else np.linspace(0.0, 1.0, rows)
     through = _through(mechanism, names, table, time)
     own = LoopForm(mechanism, forces=solver.forces, motion_laws=through)
-    ones = np.full_like(time, through.rate)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
-    parameter = through.rate * (time - time[0])
-    return EvaluationPoints(own, parameter, ones, 0.0 * ones, time if time_column else None), used + (
-        [time_column] if time_column else []
-    )
+    used += [time_column] if time_column else []
+    evaluation = _at_times(own, through, time - time[0])
+    return replace(evaluation, time=time if time_column else None), used
 
 
 def _under_motion_laws(solver: Form, laws: MotionLaws, time: Array) -> EvaluationPoints:
@@ -352,8 +279,13 @@ def _under_motion_laws(solver: Form, laws: MotionLaws, time: Array) -> Evaluatio
     last = float(time.max())
     if isinstance(solver, LoopForm) and last > laws.duration:
         solver = replace(solver, motion_laws=laws.with_duration(last))
-    ones = np.full_like(time, laws.rate)
-    return EvaluationPoints(solver, laws.parameter(time), ones, 0.0 * ones, time)
+    return _at_times(solver, laws, time)
+
+
+def _at_times(solver: Form, laws: MotionLaws, time: Array) -> EvaluationPoints:
+    """Return a solver under motion laws at times (n,) in [s]."""
+    rate = np.full_like(time, laws.rate)
+    return EvaluationPoints(solver, laws.parameter(time), rate, np.zeros_like(time), time)
 
 
 def _of_crank(

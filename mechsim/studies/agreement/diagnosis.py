@@ -8,7 +8,8 @@ from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.studies.agreement import dimension_hypotheses, driver_hypotheses, value_hypotheses
 from mechsim.studies.agreement.fitting import ODDS, Fitted, fitted
-from mechsim.studies.agreement.misfit import Hypothesis, Misfit
+from mechsim.studies.agreement.hypothesis import Hypothesis
+from mechsim.studies.agreement.misfit import Misfit
 
 HypothesisFamily = Callable[[Misfit], Iterator[Hypothesis]]
 
@@ -20,12 +21,12 @@ STAGES: tuple[tuple[HypothesisFamily, ...], ...] = (
         value_hypotheses.degrees,
         value_hypotheses.swapped,
         value_hypotheses.mirrored,
-        value_hypotheses.senses,
-        driver_hypotheses.driver_senses,
+        value_hypotheses.directions,
+        driver_hypotheses.driver_directions,
         driver_hypotheses.driver_degrees,
         driver_hypotheses.drivers_swapped,
         dimension_hypotheses.assemblies,
-        dimension_hypotheses.gear_slips,
+        dimension_hypotheses.gear_mistakes,
         driver_hypotheses.other_gravity,
     ),
     (
@@ -37,7 +38,7 @@ STAGES: tuple[tuple[HypothesisFamily, ...], ...] = (
         driver_hypotheses.gravity_size,
         driver_hypotheses.masses,
     ),
-    (dimension_hypotheses.places,),
+    (dimension_hypotheses.positions,),
     (value_hypotheses.whole_frame,),
 )
 
@@ -76,7 +77,7 @@ def _all(misfit: Misfit) -> Iterator[Fitted]:
         for designs in stage:
             for result in _of_family(misfit, designs):
                 explained = (
-                    explained or result.left <= _floor(misfit) or (misfit.noisy and result.worst <= 1.0)
+                    explained or result.remaining <= _floor(misfit) or (misfit.noisy and result.worst <= 1.0)
                 )
                 yield result
         if explained:
@@ -95,34 +96,35 @@ def _of_family(misfit: Misfit, designs: HypothesisFamily) -> Iterator[Fitted]:
 
 
 def _floor(misfit: Misfit) -> float:
-    return max(ROUNDING, OF_MISS * misfit.size)
+    return max(ROUNDING, OF_MISS * misfit.magnitude)
 
 
 def _without_edges(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
     """Leave out what looks at some instants only, where as much is explained at all of them."""
     whole = [fitted_cause for fitted_cause in tried if fitted_cause.hypothesis.rows is None]
-    best = min((fitted_cause.left for fitted_cause in whole), default=np.inf)
+    best = min((fitted_cause.remaining for fitted_cause in whole), default=np.inf)
     return [
         fitted_cause
         for fitted_cause in tried
-        if fitted_cause.hypothesis.rows is None or not best <= max(_floor(misfit), 1.5 * fitted_cause.left)
+        if fitted_cause.hypothesis.rows is None
+        or not best <= max(_floor(misfit), 1.5 * fitted_cause.remaining)
     ]
 
 
 def _equal(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
     """Return the causes that explain as well as the best, and of them those that ask least to be believed."""
-    best = min(tried, key=lambda cause: cause.left)
+    best = min(tried, key=lambda cause: cause.remaining)
     floor = _floor(misfit)
 
     def as_good(cause: Fitted) -> bool:
-        if cause.left <= max(floor, best.left):
+        if cause.remaining <= max(floor, best.remaining):
             return True
-        return best.left > floor and 2.0 * cause.count * np.log(cause.left / best.left) <= ODDS
+        return best.remaining > floor and 2.0 * cause.count * np.log(cause.remaining / best.remaining) <= ODDS
 
     among = [cause for cause in tried if as_good(cause)]
     if misfit.noisy:
         # noise hides which of them it is: all are reported, the simplest first
-        return sorted(among, key=lambda cause: (cause.worst > 1.0, cause.hypothesis.tier, cause.left))
+        return sorted(among, key=lambda cause: (cause.worst > 1.0, cause.hypothesis.tier, cause.remaining))
     least = min(cause.hypothesis.tier for cause in among)
     simplest = [cause for cause in among if cause.hypothesis.tier == least]
     return sorted(simplest, key=lambda cause: (cause.worst > 1.0, _moves(cause)))
@@ -138,7 +140,7 @@ def _finding(cause: Fitted, alike: int, confirmed: bool, noisy: bool) -> Finding
     also = f", as {'does another' if alike == 2 else f'do {alike - 1} others'}" if alike > 1 else ""
     beyond = " beyond the noise" if noisy else ""
     text = (
-        f"{hypothesis.say(cause.sizes)}: explains {_percent(cause.explains)} of the difference{beyond}{also}"
+        f"{hypothesis.text(cause.sizes)}: explains {_percent(cause.explains)} of the difference{beyond}{also}"
     )
     return Finding(
         kind=hypothesis.kind,

@@ -1,249 +1,216 @@
-"""Mistakes in what drives: sense, offset, degrees, delay, a program out of phase, drivers swapped."""
+"""Mistakes in what drives: direction, offset, degrees, delay, phase, swapped drivers, gravity, masses."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 
-from mechsim.analytic import dynamics
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
 from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import MotionLaws, State
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.angles import REVOLUTION, wrapped
+from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
-from mechsim.studies.agreement.misfit import DISCRETE, NAMED, Hypothesis, Misfit, Rows, Values
+from mechsim.studies.agreement.hypothesis import NAMED, Hypothesis, Rows, Values, discrete, sized
+from mechsim.studies.agreement.misfit import Misfit
 
 DEG = 180.0 / np.pi
-# most samples of a delay
-LATE = 12
-# farthest that a driver under a program is taken off it, in [rad] or sizes
+# largest delay in samples
+MAX_DELAY = 12
+# largest distance of a driver from its motion law, in [rad] or sizes of the mechanism
 MAX_DISPLACEMENT = 2.5
+# standard gravity where the model has none, in [m/s2]
+EARTH = 9.81
+
+LawChange = Callable[[State], State]
 
 
-def _driven(
-    evaluation: EvaluationPoints, changes: Mapping[str, Callable[[State], State]]
-) -> EvaluationPoints:
+def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> EvaluationPoints:
     """Return evaluation points with other motion laws: driver -> change of its law."""
     solver, motion_laws = evaluation.solver, evaluation.solver.motion_laws
     if motion_laws.crank:
         crank = solver.mechanism.crank.name
         steady = evaluation.angle, evaluation.speed, evaluation.acceleration
         if crank in changes:
-            steady = changes[crank](lambda _, own=steady: own)(evaluation.angle)
+            steady = changes[crank](_constant(steady))(evaluation.angle)
         angle, speed, acceleration = steady
-        return replace(
-            evaluation, angle=_within_a_period(evaluation, angle), speed=speed, acceleration=acceleration
-        )
+        angle = _within_a_period(evaluation, angle)
+        return replace(evaluation, angle=angle, speed=speed, acceleration=acceleration)
     joints = dict(evaluation.motion.joints)
     time = motion_laws.instants(evaluation.angle)
-    for name, state in motion_laws.by_name.items():
-        if name in changes:
-            value, rate, second = (
-                np.broadcast_to(values, time.shape) for values in changes[name](state)(time)
-            )
-            unit = solver.mechanism.size if solver.mechanism.unit(name) == "m" else 1.0
-            if not np.abs(value - joints[name].value).max() < MAX_DISPLACEMENT * unit:
-                raise AssemblyError(f"{name} would go farther than a mechanism under programs is followed")
-            joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
+    for name, change in changes.items():
+        state = change(motion_laws.by_name[name])(time)
+        value, rate, second = (np.broadcast_to(values, time.shape) for values in state)
+        unit = solver.mechanism.size if solver.mechanism.unit(name) == "m" else 1.0
+        if not np.abs(value - joints[name].value).max() < MAX_DISPLACEMENT * unit:
+            raise AssemblyError(f"{name} would go farther than a mechanism under motion laws is followed")
+        joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
     assert isinstance(solver, LoopForm)
-    motion = solver.solve_as(replace(evaluation.motion, joints=joints))
-    return replace(evaluation, solved=motion)
+    return replace(evaluation, solved=solver.solve_as(replace(evaluation.motion, joints=joints)))
+
+
+def _constant(values: tuple[Array, Array, Array]) -> State:
+    return lambda _: values
 
 
 def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
     """Return crank angles brought near the start by whole periods, where that changes nothing."""
     solver = evaluation.solver
-    if not solver.crank_range().full:
-        return angle
     displacement = angle - solver.mechanism.start
-    return (
-        angle
-        if np.abs(displacement).max() < 2.5 * solver.period
-        else solver.mechanism.start + displacement % solver.period
-    )
+    if not solver.crank_range().full or np.abs(displacement).max() < 2.5 * solver.period:
+        return angle
+    return solver.mechanism.start + displacement % solver.period
 
 
-def _linear(scale: float, offset: float) -> Callable[[State], State]:
-    def make(state: State) -> State:
+def _linear(scale: float, offset: float) -> LawChange:
+    def change(state: State) -> State:
         def moved(time: Array) -> tuple[Array, Array, Array]:
             value, rate, second = state(time)
             return scale * value + offset, scale * rate, scale * second
 
         return moved
 
-    return make
+    return change
 
 
-def _once(misfit: Misfit, driver: str, scale: float, offset: float) -> EvaluationPoints:
-    """Return evaluation points with a changed driver, solved once for all candidates.
+def _late(lag: float) -> LawChange:
+    return lambda state: lambda time: state(time - lag)
+
+
+def _under_other_laws(misfit: Misfit, key: str, changes: Mapping[str, LawChange]) -> Values:
+    """Return what candidates would be with other motion laws, solved once for all candidates.
 
     Raises:
-        AssemblyError: where it cannot go so.
+        AssemblyError: where a driver cannot go so.
     """
-    key = f"{driver} {scale} {offset}"
-    solved = misfit.evaluation.variant(
-        key, lambda: _driven(misfit.evaluation, {driver: _linear(scale, offset)})
-    )
+    solved = misfit.variant(key, lambda: _driven(misfit.evaluation, changes))
     if solved is None:
-        raise AssemblyError(f"{driver} cannot go so")
-    return solved
+        raise AssemblyError(f"{', '.join(changes)} cannot go so")
+    return misfit.predicted(solved)
 
 
-def _late(lag: float) -> Callable[[State], State]:
-    return lambda state: lambda time: state(time - lag)
+def _scaled_driver(misfit: Misfit, driver: str, scale: float, offset: float) -> Values:
+    return _under_other_laws(misfit, f"{driver} {scale} {offset}", {driver: _linear(scale, offset)})
 
 
 def _unit(misfit: Misfit, driver: str) -> str:
     return "m" if misfit.evaluation.solver.mechanism.unit(driver) == "m" else "rad"
 
 
-def driver_senses(misfit: Misfit) -> Iterator[Hypothesis]:
+def driver_directions(misfit: Misfit) -> Iterator[Hypothesis]:
     """A driver counted in the opposite direction, from zero or from its start."""
     for driver, state in misfit.evaluation.drivers().items():
         first = float(state[0][0])
         for about in dict.fromkeys((0.0, 2.0 * first)):
             suffix = "" if about == 0.0 else f" about {first:.6g} {_unit(misfit, driver)}, where it starts"
-
-            def reversed_driver(_: Array, driver: str = driver, about: float = about) -> Values:
-                return misfit.predicted(_once(misfit, driver, -1.0, about))
-
-            yield Hypothesis(
-                "sense",
-                driver,
-                DISCRETE,
-                reversed_driver,
-                lambda _, d=driver, suffix=suffix: f"{d} goes in the reversed sense{suffix}",
-                by=lambda _: -1.0,
-            )
+            text = f"{driver} goes in the reversed sense{suffix}"
+            yield discrete("sense", driver, partial(_scaled_driver, misfit, driver, -1.0, about), text, -1.0)
 
 
 def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
     """A driver's angle taken for degrees, or turned into them."""
     for driver in misfit.evaluation.drivers():
+        kind = "degrees"
+        factors = {1.0 / DEG: "taken for degrees", DEG: "turned into degrees, where radians are meant"}
         if _unit(misfit, driver) == "m":
-            factors = {1e3: "taken in mm for m", 1e-3: "taken in m for mm"}
-            kind = "units"
-        else:
-            factors = {1.0 / DEG: "taken for degrees", DEG: "turned into degrees, where radians are meant"}
-            kind = "degrees"
+            kind, factors = "units", {1e3: "taken in mm for m", 1e-3: "taken in m for mm"}
         for factor, description in factors.items():
-
-            def scaled(_: Array, driver: str = driver, factor: float = factor) -> Values:
-                return misfit.predicted(_once(misfit, driver, factor, 0.0))
-
-            yield Hypothesis(
-                kind,
-                driver,
-                DISCRETE,
-                scaled,
-                lambda _, d=driver, s=description: f"the coordinate of {d} is {s}",
-                by=lambda _, f=factor: f,
-            )
+            predict = partial(_scaled_driver, misfit, driver, factor, 0.0)
+            yield discrete(kind, driver, predict, f"the coordinate of {driver} is {description}", factor)
 
 
 def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
     """A driver that stands a constant farther on."""
     for driver in misfit.evaluation.drivers():
-        unit = _unit(misfit, driver)
-        extent = misfit.evaluation.solver.mechanism.size if unit == "m" else 1.0
-
-        def moved(p: Array, driver: str = driver) -> Values:
-            return misfit.predicted(_driven(misfit.evaluation, {driver: _linear(1.0, p[0])}))
-
-        def text(p: Array, driver: str = driver, unit: str = unit) -> str:
-            also = f" ({np.rad2deg(p[0]):.4g} deg)" if unit == "rad" else ""
-            return f"{driver} stands {p[0]:.6g} {unit}{also} farther on throughout"
-
-        starts = ((0.0,), *_rolled(misfit)) if unit == "rad" else ((0.0,),)
-        yield Hypothesis("offset", driver, NAMED, moved, text, starts=starts, steps=(1e-5 * extent,))
+        yield _driver_offset(misfit, driver, _unit(misfit, driver))
 
 
-def _rolled(misfit: Misfit) -> tuple[tuple[float], ...]:
-    """Return the offset, in samples of a full turn, at which exact values look most like the claims."""
+def _driver_offset(misfit: Misfit, driver: str, unit: str) -> Hypothesis:
+    def text(offset: float) -> str:
+        also = f" ({np.rad2deg(offset):.4g} deg)" if unit == "rad" else ""
+        return f"{driver} stands {offset:.6g} {unit}{also} farther on throughout"
+
+    return sized(
+        "offset",
+        driver,
+        lambda offset: misfit.predicted(_driven(misfit.evaluation, {driver: _linear(1.0, offset)})),
+        text,
+        1e-5 * (misfit.length if unit == "m" else 1.0),
+        starts=(0.0, *(_best_roll(misfit) if unit == "rad" else ())),
+    )
+
+
+def _best_roll(misfit: Misfit) -> tuple[float, ...]:
+    """Return the offset, in samples of a full turn, at which exact values are most like the candidates."""
     evaluation = misfit.evaluation
     if not evaluation.solver.motion_laws.crank or not evaluation.solver.crank_range().full:
         return ()
     angle, n = evaluation.angle, len(evaluation) - 1
     if n < 8 or np.ptp(np.diff(angle)) > 1e-9 or abs(abs(angle[-1] - angle[0]) - REVOLUTION) > 1e-9:
         return ()
-    sizes = [
-        np.sqrt(np.mean(misfit.errors([_turned_on(values, k) for values in misfit.exact]) ** 2))
-        for k in range(n)
-    ]
+    sizes = [rms(misfit.errors([_rolled(values, k) for values in misfit.exact])) for k in range(n)]
     best = int(np.argmin(sizes))
     if best in (0, 1, n - 1):
         return ()
-    away = (angle[1] - angle[0]) * best
-    return ((float((away + np.pi) % REVOLUTION - np.pi),),)
+    offset = (angle[1] - angle[0]) * best
+    return (float(wrapped(offset)),)
 
 
-def _turned_on(values: Array, k: int) -> Array:
+def _rolled(values: Array, k: int) -> Array:
+    """Return values of a full turn, (n, ...), that begin k samples later."""
     once = np.roll(values[:-1], -k, axis=0)
     return np.concatenate([once, once[:1]])
 
 
 def delays(misfit: Misfit) -> Iterator[Hypothesis]:
-    """All that is claimed late, by samples or by a time; one program of several late."""
+    """All candidates late, by samples or by a time; one motion law of several late."""
     yield from _by_samples(misfit)
     evaluation, motion_laws = misfit.evaluation, misfit.evaluation.solver.motion_laws
     if evaluation.time is None or (misfit.function and motion_laws.crank):
         return
-    step = float(np.median(np.diff(evaluation.time)))
+    time, step = evaluation.time, float(np.median(np.diff(evaluation.time)))
 
-    def late(p: Array) -> Values:
+    def late(lag: float) -> Values:
         rate = evaluation.speed if motion_laws.crank else motion_laws.rate
-        return misfit.predicted(
-            replace(evaluation, angle=evaluation.angle - rate * p[0], time=evaluation.time - p[0])
+        return misfit.predicted(replace(evaluation, angle=evaluation.angle - rate * lag, time=time - lag))
+
+    if _starts_earlier(motion_laws):
+        yield sized(
+            "delay",
+            "",
+            late,
+            lambda lag: f"all is late by {lag:.6g} s, {lag / step:.4g} samples",
+            1e-3 * step,
+            starts=(0.0, 3.0 * step, -3.0 * step),
         )
-
-    def text(p: Array) -> str:
-        return f"all is late by {p[0]:.6g} s, {p[0] / step:.4g} samples"
-
-    starts = tuple((k * step,) for k in (0.0, 3.0, -3.0))
-    if _goes_on(motion_laws):
-        yield Hypothesis("delay", "", NAMED, late, text, starts=starts, steps=(1e-3 * step,))
     if len(motion_laws.drivers) > 1:
         for driver in motion_laws.drivers:
             yield _out_of_phase(misfit, driver, motion_laws.duration)
 
 
-def _goes_on(motion_laws: MotionLaws) -> bool:
+def _starts_earlier(motion_laws: MotionLaws) -> bool:
     """Whether motion laws are defined before time zero."""
     with np.errstate(all="ignore"):
         try:
-            return all(
-                np.isfinite(values).all()
-                for values in motion_laws.state(np.array([-1e-3 * motion_laws.duration]))
-            )
+            states = motion_laws.state(np.array([-1e-3 * motion_laws.duration]))
+            return all(np.isfinite(values).all() for values in states)
         except Exception:
             return False
 
 
 def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
+    """Yield the delay by whole samples that explains most."""
     n = len(misfit.evaluation)
-    best: tuple[float, int] | None = None
-    for k in [*range(-LATE, 0), *range(1, LATE + 1)]:
-        if abs(k) > n // 3:
-            continue
-        remaining = float(np.sqrt(np.mean(misfit.errors(_shifted(misfit, k), _known_rows(n, k)) ** 2)))
-        if best is None or remaining < best[0]:
-            best = remaining, k
-    if best is None:
+    shifts = [k for k in range(-MAX_DELAY, MAX_DELAY + 1) if k and abs(k) <= n // 3]
+    if not shifts:
         return
-    k = best[1]
-    late = "late" if k > 0 else "early"
-    yield Hypothesis(
-        "delay",
-        "samples",
-        NAMED,
-        lambda _: _shifted(misfit, k),
-        lambda _: f"all is {abs(k)} samples {late}",
-        by=lambda _: float(k),
-        rows=_known_rows(n, k),
-    )
+    best = min(shifts, key=lambda k: rms(misfit.errors(_shifted(misfit, k), _known_rows(n, k))))
+    text = f"all is {abs(best)} samples {'late' if best > 0 else 'early'}"
+    predict = partial(_shifted, misfit, best)
+    yield discrete("delay", "samples", predict, text, float(best), tier=NAMED, rows=_known_rows(n, best))
 
 
 def _shifted(misfit: Misfit, k: int) -> Values:
@@ -256,151 +223,110 @@ def _known_rows(n: int, k: int) -> Rows:
 
 
 def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
-    def late(p: Array) -> Values:
-        return misfit.predicted(_driven(misfit.evaluation, {driver: _late(p[0])}))
-
-    return Hypothesis(
+    return sized(
         "phase",
         driver,
-        NAMED,
-        late,
-        lambda p: f"the program of {driver} is out of phase, late by {p[0]:.6g} s",
-        starts=tuple((k * duration,) for k in (0.0, 0.1, -0.1, 0.25, -0.25, 0.5)),
-        steps=(1e-4 * duration,),
+        lambda lag: misfit.predicted(_driven(misfit.evaluation, {driver: _late(lag)})),
+        lambda lag: f"the program of {driver} is out of phase, late by {lag:.6g} s",
+        1e-4 * duration,
+        starts=[fraction * duration for fraction in (0.0, 0.1, -0.1, 0.25, -0.25, 0.5)],
     )
 
 
 def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
     """Two drivers taken for each other."""
     motion_laws = misfit.evaluation.solver.motion_laws
-    for first_driver, other in combinations(motion_laws.drivers, 2):
-        if _unit(misfit, first_driver) != _unit(misfit, other):
-            continue
-        first, second = motion_laws.by_name[first_driver], motion_laws.by_name[other]
-
-        def exchanged(
-            _: Array,
-            first_driver: str = first_driver,
-            other: str = other,
-            a: State = first,
-            b: State = second,
-        ) -> Values:
-            def made() -> EvaluationPoints:
-                return _driven(misfit.evaluation, {first_driver: lambda _: b, other: lambda _: a})
-
-            solved = misfit.evaluation.variant(f"{first_driver} {other}", made)
-            if solved is None:
-                raise AssemblyError(f"{first_driver} and {other} cannot go so")
-            return misfit.predicted(solved)
-
-        what = f"{first_driver}, {other}"
-        yield Hypothesis(
-            "swapped", what, DISCRETE, exchanged, lambda _, w=what: f"the drivers {w} are swapped"
-        )
+    for first, second in combinations(motion_laws.drivers, 2):
+        if _unit(misfit, first) == _unit(misfit, second):
+            laws = {first: _replaced(motion_laws, second), second: _replaced(motion_laws, first)}
+            predict = partial(_under_other_laws, misfit, f"{first} {second}", laws)
+            what = f"{first}, {second}"
+            yield discrete("swapped", what, predict, f"the drivers {what} are swapped")
 
 
-EARTH = 9.81
+def _replaced(motion_laws: MotionLaws, driver: str) -> LawChange:
+    """Return the change of a motion law to that of another driver."""
+    state = motion_laws.by_name[driver]
+    return lambda _: state
 
 
-def _dynamic_model(misfit: Misfit) -> dynamics.DynamicModel:
-    return misfit.evaluation.dynamic_model or dynamics.dynamic_model(
-        misfit.evaluation.solver, misfit.evaluation.solver.forces
-    )
-
-
-def _needs_forces(misfit: Misfit) -> bool:
-    return any(candidate.quantity.loaded for candidate in misfit.candidates)
-
-
-def _under(misfit: Misfit, vector: Array) -> Values:
-    model = _dynamic_model(misfit)
+def _under_gravity(misfit: Misfit, vector: Array) -> Values:
+    model = misfit.evaluation.loaded_model
     forces = replace(model.forces, gravity=tuple(vector.tolist()))
     return misfit.predicted(replace(misfit.evaluation, dynamic_model=model.with_forces(forces)))
 
 
 def _gravity(misfit: Misfit) -> tuple[Array, float]:
-    own = np.asarray(_dynamic_model(misfit).forces.gravity)
+    """Return the gravity of the model, (3,), and its size in [m/s2]."""
+    own = np.asarray(misfit.evaluation.loaded_model.forces.gravity)
     return own, float(np.linalg.norm(own))
 
 
 def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity left out, reversed or along another axis."""
-    if not _needs_forces(misfit):
+    if not misfit.needs_forces:
         return
-    own, extent = _gravity(misfit)
-    others = [sign * (extent or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
+    own, size = _gravity(misfit)
+    others = [sign * (size or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
     was = ", ".join(f"{component:g}" for component in own)
     for vector in [np.zeros(3), *others]:
-        if np.allclose(vector, own):
-            continue
-        components = ", ".join(f"{component:g}" for component in vector)
-        yield Hypothesis(
-            "gravity",
-            components,
-            DISCRETE,
-            lambda _, v=vector: _under(misfit, v),
-            lambda _, s=components: f"gravity is ({s}) m/s2 instead of ({was})",
-            by=lambda _, v=vector: float(np.linalg.norm(v)),
-        )
+        if not np.allclose(vector, own):
+            components = ", ".join(f"{component:g}" for component in vector)
+            text = f"gravity is ({components}) m/s2 instead of ({was})"
+            predict = partial(_under_gravity, misfit, vector)
+            yield discrete("gravity", components, predict, text, float(np.linalg.norm(vector)))
 
 
 def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity of another size."""
-    if not _needs_forces(misfit):
-        return
-    own, extent = _gravity(misfit)
-    if extent:
-        yield Hypothesis(
+    own, size = _gravity(misfit) if misfit.needs_forces else (np.zeros(3), 0.0)
+    if size:
+        yield sized(
             "gravity",
             "",
-            NAMED,
-            lambda p: _under(misfit, (1.0 + p[0]) * own),
-            lambda p: f"gravity is {(1 + p[0]) * extent:.6g} m/s2 instead of {extent:.6g}",
-            starts=((0.0,),),
-            steps=(1e-3,),
+            lambda change: _under_gravity(misfit, (1.0 + change) * own),
+            lambda change: f"gravity is {(1 + change) * size:.6g} m/s2 instead of {size:.6g}",
+            1e-3,
         )
 
 
 def masses(misfit: Misfit) -> Iterator[Hypothesis]:
     """One link's mass, with its moments of inertia or without, or all of them."""
-    if not _needs_forces(misfit):
+    if not misfit.needs_forces:
         return
-    model = _dynamic_model(misfit)
-    links = model.mechanism.links
+    names = [link.name for link in misfit.evaluation.loaded_model.mechanism.links]
+    for what in ("", *names):
+        for moments in (True, False):
+            yield _other_mass(misfit, what, {what} if what else {*names}, moments)
 
-    def heavier(names: set[str], factor: float, moments: bool) -> Values:
-        changed = tuple(
-            replace(link, inertia=_scaled(link.inertia, factor, moments))
+
+def _other_mass(misfit: Misfit, what: str, names: set[str], moments: bool) -> Hypothesis:
+    model = misfit.evaluation.loaded_model
+    links_text = f"link {what}" if what else "all links"
+    moments_text = " and its moments" if moments else ", not its moments,"
+
+    def predict(change: float) -> Values:
+        links = tuple(
+            replace(link, inertia=_heavier(link.inertia, 1.0 + change, moments))
             if link.name in names and link.inertia is not None
             else link
-            for link in links
+            for link in model.mechanism.links
         )
-        mechanism = replace(model.mechanism, links=changed)
-        other = replace(model, mechanism=mechanism)
-        return misfit.predicted(replace(misfit.evaluation, dynamic_model=other))
+        heavier = replace(model, mechanism=replace(model.mechanism, links=links))
+        return misfit.predicted(replace(misfit.evaluation, dynamic_model=heavier))
 
-    every = {link.name for link in links}
-    for what, names in [("", every), *((name, {name}) for name in every)]:
-        links_text = f"link {what}" if what else "all links"
-        for moments in (True, False):
-            moments_text = " and its moments" if moments else ", not its moments,"
-            yield Hypothesis(
-                "mass",
-                what,
-                NAMED + (0.0 if moments else 0.1),
-                lambda p, n=names, m=moments: heavier(n, 1.0 + float(p[0]), m),
-                lambda p, links_text=links_text, moments_text=moments_text: (
-                    f"the mass of {links_text}{moments_text} is {100 * p[0]:+.4g} % different"
-                ),
-                starts=((0.0,),),
-                steps=(1e-3,),
-            )
-
-
-def _scaled(inertia: Inertia, factor: float, moments: bool) -> Inertia:
-    rows = (
-        tuple(tuple(factor * value for value in row) for row in inertia.moments)
-        if moments
-        else inertia.moments
+    return sized(
+        "mass",
+        what,
+        predict,
+        lambda change: f"the mass of {links_text}{moments_text} is {100 * change:+.4g} % different",
+        1e-3,
+        tier=NAMED + (0.0 if moments else 0.1),
     )
-    return replace(inertia, mass=factor * inertia.mass, moments=rows)
+
+
+def _heavier(inertia: Inertia, factor: float, moments: bool) -> Inertia:
+    result = replace(inertia, mass=factor * inertia.mass)
+    if not moments:
+        return result
+    return replace(result, moments=tuple(tuple(factor * value for value in row) for row in inertia.moments))

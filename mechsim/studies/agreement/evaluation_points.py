@@ -1,6 +1,6 @@
 """The instants at which a model and a claim are compared, and what the exact motion says there."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,12 +19,12 @@ from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.model.quantities import Column, Quantity, record_columns
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.motion_source import profile_of
 from mechsim.verdict.tolerances import RecordInstants
 
 INSTANTS = 73
-TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class EvaluationPoints:
         selecting = self.angle if self.selecting is None else self.selecting
         object.__setattr__(self, "selecting", selecting)
         if len(selecting):
-            object.__setattr__(self, "form", self.solver.starting_at(selecting, float(self.speed[0])))
+            object.__setattr__(self, "solver", self.solver.starting_at(selecting, float(self.speed[0])))
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -123,19 +123,19 @@ class EvaluationPoints:
         return LoopForm(self.solver.mechanism).solve(self.angle, self.speed, self.acceleration)
 
     @cached_property
-    def _loaded(self) -> DynamicModel:
-        """The dynamic model of efforts."""
+    def loaded_model(self) -> DynamicModel:
+        """The mechanism with its masses and forces."""
         return self.dynamic_model or dynamics.dynamic_model(self.solver, self.solver.forces)
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
         """The masses of the links that efforts are computed from, and where each comes from."""
-        return self._loaded.masses
+        return self.loaded_model.masses
 
     @cached_property
     def efforts(self) -> ForceRecord:
         """What drives and joints carry."""
-        run = prescribed_along(self._loaded, self.angle, self.speed, self.acceleration, time=self.time)
+        run = prescribed_along(self.loaded_model, self.angle, self.speed, self.acceleration, time=self.time)
         return run.efforts
 
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:
@@ -199,42 +199,12 @@ class EvaluationPoints:
                 by[column.name] = np.zeros(len(self))
         return np.column_stack(quantity.changes(values, by))
 
-    @cached_property
-    def _by_dimension(self) -> dict[tuple[bool, str], Motion]:
-        return {}
-
-    def by_dimension(self, designs: DesignFamily, name: str) -> Motion:
-        """Return the derivatives of the motion by a dimension of a family, those of all of it taken at once.
-
-        Raises:
-            KeyError: for one that opens the loops, or where nothing near it can be assembled.
-        """
-        key = name.count(".at.") + name.count(".tilt.") > 0
-        if (key, "") not in self._by_dimension:
-            self._by_dimension[key, ""] = self.motion
-            for dimension, motion in _derivatives_by_dimension(self, designs).items():
-                self._by_dimension[key, dimension] = motion
-        return self._by_dimension[key, name]
-
-    @cached_property
-    def _variants(self) -> dict[str, "EvaluationPoints | None"]:
-        return {}
-
-    def variant(self, key: str, make: "Callable[[], EvaluationPoints]") -> "EvaluationPoints | None":
-        """Return what `make` makes, made and solved once; None where it cannot stand."""
-        if key not in self._variants:
-            self._variants[key] = None
-            with suppress(MechsimError):
-                made = make()
-                self._variants[key] = replace(made, solved=made.motion)
-        return self._variants[key]
-
     def all(self, quantities: Sequence[Quantity]) -> list[Array]:
         """Return what quantities are, (n, k) each in SI."""
         return [self.exact(quantity) for quantity in quantities]
 
 
-def _derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily) -> dict[str, Motion]:
+def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily) -> dict[str, Motion]:
     """Return the derivatives of a motion by all dimensions of a family that can be changed alone."""
     change: dict[str, Array] = {}
     for name in designs.dimensions:
@@ -257,7 +227,7 @@ def evaluation_points(solver: Form, speed: float, samples: int = INSTANTS) -> Ev
         speed: of its crank in [rad/s].
         samples: instants, both ends included.
     """
-    profile = profile_of(solver, speed, solver.period / TURN)
+    profile = profile_of(solver, speed, solver.period / REVOLUTION)
     time = np.linspace(0.0, profile.duration, samples)
     return EvaluationPoints(solver, *profile.state(time), time)
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.misfit import Hypothesis, Misfit, rms
+from mechsim.numerics.arrays import Array, rms
+from mechsim.studies.agreement.hypothesis import Hypothesis
+from mechsim.studies.agreement.misfit import Misfit
 
 # twice the logarithm of the odds by which another cause must explain less to be left out
 ODDS = 12.0
@@ -28,7 +29,7 @@ class Fitted:
     Attributes:
         hypothesis: whose.
         sizes: fitted, (p,).
-        left: root mean square of the errors that it leaves, in parts of their bounds.
+        remaining: root mean square of the errors that it leaves, in parts of their bounds.
         worst: largest of them.
         explains: the part of the miss that goes with it, 0 to 1.
         count: instants and components compared.
@@ -36,7 +37,7 @@ class Fitted:
 
     hypothesis: Hypothesis
     sizes: Array
-    left: float
+    remaining: float
     worst: float
     explains: float
     count: int
@@ -123,10 +124,10 @@ def _shortened(
 
 def _jacobian(misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array) -> Array | None:
     """Return the derivatives of what is left by the sizes, (m, p)."""
-    if hypothesis.slope is not None and not sizes.any() and len(sizes) == 1:
+    if hypothesis.derivative is not None and not sizes.any() and len(sizes) == 1:
         # of efforts, and where loops would be torn, there are differences only
         with suppress(MechsimError, KeyError):
-            derivatives = hypothesis.slope()
+            derivatives = hypothesis.derivative()
             rows = [
                 -(values / tolerance).ravel()
                 for values, tolerance in zip(derivatives, misfit.bounds, strict=True)
@@ -153,5 +154,5 @@ def linearly_explains(misfit: Misfit, jacobian: Array) -> float:
     """
     solution = np.linalg.lstsq(jacobian, misfit.before, rcond=1e-10)[0]
     remaining = rms(misfit.before - jacobian @ solution)
-    gain = len(misfit.before) * (misfit.size**2 - remaining**2)
-    return 1.0 - remaining / misfit.size + (1.0 if misfit.noisy and gain > ODDS else 0.0)
+    gain = len(misfit.before) * (misfit.magnitude**2 - remaining**2)
+    return 1.0 - remaining / misfit.magnitude + (1.0 if misfit.noisy and gain > ODDS else 0.0)

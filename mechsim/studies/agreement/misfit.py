@@ -1,18 +1,22 @@
 """A difference that is to be explained: claims, what is exact, and what may lie between them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.errors import MechsimError
+from mechsim.model.motion import Motion
 from mechsim.model.quantities import Quantity
 from mechsim.model.unit_powers import unit_powers
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.angles import wrapped
+from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.candidate import Candidate
-from mechsim.studies.agreement.evaluation_points import EvaluationPoints
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, derivatives_by_dimension
+from mechsim.studies.agreement.hypothesis import Rows, Values
 from mechsim.studies.agreement.noise import Noise, noise_of
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import force_scales, reach_of, stroke_of
@@ -39,7 +43,7 @@ class FormulaTolerances:
     forces: tuple[float, int]
     reason: str
 
-    def of(self, quantity: Quantity) -> tuple[float, int]:
+    def tolerance(self, quantity: Quantity) -> tuple[float, int]:
         """Return tolerance and power of a quantity."""
         by_order = (self.positions, self.velocities, self.accelerations)
         return self.forces if quantity.loaded else by_order[quantity.order]
@@ -84,7 +88,7 @@ class Scales:
     force: float = 1.0
     torque: float = 1.0
 
-    def of(self, quantity: Quantity) -> float:
+    def scale(self, quantity: Quantity) -> float:
         """Return the scale of a quantity in its unit."""
         if quantity.kind == "torque":
             return self.force if quantity.unit == "N" else self.torque
@@ -105,10 +109,10 @@ def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> 
     return Scales(length, stroke, rate, scales["force"] or 1.0, scales["torque"] or 1.0)
 
 
-def errors(quantity: Quantity, found: Array, exact: Array) -> Array:
-    """Return the differences of values (n, k), of angles by the shorter turn."""
-    gap = found - exact
-    return gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)) if quantity.angle else gap
+def errors(quantity: Quantity, values: Array, exact: Array) -> Array:
+    """Return the differences of values (n, k), of angles within half a revolution."""
+    difference = values - exact
+    return wrapped(difference) if quantity.angle else difference
 
 
 def formula_tolerance(
@@ -122,9 +126,9 @@ def formula_tolerance(
         requested: bound on places in [m], other quantities in proportion; None takes the usual part.
         exact: whether the claim is a formula that is exact but for rounding.
     """
-    quantity, scale = candidate.quantity, scales.of(candidate.quantity)
+    quantity, scale = candidate.quantity, scales.scale(candidate.quantity)
     usual = EXACT_TOLERANCES if exact and requested is None else USER_TOLERANCES
-    fraction, power = usual.of(quantity)
+    fraction, power = usual.tolerance(quantity)
     if requested is not None:
         more = fraction / USER_TOLERANCES.positions[0]
         return Tolerance(requested / scales.length * scale * more, quantity.unit, REQUESTED)
@@ -165,10 +169,10 @@ def noise_in(
     """
     if candidate.uncertainty is None:
         return None
-    measured_components = (candidate.uncertainty > 0.0).all(0)
+    columns = candidate.measured_columns
     return noise_of(
-        error[:, measured_components],
-        candidate.uncertainty[:, measured_components],
+        error[:, columns],
+        candidate.uncertainty[:, columns],
         phase,
         allowed=tolerance.value,
         quantities=quantities,
@@ -191,7 +195,7 @@ def check(
     if noise is None or candidate.uncertainty is None:
         length = np.sqrt((error**2).sum(1))
         return check_of(kind, subject, length, evaluation.instants, tolerance, evaluation.conditioning)
-    bare = error[:, ~(candidate.uncertainty > 0.0).all(0)]
+    bare = error[:, ~candidate.measured_columns]
     if bare.size:
         length = np.sqrt((bare**2).sum(1))
         hard = check_of(kind, subject, length, evaluation.instants, tolerance, evaluation.conditioning)
@@ -226,35 +230,52 @@ def _compared(quantity: Quantity) -> tuple[str, str]:
     return f"{quantity.kind} {quantity.subject}", ""
 
 
-Values = Sequence[Array]
-Rows = NDArray[np.bool_]
-
-
 @dataclass(frozen=True)
 class Misfit:
-    """Claims that differ from what is exact.
+    """Candidates that differ from the exact motion.
 
     Attributes:
-        evaluation: what moves, at which instants.
-        candidates: what is said.
-        exact: what is true, in the order of the claims, (n, k) each.
-        allowed: how far each may be off.
-        family: the mechanism among others with other dimensions.
-        function: whether the claims come from a function, which is asked at drivers alone.
+        evaluation: the mechanism and the instants.
+        candidates: values to be compared.
+        exact: true values, in the order of the candidates, (n, k) each.
+        allowed: tolerance of each.
+        designs: the mechanism as one of a family with other dimensions.
+        function: whether the candidates come from a function, which is evaluated at drivers alone.
     """
 
     evaluation: EvaluationPoints
     candidates: tuple[Candidate, ...]
     exact: tuple[Array, ...]
     allowed: tuple[Tolerance, ...]
-    family: DesignFamily
+    designs: DesignFamily
     function: bool = True
+    _by_dimension: dict[tuple[bool, str], Motion] = field(
+        default_factory=dict[tuple[bool, str], Motion], init=False, compare=False, repr=False
+    )
+    _variants: dict[str, EvaluationPoints | None] = field(
+        default_factory=dict[str, "EvaluationPoints | None"], init=False, compare=False, repr=False
+    )
 
     @cached_property
     def bounds(self) -> tuple[Array, ...]:
-        """By what errors are divided at each instant, (n, 1) or (n, k) each: bounds, standard deviations."""
+        """Scales of errors at each instant, (n, 1) or (n, k) each: tolerances, standard deviations."""
         pairs = zip(self.candidates, self.allowed, strict=True)
         return tuple(weights(candidate, self.evaluation, tolerance) for candidate, tolerance in pairs)
+
+    @property
+    def quantities(self) -> list[Quantity]:
+        """The quantity of each candidate."""
+        return [candidate.quantity for candidate in self.candidates]
+
+    @property
+    def length(self) -> float:
+        """The size of the mechanism, in [m]."""
+        return self.evaluation.solver.mechanism.size
+
+    @property
+    def needs_forces(self) -> bool:
+        """Whether forces are compared."""
+        return any(quantity.loaded for quantity in self.quantities)
 
     @property
     def noisy(self) -> bool:
@@ -263,33 +284,32 @@ class Misfit:
 
     @cached_property
     def before(self) -> Array:
-        """The errors as they are, in parts of their bounds, as one row."""
+        """The errors as they are, relative to their scales, as one row."""
         return self.errors(self.exact)
 
     @cached_property
-    def size(self) -> float:
+    def magnitude(self) -> float:
         """Their root mean square."""
         return rms(self.before)
 
     def errors(self, predicted: Values, rows: Rows | None = None) -> Array:
-        """Return how far the claims are from something else than the exact motion, in parts of their bounds.
+        """Return the differences of the candidates from predicted values, relative to their scales.
 
         Args:
-            predicted: values in the order of the claims, (n, k) each.
+            predicted: values in the order of the candidates, (n, k) each.
             rows: instants that count; None takes all.
         """
+        kept = slice(None) if rows is None else rows
         scaled = [
-            (errors(candidate.quantity, candidate.values, values) / tolerance)[
-                slice(None) if rows is None else rows
-            ].ravel()
-            for candidate, values, tolerance in zip(self.candidates, predicted, self.bounds, strict=True)
+            (errors(candidate.quantity, candidate.values, values) / scale)[kept].ravel()
+            for candidate, values, scale in zip(self.candidates, predicted, self.bounds, strict=True)
         ]
         return np.concatenate(scaled)
 
     def worst(self, predicted: Values, rows: Rows | None = None) -> float:
-        """Return the largest error in parts of its bound, of vectors by their length.
+        """Return the largest error relative to its tolerance, of vectors by their length.
 
-        Of what was measured it is the noise test that is nearest to its limit, or farthest beyond.
+        For measurements it is the noise test that is nearest to its limit, or farthest beyond.
         """
         kept = slice(None) if rows is None else rows
         largest = [0.0]
@@ -308,18 +328,18 @@ class Misfit:
                     tolerance,
                     measured(self.candidates),
                 )
-                bare = scaled[:, ~(candidate.uncertainty > 0.0).all(0)]
+                bare = scaled[:, ~candidate.measured_columns]
                 largest.append(0.0 if noise is None else noise.decisive.used)
                 largest.append(float(bare.max(initial=0.0)))
         return max(largest)
 
     def explained(self, remaining: float, before: float, worst: float) -> float:
-        """Return the part of a difference that is gone, 0 to 1; what noise leaves does not count.
+        """Return the fraction of a difference that is explained, 0 to 1; what noise leaves does not count.
 
         Args:
-            remaining: root mean square of the errors that are left, in parts of their bounds.
+            remaining: root mean square of the errors that remain, relative to their scales.
             before: that of the difference.
-            worst: the largest error that is left, as `worst` has it.
+            worst: the largest error that remains, as of `worst`.
         """
         if self.noisy and worst <= 1.0:
             return 1.0
@@ -330,7 +350,7 @@ class Misfit:
 
     @cached_property
     def _noise(self) -> float:
-        """The mean square that noise alone has, in parts of bounds."""
+        """The mean square of noise alone, relative to the scales."""
         variances = [
             np.zeros(1) if candidate.uncertainty is None else candidate.uncertainty / weight
             for candidate, weight in zip(self.candidates, self.bounds, strict=True)
@@ -341,49 +361,31 @@ class Misfit:
         )
 
     def predicted(self, evaluation: EvaluationPoints) -> Values:
-        """Return what would be true of something else that moves.
+        """Return the true values of other evaluation points.
 
         Raises:
-            AssemblyError: where its loops do not close.
+            AssemblyError: where the loops do not close.
         """
-        return evaluation.all([candidate.quantity for candidate in self.candidates])
+        return evaluation.all(self.quantities)
 
+    def by_dimension(self, designs: DesignFamily, name: str) -> Motion:
+        """Return the derivatives of the motion by a dimension of a family; those by all are computed at once.
 
-def rms(values: Array) -> float:
-    """Return the root mean square of values."""
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+        Raises:
+            KeyError: for one that opens the loops, or where no nearby design can be assembled.
+        """
+        placed = designs is not self.designs
+        if (placed, "") not in self._by_dimension:
+            self._by_dimension[placed, ""] = self.evaluation.motion
+            for dimension, motion in derivatives_by_dimension(self.evaluation, designs).items():
+                self._by_dimension[placed, dimension] = motion
+        return self._by_dimension[placed, name]
 
-
-# of causes that explain equally well the one that needs least is said: first those without a size, then those
-# with one, last those with several
-DISCRETE, NAMED, PLACED, TWO, THREE, SIX = 0.0, 1.0, 1.5, 2.0, 3.0, 6.0
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """One thing that may be wrong.
-
-    Attributes:
-        kind: in a word, as `Finding` has it.
-        what: the parameter, joint, point or driver.
-        tier: how much it asks one to believe; see above.
-        predict: sizes (p,) -> what would be claimed.
-        say: sizes (p,) -> the sentence, without how much it explains.
-        by: sizes (p,) -> its size as one number.
-        starts: sizes from which the fit begins; none where there is nothing to fit.
-        steps: of differences by the sizes.
-        slope: derivatives of the predicted values by the one size where it is nothing; None where
-            differences are taken.
-        rows: instants that count; None for all.
-    """
-
-    kind: str
-    what: str
-    tier: float
-    predict: Callable[[Array], Values]
-    say: Callable[[Array], str]
-    by: Callable[[Array], float] = lambda p: float(p[0]) if len(p) else 0.0
-    starts: tuple[tuple[float, ...], ...] = ((),)
-    steps: tuple[float, ...] = ()
-    slope: Callable[[], Values] | None = None
-    rows: Rows | None = None
+    def variant(self, key: str, make: Callable[[], EvaluationPoints]) -> EvaluationPoints | None:
+        """Return what `make` returns, made and solved once; None where it cannot be assembled."""
+        if key not in self._variants:
+            self._variants[key] = None
+            with suppress(MechsimError):
+                variant = make()
+                self._variants[key] = replace(variant, solved=variant.motion)
+        return self._variants[key]

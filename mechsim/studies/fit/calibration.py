@@ -13,6 +13,7 @@ from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion import short_repr
+from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
@@ -228,8 +229,8 @@ class _Problem:
 
     def _off(self, column: str, values: Array) -> Array:
         off = values - self.measured.values[column]
-        # turns are not measured
-        return off - 2.0 * np.pi * np.round(off / (2.0 * np.pi)) if self.units[column] == "rad" else off
+        # whole revolutions are not measured
+        return wrapped(off) if self.units[column] == "rad" else off
 
     def tried(self, x: Array) -> Array:
         """Return what is left; infinite where there is no assembly, which least squares goes back from."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives import Dimension
 from mechsim.errors import InputError, MechsimError
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
@@ -53,7 +53,7 @@ class Solved:
         """Return by how much some of the quantities, (..., k), differ from the mechanism as it stands."""
         off = values - self.values[which]
         angular = self.angular[which]
-        off[..., angular] -= REVOLUTION * np.round(off[..., angular] / REVOLUTION)
+        off[..., angular] = wrapped(off[..., angular])
         return off
 
     def dimensions(self, fractions: Array) -> dict[str, float]:

@@ -11,7 +11,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.quantities import quantity
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import Candidate
-from mechsim.studies.agreement.evaluation_points import evaluation_points
+from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
 from mechsim.subjects.readers import parametric_model
 
 SPEED = 20 * np.pi
@@ -201,3 +201,18 @@ def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_p
         assert found.passed == passed, found.why
     assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "coupler")
     assert found.findings[0].by == pytest.approx(0.05, abs=2e-3)
+
+
+def test_instants_moved_past_a_change_point_stay_in_the_assembly_of_the_first_one():
+    parallelogram = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04)
+    angle = np.linspace(2.0, 3.0, 5) + np.pi
+    steady = np.ones(5)
+    evaluation = EvaluationPoints(parallelogram, angle, steady, 0.0 * steady)
+    late = replace(evaluation, angle=angle - 3.0).motion
+    exact = parallelogram.starting_at(angle).solve(angle - 3.0)
+    assert (
+        np.abs(exact.points["B"].position - parallelogram.solve(angle - 3.0).points["B"].position).max()
+        > 0.01
+    )
+    for name, point in exact.points.items():
+        np.testing.assert_allclose(late.points[name].position, point.position, atol=1e-15)

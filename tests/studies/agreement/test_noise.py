@@ -110,7 +110,7 @@ def test_a_standard_deviation_that_is_not_positive_is_rejected(tmp_path, value):
         table["B.x ±"][4] = value
 
     path = measured(tmp_path / "zero.csv", "four_bar", ("B.x", "B.y"), edit=spoil)
-    with pytest.raises(InputError, match=r"standard deviation of B\.x .* in row 6; give it above 0"):
+    with pytest.raises(InputError, match=r"column B\.x ± is .* in row 5; give it above 0"):
         judged(path)
 
 
