@@ -203,7 +203,8 @@ def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
         moved = list(position)
         moved[i] += extent * change
         own = solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
-        points = {**solver.mechanism.points, point: (link, tuple(moved))}
+        x, y, z = moved
+        points = {**solver.mechanism.points, point: (link, (x, y, z))}
         other = replace(own, mechanism=replace(solver.mechanism, points=points))
         return misfit.predicted(_resolved(misfit.evaluation, other))
 
