@@ -3,7 +3,7 @@
 SHAPE = "any negative number stands for the length left over"
 NEAR_ONE = "loops in units of their size have largest singular values near one"
 SPEED = "changes what a run costs, not what it gives"
-LOOPS = "simulation/model_loops.py"
+JACOBIAN = "simulation/loop_jacobian.py"
 CUTS = "simulation/mjcf/loop_cuts.py"
 POSED = "simulation/state.py"
 MOTION = "analytic/loops/oracle.py"
@@ -44,12 +44,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SHAPE,
     (POSED, "if len(self._batches) > 8:", "..."): SPEED,
     (
-        LOOPS,
-        "independent.log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0",
-        "independent.log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 1.0",
+        "simulation/independent_rows.py",
+        "self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0",
+        "self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 1.0",
     ): "the determinant has a unit of its own",
     (
-        LOOPS,
+        JACOBIAN,
         "values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)",
         "values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=True)",
     ): SPEED,
@@ -192,9 +192,9 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "of a single record the next is the same",
     **{
         (
-            LOOPS,
-            "return FLOOR * max(1.0, float(self.characteristic_lengths.max()))",
-            f"return FLOOR * max({least}, float(self.characteristic_lengths.max()))",
+            JACOBIAN,
+            "return FLOOR * max(1.0, float(loops.characteristic_lengths.max()))",
+            f"return FLOOR * max({least}, float(loops.characteristic_lengths.max()))",
         ): "rounding lies far below either"
         for least in ("0.1", "10.0")
     },

@@ -76,11 +76,14 @@ KILLERS: dict[str, list[str]] = {
     "analytic/loops/design_paths.py": ["analytic/test_many_motion.py"],
     "analytic/loops/solver.py": ["analytic/test_loop_solver.py", *PATHS],
     "analytic/loops/path.py": ["analytic/test_continuation_path.py"],
-    "simulation/model_loops.py": [
-        *LOOPS,
-        "simulation/test_spherical_change_points.py",
-        "studies/test_driven_efforts.py",
-    ],
+    **{
+        f"simulation/{name}.py": [
+            *LOOPS,
+            "simulation/test_spherical_change_points.py",
+            "studies/test_driven_efforts.py",
+        ]
+        for name in ("model_loops", "loop_jacobian", "independent_rows", "closing", "actuation")
+    },
     "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
     "simulation/state.py": ["simulation/test_posed_bodies.py"],
     "numerics/rank.py": ["numerics/test_rank.py"],

@@ -13,7 +13,8 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops, loops_with_crank
+from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
+from mechsim.simulation.state import HINGE, SLIDE
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput

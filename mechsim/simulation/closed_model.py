@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import Track
 
@@ -99,7 +100,8 @@ class ClosedModel:
 
     def point_positions(self, states: Array) -> Array:
         """Return the positions of the tracked points at n states, (n, k, 3) in [m]."""
-        return self.loops.site_positions(states)[:, [self.model.site(name).id for name in self.track.points]]
+        sites = [self.model.site(name).id for name in self.track.points]
+        return self.loops.posed.site_positions(states)[:, sites]
 
     @property
     def driven_points(self) -> tuple[str, ...]:
@@ -111,7 +113,7 @@ class ClosedModel:
     def undetermined_points(self) -> NDArray[np.bool_]:
         """Which tracked points can move with the drivers locked, (k,): poses do not determine them."""
         loops = self.loops
-        moves = NUDGE * loops.null_space(loops.linearise(self.qpos[None])[1])
+        moves = NUDGE * loop_jacobian.null_space(loops, loops.linearise(self.qpos[None])[1])
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
         positions = self.point_positions(np.concatenate([self.qpos[None], nudged]))
         # a closed loop lets a point move by the second order of the displacement

@@ -14,7 +14,9 @@ from mechsim.model.motion_laws import CrankProfile, constant
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import half_extent
 from mechsim.numerics.resources import ProcessorBudget, require_memory
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.closing import CLOSED
 from mechsim.simulation.configurations import (
     change_points_text,
     in_another_assembly,
@@ -29,7 +31,7 @@ from mechsim.simulation.mobility import (
     require_path_within_limits,
     require_within_limits,
 )
-from mechsim.simulation.model_loops import CLOSED, ModelLoops
+from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_point_motion import interpolated, moved_away
 from mechsim.simulation.recording import States, evaluate
@@ -194,7 +196,7 @@ class DrivenRun:
     def _cause(self, steps: Steps) -> str:
         """Return the cause of a divergence: a singular pose, a limit, a contact, else stiffness."""
         loops, states = self.closed.loops, steps.states
-        distance = loops.conditioning(loops.linearise(states.qpos)[1])
+        distance = loop_jacobian.conditioning(loops, loops.linearise(states.qpos)[1])
         cause = near_singular(states.time, distance)
         cause = cause or limit_or_contact(self.closed.model, states.time, states.qpos, states.qvel)
         if cause:
@@ -233,7 +235,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
     """
     angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
     qpos = follow.follow(closed.loops, closed.qpos, angle)[:1]
-    return qpos[0], closed.loops.tangent(closed.loops.linearise(qpos)[1])[0] * speed[0]
+    return qpos[0], loop_jacobian.tangent(closed.loops, closed.loops.linearise(qpos)[1])[0] * speed[0]
 
 
 def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
@@ -269,7 +271,7 @@ def solved_run(
     away = moved_away(qpos, near_rows)
     jacobian = closed.loops.linearise(away)[1]
     _require_regular(closed.loops, jacobian, angle)
-    states = States(time, away, closed.loops.tangent(jacobian) * speed[:, None])
+    states = States(time, away, loop_jacobian.tangent(closed.loops, jacobian) * speed[:, None])
     motion = evaluate(
         closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, progress=progress
     )
@@ -292,7 +294,7 @@ def solved_run(
 
 def _require_regular(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
     """Reject singular poses, at which the continuation is ambiguous."""
-    lost = loops.conditioning(jacobian) < MIN_CONDITIONING
+    lost = loop_jacobian.conditioning(loops, jacobian) < MIN_CONDITIONING
     if lost.any():
         where = loops.driver_text(float(angle[np.argmax(lost)]))
         raise AssemblyError(

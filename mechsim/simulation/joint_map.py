@@ -21,7 +21,7 @@ from mechsim.simulation.closed_configurations import (
     scalar_dof,
     straight_path,
 )
-from mechsim.simulation.model_loops import HINGE, SLIDE
+from mechsim.simulation.state import HINGE, SLIDE
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
@@ -185,7 +185,7 @@ class _Outputs:
     def _rotation(self, body: int, suffix: str) -> Callable[..., tuple[Array, Array]]:
         """Return a component of the rotation vector from the reference to the states, in the world frame."""
         component = ROTATION_SUFFIXES.index(suffix)
-        start = self.path.loops.body_poses(self.path.reference[None])[1][0, body]
+        start = self.path.loops.posed.body_poses(self.path.reference[None])[1][0, body]
 
         def value(_: Array, position: Array, rotation: Array, jacobian: Callable[..., tuple[Array, Array]]):
             vector = Rotation.from_matrix(rotation[:, body] @ start.T).as_rotvec()

@@ -10,9 +10,11 @@ from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.limits import check_instants, extremes, require_within
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import pseudo_inverse
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.model_loops import FREE, HINGE, SLIDE, ModelLoops
+from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
+from mechsim.simulation.state import FREE, HINGE, SLIDE
 
 # residual, relative to the largest Jacobian entry, above which the other DOFs cannot follow a driver
 LOCKED_FRACTION = 1e-6
@@ -28,10 +30,10 @@ def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
     names, driver_columns = ("crank",), -jacobian[:, [loops.crank]]
     if loops.drivers is not None:
         names, driver_columns = loops.drivers.names, np.eye(len(jacobian))[:, -len(loops.drivers.names) :]
-    constrained = loops.constrained_jacobian(jacobian[None])[0]
+    constrained = loop_jacobian.constrained_jacobian(loops, jacobian[None])[0]
     projected = constrained @ (pseudo_inverse(constrained, floor=0.0) @ driver_columns)
     errors = np.abs(projected - driver_columns).max(0, initial=0.0)
-    tolerance = max(LOCKED_FRACTION * float(np.abs(jacobian).max(initial=0.0)), loops.rounding)
+    tolerance = max(LOCKED_FRACTION * float(np.abs(jacobian).max(initial=0.0)), loop_jacobian.rounding(loops))
     return tuple(name for name, miss in zip(names, errors, strict=True) if not miss <= tolerance)
 
 
@@ -78,7 +80,7 @@ def residual_mobility(closed: ClosedModel) -> ResidualMobility:
     immobile = immobile_drivers(loops, jacobian[0])
     names: list[str] = []
     singular, determined = False, np.ones(loops.model.nbody, dtype=np.bool_)
-    for direction in loops.null_space(jacobian):
+    for direction in loop_jacobian.null_space(loops, jacobian):
         moved = _closed_after_nudge(loops, closed.qpos, direction)
         nudged = moved if moved is not None else _nudged(loops, closed.qpos, direction)
         moved_names = _moved_names(closed, closed.qpos, nudged)
@@ -195,12 +197,11 @@ def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
 def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Array | None:
     """Return the state moved along a null-space direction and closed; None where the loops prevent it."""
     nudged = _nudged(loops, state, direction)
-    try:
-        closed = loops.close(nudged[None])[0]
-    except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
+    closed = closing.close_if_possible(loops, nudged[None])
+    if closed is None:
         return None
-    remains = np.abs(closed - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()
-    return closed if remains else None
+    remains = np.abs(closed[0] - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()
+    return closed[0] if remains else None
 
 
 def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
@@ -228,7 +229,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
 
 def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
     """Return which bodies' centres of mass differ between two states, (nbody,)."""
-    displacements = np.diff(loops.centres(np.stack([state, moved])), axis=0)[0]
+    displacements = np.diff(loops.posed.centres(np.stack([state, moved])), axis=0)[0]
     return np.linalg.norm(displacements, axis=1) > THRESHOLD * loops.characteristic_length
 
 

@@ -10,9 +10,10 @@ from mujoco import batch
 
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import actuation, loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
-from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops
-from mechsim.simulation.state import ONE_THREAD, rotated
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.state import HINGE, ONE_THREAD, SLIDE, rotated
 
 OFF = mujoco.mjtDisableBit
 # forces that may be large: actuators, springs and dampers
@@ -141,7 +142,7 @@ def _evaluated(
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
     if force is not None:
-        sims.bind("qfrc_applied")[:, loops.actuated_dofs] = force.reshape(n, -1)
+        sims.bind("qfrc_applied")[:, actuation.actuated_dofs(loops)] = force.reshape(n, -1)
     names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
     fields = {name: sims.bind(name) for name in names}
     sims.forward()
@@ -180,7 +181,7 @@ def _evaluated(
         _joints(loops, track, states, qacc),
         time=states.time,
         closure=np.abs(residual[:, : 3 * len(loops.pairs)]).max(1, initial=0.0),
-        conditioning=loops.conditioning(jacobian),
+        conditioning=loop_jacobian.conditioning(loops, jacobian),
         drivers=() if loops.drivers is None else loops.drivers.names,
     )
 
@@ -241,7 +242,7 @@ def _correction(
     change[:, loops.crank] = targets - qacc[:, loops.crank]
     if opened.shape[1]:
         right = opened + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
-        change[:, loops.free] = loops.solve(jacobian, -right[..., None])[..., 0]
+        change[:, loops.free] = loop_jacobian.solve(loops, jacobian, -right[..., None])[..., 0]
     return change
 
 

@@ -1,13 +1,25 @@
-"""Batched forward kinematics of a compiled model: body poses and point Jacobians."""
+"""States of a compiled model: coordinates, displacements, body poses and point Jacobians."""
 
 import copy
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco import batch
+from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
+
+FREE, BALL, SLIDE, HINGE = (
+    int(kind)
+    for kind in (
+        mujoco.mjtJoint.mjJNT_FREE,
+        mujoco.mjtJoint.mjJNT_BALL,
+        mujoco.mjtJoint.mjJNT_SLIDE,
+        mujoco.mjtJoint.mjJNT_HINGE,
+    )
+)
 
 # body and points on it, (n, 3) -> the Jacobians of the points and of the body's rotation, (n, 3, nv) each
 PointJacobians = Callable[[int, Array], tuple[Array, Array]]
@@ -50,6 +62,24 @@ class PosedBodies:
         sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
         return position, matrix.reshape(*matrix.shape[:2], 3, 3), sims.jac
 
+    def body_poses(self, qpos: Array) -> tuple[Array, Array]:
+        """Return positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
+        position, rotation, _ = self.batch_poses(qpos)
+        return position.copy(), rotation.copy()
+
+    def site_positions(self, qpos: Array) -> Array:
+        """Return the positions of all sites at n states, (n, nsite, 3) in [m]."""
+        model = self.kinematic_model
+        return self._positions(qpos, model.site_bodyid, self.fields.get("site_pos", model.site_pos))
+
+    def centres(self, qpos: Array) -> Array:
+        """Return the centres of mass of all bodies at n states, (n, nbody, 3) in [m]."""
+        return self._positions(qpos, slice(None), self.kinematic_model.body_ipos)
+
+    def _positions(self, qpos: Array, bodies: Any, local: Array) -> Array:
+        position, rotation, _ = self.batch_poses(qpos)
+        return position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
+
     def simulations(self, model: mujoco.MjModel, n: int, threads: int) -> batch.Batch:
         """Return n simulations of a model like this, each with its own `fields`."""
         sims = batch.Batch(model, n, threads)
@@ -78,6 +108,50 @@ class PosedBodies:
             threads = 1 if n <= ONE_THREAD else 0
             self._batches[n] = self.simulations(self.kinematic_model, n, threads)
         return self._batches[n]
+
+
+def angular_dofs(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return whether each DOF is an angle, (nv,); of the six of a free joint the first three are lengths."""
+    kinds = model.jnt_type[model.dof_jntid]
+    order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
+    return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))
+
+
+def hinge_entries(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return whether each entry of qpos is the angle of a hinge, (nq,)."""
+    hinges = np.zeros(model.nq, dtype=np.bool_)
+    hinges[model.jnt_qposadr[model.jnt_type == HINGE]] = True
+    return hinges
+
+
+def quaternion_addresses(model: mujoco.MjModel) -> list[int]:
+    """Return the addresses of the quaternions in qpos."""
+    kinds = model.jnt_type
+    first = model.jnt_qposadr + np.where(kinds == FREE, 3, 0)
+    return first[(kinds == FREE) | (kinds == BALL)].tolist()
+
+
+def quaternion_entries(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return whether each entry of qpos belongs to a quaternion, (nq,)."""
+    return np.isin(np.arange(model.nq), np.add.outer(quaternion_addresses(model), np.arange(4)))
+
+
+def displaced(model: mujoco.MjModel, qpos: Array, step: Array) -> Array:
+    """Return states displaced by a step in the DOFs, (n, nq): mj_integratePos in batches."""
+    out = qpos.copy()
+    if len(out) == 1:
+        mujoco.mj_integratePos(model, out[0], step[0], 1.0)
+        return out
+    for kind, address, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
+        if kind in (HINGE, SLIDE):
+            out[:, address] += step[:, dof]
+            continue
+        if kind == FREE:
+            out[:, address : address + 3] += step[:, dof : dof + 3]
+            address, dof = address + 3, dof + 3
+        quaternion = out[:, address : address + 4]
+        out[:, address : address + 4] = rotated_quaternions(quaternion, step[:, dof : dof + 3])
+    return out
 
 
 def rotated(rotation: Array, local: Array) -> Array:

@@ -39,7 +39,7 @@ def test_a_sprint_ends_where_the_closed_form_is(name: str, turns: float) -> None
     states = sprinted(loops, turns)
     assert states is not None
     exact = drive.solve(states[:, loops.crank_address], speed=1.0)
-    places = loops.site_positions(states)
+    places = loops.posed.site_positions(states)
     for point in drive.mechanism.points:
         gap = places[:, loops.model.site(point).id] - exact.points[point].position
         assert np.abs(gap).max() < ROUGH * loops.characteristic_length
@@ -61,7 +61,7 @@ def test_a_sprint_past_an_almost_dead_centre_is_not_trusted_and_the_walk_passes_
     assert sprinted(loops, 1.0) is None
     start = loops.model.qpos0
     angles = start[loops.crank_address] + np.linspace(0.0, TURN, 50)
-    place = loops.site_positions(follow.follow(loops, start, angles))[:, loops.model.site("B").id]
+    place = loops.posed.site_positions(follow.follow(loops, start, angles))[:, loops.model.site("B").id]
     exact = drive.solve(angles, speed=1.0).points["B"].position
     # the square root of the distance from the dead centre is all that is left of rounding there
     assert np.abs(place - exact).max() < 1e-7 * loops.characteristic_length

@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from mechsim.errors import AssemblyError
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.model_loops import read_loops
+from mechsim.simulation.poses import follow
+from mechsim.simulation.state import hinge_entries, quaternion_addresses, quaternion_entries
 
 MODEL = """
 <mujoco model="flying">
@@ -39,9 +42,9 @@ def states(loops, n=4, reach=0.3):
 
 def test_the_numbers_of_a_state_are_told_apart(loops):
     # crank, free body (place, quaternion), ball (quaternion), slide
-    assert loops.quaternions == [4, 8]
-    assert loops.in_quaternion.tolist() == [False] * 4 + [True] * 8 + [False]
-    assert loops.hinges.tolist() == [True] + [False] * 12
+    assert quaternion_addresses(loops.model) == [4, 8]
+    assert quaternion_entries(loops.model).tolist() == [False] * 4 + [True] * 8 + [False]
+    assert hinge_entries(loops.model).tolist() == [True] + [False] * 12
     assert loops.free.tolist() == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
     assert (loops.crank, loops.crank_address) == (0, 0)
 
@@ -74,8 +77,8 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
     before = states(loops)
     before[:, 1:4] += 10.0
     residual, jacobian = loops.linearise(before)
-    held = loops.solve(jacobian, -residual[..., None])[..., 0]
-    step, _ = loops.newton_step(residual, jacobian)
+    held = loop_jacobian.solve(loops, jacobian, -residual[..., None])[..., 0]
+    step, _ = loop_jacobian.newton_step(loops, residual, jacobian)
     turns = np.abs(held[:, 3:9]).max(1)
     assert turns.max() > 0.5
     for one, whole, turn in zip(step[:, loops.free], held, turns, strict=True):
@@ -88,7 +91,7 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
     residual, jacobian = loops.linearise(shifted)
     assert (
         loops.closure_error(
-            loops.residual(loops.displaced(shifted, loops.newton_step(residual, jacobian)[0]))
+            loops.residual(loops.displaced(shifted, loop_jacobian.newton_step(loops, residual, jacobian)[0]))
         ).max()
         < 1e-4
     )
@@ -99,10 +102,10 @@ def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
 
 
 def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
-    closed = loops.close(states(loops, 4, 0.02))
+    closed = closing.close(loops, states(loops, 4, 0.02))
     assert loops.closure_error(loops.residual(closed)).max() <= 1e-14
     _, jacobian = loops.linearise(closed)
-    tangent = loops.tangent(jacobian)
+    tangent = loop_jacobian.tangent(loops, jacobian)
     assert (tangent[:, 0] == 1.0).all()
     assert np.abs(jacobian @ tangent[..., None]).max() < 1e-14
     assert np.abs(np.linalg.norm(closed[:, 4:8], axis=1) - 1.0).max() < 1e-15
@@ -112,7 +115,7 @@ def test_what_is_solved_is_the_shortest_step_that_does_it(loops):
     _, jacobian = loops.linearise(states(loops))
     right = np.random.default_rng(1).normal(size=(4, jacobian.shape[1], 2))
     for one, held, wanted in zip(
-        loops.solve(jacobian, right), jacobian[:, :, loops.free], right, strict=True
+        loop_jacobian.solve(loops, jacobian, right), jacobian[:, :, loops.free], right, strict=True
     ):
         assert one == pytest.approx(np.linalg.lstsq(held, wanted, rcond=None)[0], abs=1e-12)
 
@@ -121,9 +124,8 @@ def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
     before = states(loops)
     data = mujoco.MjData(loops.model)
     residual = loops.residual(before)
-    for state, sites, places, gap in zip(
-        before, loops.site_positions(before), loops.point_positions(before), residual, strict=True
-    ):
+    positions = loops.posed.site_positions(before), follow.point_positions(loops, before)
+    for state, sites, places, gap in zip(before, *positions, residual, strict=True):
         data.qpos[:] = state
         mujoco.mj_kinematics(loops.model, data)
         assert sites == pytest.approx(data.site_xpos, abs=1e-15)
@@ -146,7 +148,8 @@ def test_the_yardstick_is_the_longest_of_arms_and_bodies_places(loops):
 
 def test_the_two_assemblies_of_a_loop_lie_on_either_side(loops):
     # the slide's body may be reached from above or below: both are closed, on sides of unlike sign
-    assert set(np.unique(loops.determinant_sign(loops.linearise(states(loops, 40, 1.0))[1]))) <= {-1.0, 1.0}
+    jacobian = loops.linearise(states(loops, 40, 1.0))[1]
+    assert set(np.unique(loop_jacobian.determinant_sign(loops, jacobian))) <= {-1.0, 1.0}
 
 
 def test_what_cannot_come_together_is_named(loops):
@@ -155,4 +158,4 @@ def test_what_cannot_come_together_is_named(loops):
     loops.model.eq_data[1, 3:6] *= 100.0
     far = read_loops(loops.model)
     with pytest.raises(AssemblyError, match="flying: the loops do not close at crank angle"):
-        far.close(lost)
+        closing.close(far, lost)

@@ -11,7 +11,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
+from mechsim.simulation import loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import assembled
 
@@ -111,7 +111,7 @@ def test_plain_mujoco_opens_the_text_and_turns_the_crank(name: str) -> None:
     data = mujoco.MjData(model)
     speed = 2.0 * np.pi
     loops = read_loops(model)
-    data.qvel[:] = speed * loops.tangent(loops.linearise(data.qpos[None])[1])[0]
+    data.qvel[:] = speed * loop_jacobian.tangent(loops, loops.linearise(data.qpos[None])[1])[0]
     for _ in range(100):
         mujoco.mj_step(model, data)
     turned = data.qpos[loops.crank_address] - model.qpos0[loops.crank_address]

@@ -9,11 +9,12 @@ from mechsim import catalog
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import model_loops
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT, find_drivers
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
+from mechsim.simulation.state import quaternion_addresses
 
 EVERYTHING = [
     *(catalog.make(name).mechanism for name in ("rssr", "four_bar", "slider_crank")),
@@ -50,9 +51,8 @@ def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) ->
 def test_a_step_that_closes_the_loops_comes_with_the_tangent(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     residual, jacobian = loops.linearise(near(loops, 3, 1e-3))
-    np.testing.assert_allclose(
-        loops.newton_step(residual, jacobian)[1], loops.tangent(jacobian), rtol=0, atol=1e-8
-    )
+    _, tangent = loop_jacobian.newton_step(loops, residual, jacobian)
+    np.testing.assert_allclose(tangent, loop_jacobian.tangent(loops, jacobian), rtol=0, atol=1e-8)
 
 
 def test_of_displacements_rates_are_told_in_sizes() -> None:
@@ -61,7 +61,7 @@ def test_of_displacements_rates_are_told_in_sizes() -> None:
     slides = loops.model.jnt_dofadr[loops.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
     assert len(slides) == 1
     rates[0, slides] = -0.3 * loops.characteristic_length
-    assert loops.max_rate(rates) == pytest.approx(0.3, rel=1e-12)
+    assert np.abs(rates / loops.units).max() == pytest.approx(0.3, rel=1e-12)
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
@@ -104,26 +104,27 @@ def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_poin
 def test_only_loops_that_leave_a_link_to_turn_about_itself_spin() -> None:
     for name, spins in (("four_bar", False), ("rssr", True)):
         loops = loops_of(catalog.make(name).mechanism)
-        loops.tangent(loops.linearise(loops.model.qpos0[None])[1])
-        assert loops.has_undetermined_dofs == spins
+        loop_jacobian.tangent(loops, loops.linearise(loops.model.qpos0[None])[1])
+        assert loop_jacobian.has_undetermined_dofs(loops) == spins
 
 
 def test_rows_that_say_something_new_at_a_later_state_count_there() -> None:
     loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
     slopes, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]
     slopes[:, 0, loops.free[0]] = slopes[0, 1, loops.free[1]] = slopes[1, 2, loops.free[1]] = 1.0
-    np.testing.assert_allclose(loops.solve(slopes, right)[..., 0], [[2.0, 5.0], [3.0, 7.0]], rtol=1e-14)
+    rates = loop_jacobian.solve(loops, slopes, right)[..., 0]
+    np.testing.assert_allclose(rates, [[2.0, 5.0], [3.0, 7.0]], rtol=1e-14)
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_loops_opened_by_a_little_close_again_with_the_crank_held(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     rough = near(loops, 20, 1e-2)
-    closed = loops.close(rough)
+    closed = closing.close(loops, rough)
     assert np.array_equal(closed[:, loops.crank_address], rough[:, loops.crank_address])
     # rounding of a Newton step, in units of the longest link
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
-    for place in loops.quaternions:
+    for place in quaternion_addresses(loops.model):
         assert np.abs(np.linalg.norm(closed[:, place : place + 4], axis=1) - 1.0).max() < 1e-15
 
 
@@ -132,7 +133,7 @@ def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism)
     loops = loops_of(mechanism)
     start = loops.model.qpos0[None]
     residual, jacobian = loops.linearise(start)
-    tangent = loops.tangent(jacobian)
+    tangent = loop_jacobian.tangent(loops, jacobian)
     assert tangent[0, loops.crank] == 1.0
     # a linear solve: rounding times the condition of the loop, below 100 here
     assert np.abs(jacobian @ tangent[..., None]).max() < 1e-14
@@ -212,18 +213,18 @@ def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
     states = np.repeat(loops.model.qpos0[None], 2, 0)
     states[1, loops.crank_address] = np.pi
     with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a gap of"):
-        loops.close(states)
+        closing.close(loops, states)
 
 
 def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypatch) -> None:
     loops = loops_of(catalog.make("rssr").mechanism)
-    monkeypatch.setattr(model_loops, "NEWTON", replace(model_loops.NEWTON, tolerance=0.0))
+    monkeypatch.setattr(closing, "NEWTON", replace(closing.NEWTON, tolerance=0.0))
     steps: list[int] = []
     moved = loops.displaced
     monkeypatch.setattr(
         ModelLoops, "displaced", lambda _, qpos, step: steps.append(len(qpos)) or moved(qpos, step)
     )
-    closed = loops.close(near(loops, 20, 1e-2))
+    closed = closing.close(loops, near(loops, 20, 1e-2))
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     # from 1e-2 each step squares what is left: three to rounding, a few that find it there
     assert len(steps) < 7
@@ -255,9 +256,9 @@ def test_driven_slides_stand_open_in_units_of_the_models_size() -> None:
 def test_the_loosest_direction_opens_the_loops_least_of_all_with_the_crank_held(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     jacobian = loops.linearise(loops.model.qpos0[None])[1]
-    if not loops.determinant_sign(jacobian)[0]:
+    if not loop_jacobian.determinant_sign(loops, jacobian)[0]:
         pytest.skip("which rows of it count changes from pose to pose")
-    found = loops.least_constrained_direction(jacobian)
+    found = loop_jacobian.least_constrained_direction(loops, jacobian)
     others = np.random.default_rng(4).normal(size=(500, loops.model.nv))
     others[:, loops.crank] = 0.0
     # but for what no row holds, as the spin of a rod between balls
@@ -284,11 +285,11 @@ def test_how_far_from_singular_loops_are_is_their_least_singular_value_in_units_
     states = np.array([[0.3, 0.2, 0.0], [0.1, -0.9, 0.0]])
     slope = (0.15 + 0.2 * states[:, 1]) / size
     wanted = [np.linalg.svd([[1.0, 0.0], [-one, 1.0]])[1][-1] for one in slope]
-    assert loops.conditioning(loops.linearise(states)[1]) == pytest.approx(wanted)
+    assert loop_jacobian.conditioning(loops, loops.linearise(states)[1]) == pytest.approx(wanted)
     # what programs drive is no unknown, and its rows hold nothing
     programmed = model(second, PARAMETER_JOINT)
     driven = read_loops(programmed, drivers=find_drivers(programmed, ("j",)))
-    assert driven.conditioning(driven.linearise(states)[1]) == pytest.approx(1.0)
+    assert loop_jacobian.conditioning(driven, driven.linearise(states)[1]) == pytest.approx(1.0)
 
 
 def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeypatch) -> None:
@@ -300,16 +301,34 @@ def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeyp
         bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE)
     beside = read_loops(spec.compile())
     angles = np.linspace(0.0, 2.0, 9)
-    states = plain.close(
-        follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_address] + angles)
+    states = closing.close(
+        plain, follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_address] + angles)
     )
     swung = np.concatenate([states, np.random.default_rng(3).normal(size=(9, 5))], 1)
     sizes: list[tuple[int, ...]] = []
     slogdet = np.linalg.slogdet
     monkeypatch.setattr(np.linalg, "slogdet", lambda square: sizes.append(square.shape) or slogdet(square))
     wanted, found = (
-        one.determinant(one.linearise(qpos)[1]) for one, qpos in ((plain, states), (beside, swung))
+        loop_jacobian.determinant(loops, loops.linearise(qpos)[1])
+        for loops, qpos in ((plain, states), (beside, swung))
     )
     assert np.ptp(wanted) > 0.1
     assert np.abs(found / found[0] - wanted / wanted[0]).max() < 1e-12
     assert sizes[0] == sizes[1]
+
+
+def test_loops_close_with_other_coordinates_locked_than_the_crank() -> None:
+    loops = loops_of(catalog.make("four_bar").mechanism)
+    model = loops.model
+    locked = np.array([dof for dof in range(model.nv) if model.joint(model.dof_jntid[dof]).name == "rocker"])
+    assert len(locked) == 1
+    states = near(loops, 3, 0.02)
+    closed = closing.close(loops, states, locked)
+    address = model.jnt_qposadr[model.dof_jntid[locked]]
+    assert np.array_equal(closed[:, address], states[:, address])
+    assert np.abs(closed[:, loops.crank_address] - states[:, loops.crank_address]).min() > 1e-6
+    assert loops.closure_error(loops.residual(closed)).max() < 1e-14
+    # no crank angle closes the loop with the rocker half a revolution away
+    states[:, address] += np.pi
+    with pytest.raises(AssemblyError, match="do not close"):
+        closing.close(loops, states, locked)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from coupled_wheels import assert_all_turn_alike, coupled_wheels
 
-from mechsim.simulation import simulate
+from mechsim.simulation import loop_jacobian, simulate
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import from_source
 
@@ -28,7 +28,7 @@ def test_meetings_are_known_however_many_poses_are_asked_for(wheels, samples):
     assert [m.angle for m in path.change_points] == pytest.approx([np.pi], abs=1e-9)
     assert [m.multiplicity for m in path.change_points] == [wheels - 1]
     # one side from end to end, or another beyond: so each pose is known to lie on the path
-    sides = closed.loops.determinant_sign(
-        closed.loops.linearise(follow.follow(closed.loops, closed.qpos, [0.5, 4.0]))[1]
+    sides = loop_jacobian.determinant_sign(
+        closed.loops, closed.loops.linearise(follow.follow(closed.loops, closed.qpos, [0.5, 4.0]))[1]
     )
     assert sides[0] * sides[1] == (-1.0) ** (wheels - 1)

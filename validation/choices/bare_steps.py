@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.simulation import Settings
+from mechsim.simulation import Settings, closing, loop_jacobian
 from mechsim.simulation.model_loops import read_loops
 
 SPEED = 20.0 * np.pi
@@ -73,15 +73,15 @@ class Bare:
         """Return the worst distance of sites from where they should be, name -> (steps, 3), in [m]."""
         if self.broken or not np.isfinite(self.qpos).all():
             return float("inf")
-        places, model = self.loops.site_positions(self.qpos), self.loops.model
+        places, model = self.loops.posed.site_positions(self.qpos), self.loops.model
         gaps = [places[:, model.site(name).id] - place for name, place in exact.items() if _has(model, name)]
         return float(np.sqrt((np.stack(gaps) ** 2).sum(-1)).max())
 
 
 def _start(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
     loops = read_loops(model)
-    qpos = loops.close(model.qpos0[None])
-    return qpos, SPEED * loops.tangent(loops.linearise(qpos)[1])
+    qpos = closing.close(loops, model.qpos0[None])
+    return qpos, SPEED * loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
 
 
 def _start_like(model: mujoco.MjModel, like: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:

@@ -91,7 +91,7 @@ def measured(drive: FourBar, n: int) -> list[dict[str, Any]]:
     for _ in range(ROUNDS[n]):
         for one in bare.values():
             one.turn()
-    places = [one.loops.site_positions(one.qpos) for one in bare.values()]
+    places = [one.loops.posed.site_positions(one.qpos) for one in bare.values()]
     gap = float(np.abs(places[0] - places[1]).max()) / drive.crank
     assert gap <= SAME, f"dense and sparse differ by {gap:.1e} cranks in a chain of {n}"
     rows = []

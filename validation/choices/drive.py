@@ -21,7 +21,7 @@ from mujoco import batch
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation import Settings, mjcf
+from mechsim.simulation import Settings, loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
@@ -96,7 +96,7 @@ class Rig:
         middle = self.angle[:-1] + 0.5 * SPEED * self.dt
         h = 1e-4  # rad: central differences of tangents, rounding 1e-12 and truncation 1e-8
         states = [follow.follow(loops, model.qpos0, middle + k * h) for k in (0, 1, -1)]
-        tangent, after, before = (loops.tangent(loops.linearise(q)[1]) for q in states)
+        tangent, after, before = (loop_jacobian.tangent(loops, loops.linearise(q)[1]) for q in states)
         data, torque, inertia = mujoco.MjData(model), np.empty(STEPS), np.inf
         full = np.empty((model.nv, model.nv))
         for i in range(STEPS):
@@ -113,7 +113,7 @@ class Rig:
         loops, model = self.loops, self.loops.model
         sims = batch.Batch(model, 1, 1)
         sims.bind("qpos")[:] = model.qpos0
-        sims.bind("qvel")[:] = SPEED * loops.tangent(loops.linearise(model.qpos0[None])[1])
+        sims.bind("qvel")[:] = SPEED * loop_jacobian.tangent(loops, loops.linearise(model.qpos0[None])[1])
         begin = time.perf_counter()
         out = sims.rollout(
             STEPS,
@@ -136,7 +136,7 @@ class Rig:
             return row
         angle, speed = qpos[:, loops.crank_address], qvel[:, loops.crank]
         point = "P3" if "P3" in self.exact.mechanism.points else "B"
-        gap = loops.site_positions(qpos)[:, model.site(point).id] - self.exact.positions(angle)[point]
+        gap = loops.posed.site_positions(qpos)[:, model.site(point).id] - self.exact.positions(angle)[point]
         row["speed"] = float(np.abs(speed / SPEED - 1.0).max())
         row["angle"] = float(np.abs(angle - self.angle[1:]).max())
         row["place"] = float(np.sqrt((gap**2).sum(1)).max() / self.exact.crank)

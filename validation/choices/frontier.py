@@ -26,7 +26,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import richardson
-from mechsim.simulation import Settings, mjcf
+from mechsim.simulation import Settings, closing, loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recording import States, evaluate
@@ -104,12 +104,12 @@ def projected(subject: Subject) -> Point:
     """Close the loops of the states that a coarse run recorded."""
     settings = Settings(steps_per_turn=COARSE)
     loops, steps = subject.built.stepped(settings)
-    qpos = loops.close(steps.states.qpos)
+    qpos = closing.close(loops, steps.states.qpos)
 
     def again() -> float:
         _, steps = subject.built.stepped(settings)
         begin = time.process_time()
-        read_loops(subject.built.closed.model).close(steps.states.qpos)
+        closing.close(read_loops(subject.built.closed.model), steps.states.qpos)
         return steps.processor + time.process_time() - begin
 
     return Point("projected", COARSE, subject.errors(_at(subject, steps.states.time, qpos)), again)
@@ -136,7 +136,7 @@ def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
     """Return the motion at closed states: rates and accelerations are those that keep the loops closed."""
     loops = read_loops(subject.built.closed.model)
     _, speed, acceleration = subject.built.profile.state(at)
-    rates = loops.tangent(loops.linearise(qpos)[1]) * speed[:, None]
+    rates = loop_jacobian.tangent(loops, loops.linearise(qpos)[1]) * speed[:, None]
     states = States(at, qpos, rates)
     return evaluate(loops, subject.built.closed.track, states, "pose", crank_acceleration=acceleration)
 

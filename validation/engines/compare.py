@@ -25,7 +25,7 @@ from engines import Engine, installed
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation import mjcf
+from mechsim.simulation import closing, loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import assembled
 
@@ -45,8 +45,8 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     drive = catalog.make(name)
     model = mjcf.compiled(assembled(drive.mechanism, Scene(level="motion")))
     loops = read_loops(copy.copy(model))
-    qpos = loops.close(model.qpos0[None])
-    qvel = SPEED * loops.tangent(loops.linearise(qpos)[1])
+    qpos = closing.close(loops, model.qpos0[None])
+    qvel = SPEED * loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
     solref, solimp, integrator = SETTINGS[settings]
     model.eq_solref[:], model.eq_solimp[:] = solref, solimp
     model.opt.timestep, model.opt.integrator = TURN / STEPS, integrator
@@ -60,7 +60,7 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     angle = states[:, loops.crank_address]
     place = np.inf
     if np.isfinite(states).all():
-        exact, found = drive.positions(angle), loops.site_positions(states)
+        exact, found = drive.positions(angle), loops.posed.site_positions(states)
         gaps = [
             np.linalg.norm(found[:, model.site(site).id] - at, axis=1).max() for site, at in exact.items()
         ]

@@ -45,7 +45,7 @@ def tried(drive: ClosedForm) -> tuple[str, float]:
     start = loops.model.qpos0
     angles = start[loops.crank_address] + np.linspace(0.0, TURN, 181)
     try:
-        places = loops.site_positions(follow.follow(loops, start, angles))
+        places = loops.posed.site_positions(follow.follow(loops, start, angles))
     except MechsimError:
         return "refused", 0.0
     exact = drive.positions(angles)

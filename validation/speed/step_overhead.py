@@ -20,7 +20,7 @@ from mujoco import batch
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation import Settings, constant, simulate
+from mechsim.simulation import Settings, constant, loop_jacobian, simulate
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.source import assembled
 from mechsim.simulation.stepping import step
@@ -35,7 +35,7 @@ def main() -> None:
     mechanism = catalog.make("rssr").mechanism
     loops = read_loops(assembled(mechanism, Scene()).compile())
     start = loops.model.qpos0
-    rates = SPEED * loops.tangent(loops.linearise(start[None])[1])[0]
+    rates = SPEED * loop_jacobian.tangent(loops, loops.linearise(start[None])[1])[0]
     profile = constant(SPEED, TURNS, float(start[loops.crank_address]))
 
     def fresh() -> ModelLoops:

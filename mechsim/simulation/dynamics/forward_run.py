@@ -18,6 +18,7 @@ from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.simulation import closing
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import dry_frictions, oppose
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
@@ -25,17 +26,18 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import actuators
 from mechsim.simulation.mjcf.joints import model_names
-from mechsim.simulation.model_loops import HINGE, SLIDE, ModelLoops, read_loops
+from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
 from mechsim.simulation.source import assembled
+from mechsim.simulation.state import HINGE, SLIDE
 
 # RK4 with stiff equalities; the same as a free crank has (dynamics/free_motion.py)
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
-# corrections of a step, and the constraint violation in characteristic lengths that counts as closed
-CORRECTIONS, CLOSED = 20, 1e-12
+# constraint violation in characteristic lengths that counts as closed
+CLOSED = 1e-12
 # MuJoCo's own Newton iterations of a step
 ITERATIONS = 20
 
@@ -212,32 +214,15 @@ def _closed(
     model: LoadedModel, loops: ModelLoops, qpos: Array, addresses: list[int], dofs: list[int], values: Array
 ) -> Array:
     """Return the nearest state with closed loops and some coordinates at given values."""
-    gap = np.inf
-    for _ in range(CORRECTIONS):
-        residual, jacobian = loops.linearise(qpos[None])
-        scale = _row_scale(loops, residual.shape[1])
-        rows = np.concatenate([jacobian[0] * scale[:, None], np.eye(model.model.nv)[dofs]]) * loops.units
-        gaps = np.concatenate([residual[0] * scale, (qpos[addresses] - values) / loops.units[dofs]])
-        rows[len(scale) :] /= loops.units[dofs][:, None]
-        gap = float(np.abs(gaps).max(initial=0.0))
-        if gap <= 1e-15:
-            break
-        step = -np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ gaps
-        qpos = loops.displaced(qpos[None], (step * loops.units)[None])[0]
-        if gap <= CLOSED:
-            break
+    moved = qpos.copy()
+    moved[addresses] = values
+    (closed,), (gap,) = closing.close_each(loops, moved[None], np.array(dofs, dtype=np.int64))
     if not gap <= CLOSED:
         raise AssemblyError(
             f"{model.mechanism.name}: MuJoCo's loops do not close at the initial values; "
             f"a gap of {gap:.3g} is left"
         )
-    return qpos
-
-
-def _row_scale(loops: ModelLoops, rows: int) -> Array:
-    scale = np.ones(rows)
-    scale[: len(loops.scale)] = loops.scale
-    return scale
+    return closed
 
 
 def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array:
@@ -247,7 +232,7 @@ def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array
     _, jacobian = loops.linearise(qpos[None])
     rows = np.concatenate([jacobian[0], np.eye(model.model.nv)[dofs]]) * loops.units
     right = np.concatenate([np.zeros(jacobian.shape[1]), [*rates.values()]])
-    scale = np.concatenate([_row_scale(loops, jacobian.shape[1]), 1.0 / loops.units[dofs]])
+    scale = np.concatenate([loops.scale, 1.0 / loops.units[dofs]])
     solution = np.linalg.pinv(rows * scale[:, None], rcond=RANK_TOLERANCE) @ (right * scale)
     return solution * loops.units
 

@@ -15,6 +15,7 @@ from mechsim.model.mechanism import Mechanism, described
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
 from mechsim.simulation.dynamics.free_steps import expect_speed, step_freely
 from mechsim.simulation.dynamics.inverse_dynamics import (
@@ -221,7 +222,8 @@ def _is_redundant(loaded: LoadedModel) -> bool:
     """Say whether some loop constraints repeat what others say; rows that say nothing do no harm."""
     _, jacobian = loaded.loops.linearise(loaded.qpos[None])
     sizes = np.abs(jacobian[0]).max(1, initial=0.0)
-    rows = jacobian[0][sizes > max(RANK_TOLERANCE * sizes.max(initial=0.0), loaded.loops.rounding)]
+    rounding = loop_jacobian.rounding(loaded.loops)
+    rows = jacobian[0][sizes > max(RANK_TOLERANCE * sizes.max(initial=0.0), rounding)]
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * float(sizes.max()))) < len(rows)
 
 

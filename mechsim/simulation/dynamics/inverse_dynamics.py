@@ -11,6 +11,7 @@ from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import join, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
+from mechsim.simulation import actuation, closing
 from mechsim.simulation.dynamics.applied_forces import (
     Fields,
     coupling_forces,
@@ -413,10 +414,10 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> No
     velocity-product term.
     """
     loops = loaded.loops
-    dofs = loops.actuated_dofs[len(loops.driven_dofs) :]
+    dofs = actuation.actuated_dofs(loops)[len(loops.driven_dofs) :]
     set_armature(model, dofs, loops.model.dof_armature[dofs])
     model.dof_invweight0[dofs] = compliance * loops.model.dof_invweight0[dofs]
-    model.eq_active0[[coupling.equality for coupling in loops.followers]] = 1
+    model.eq_active0[[coupling.equality for coupling in actuation.followers(loops)]] = 1
     model.eq_solref[[coupling.equality for coupling in loops.couplings if coupling.nonlinear]] = 0.0
     rescale_coupled_tendons(loops, model)
 
@@ -432,7 +433,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
         return states
     if loops.drivers is not None:
         loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
-    qpos = loops.close(states.qpos)
+    qpos = closing.close(loops, states.qpos)
     # the clock's share in the drivers' rates stands no more
     rows = loops.linearise(qpos)[1][:, : loops.driven_rows.start]
     opened = (rows @ states.qvel[..., None])[..., 0]

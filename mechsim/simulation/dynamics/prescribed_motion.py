@@ -11,6 +11,7 @@ from mechsim.model.forces import Forces, acting_on
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
 from mechsim.simulation.dynamics.inverse_dynamics import (
     forces_of_states,
@@ -220,7 +221,7 @@ def _conditioning_note(loaded: LoadedModel, states: States) -> str:
     """Return in one sentence where the loops of a run are nearly singular; nothing where they are not."""
     loops, starts = loaded.loops, range(0, len(states.time), CHUNK)
     conditioning = np.concatenate(
-        [loops.conditioning(loops.linearise(states.chunk(first).qpos)[1]) for first in starts]
+        [loop_jacobian.conditioning(loops, loops.linearise(states.chunk(first).qpos)[1]) for first in starts]
     )
     least = int(np.argmin(conditioning))
     if not conditioning[least] < BARELY:

@@ -14,6 +14,7 @@ from mechsim.model.finding import NO_POSITION, FilePosition
 from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import compiled, quiet
@@ -310,7 +311,7 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str) -> Swing:
     time = np.linspace(0.0, laws.duration, SAMPLES)
     angle, speed, _ = parameter_profile(laws).state(time)
     states = follow(closed.loops, closed.qpos, angle)
-    rates = closed.loops.tangent(closed.loops.linearise(states)[1]) * speed[:, None]
+    rates = loop_jacobian.tangent(closed.loops, closed.loops.linearise(states)[1]) * speed[:, None]
     qpos, qvel = _without_parameter(scene.model, closed.model, states, rates)
     return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), description)
 

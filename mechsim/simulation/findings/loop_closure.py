@@ -13,8 +13,8 @@ from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.mobility import residual_mobility
-from mechsim.simulation.model_loops import BALL
 from mechsim.simulation.source import from_source
+from mechsim.simulation.state import BALL
 
 # a loop that stands open by more, in parts of the size or in [rad], was not meant to: digits of CAD exports
 # leave 2e-6

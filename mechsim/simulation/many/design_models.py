@@ -17,7 +17,9 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
+from mechsim.simulation.closing import NEWTON
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.mjcf.force_elements import PLACEHOLDER, placeholder, principal
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
@@ -31,7 +33,7 @@ from mechsim.simulation.mjcf.joints import (
     seated_pose,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
-from mechsim.simulation.model_loops import NEWTON, ModelLoops
+from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.source import from_source
 
 Fields = dict[str, Array]
@@ -236,8 +238,8 @@ def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedM
     if tree.mechanism is not mechanism or loops.frames or loops.couplings or closed.undetermined_points.any():
         return None
     # the independent constraints are determined once, in a model whose loops close
-    loops.tangent(loops.linearise(closed.qpos[None])[1])
-    if gravity is not None and loops.has_undetermined_dofs:
+    loop_jacobian.tangent(loops, loops.linearise(closed.qpos[None])[1])
+    if gravity is not None and loop_jacobian.has_undetermined_dofs(loops):
         # forces determine the initial rate of passive DOFs, which kinematics does not
         return None
     return SharedModel(closed, tree, gravity)
@@ -263,7 +265,7 @@ def design_models(
     fields["qpos0"][:, address] += turns
     qpos[:, address] = start
     loops = shared.closed.loops.with_fields(fields)
-    qpos, first_error = loops.close_each(qpos)
+    qpos, first_error = closing.close_each(loops, qpos)
     # the reference configuration has the links' poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
     rest[:, address] += REVOLUTION * np.round((start - rest[:, address]) / REVOLUTION)
@@ -271,7 +273,7 @@ def design_models(
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}
     loops = shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest})
-    qpos, error = loops.close_each(rest)
+    qpos, error = closing.close_each(loops, rest)
     fields = with_constants(model, fields, rest)
     return DesignModels(
         shared,
@@ -293,6 +295,6 @@ def _simple_inertia(model: mujoco.MjModel, fields: Fields) -> Bools:
 
 def _poses(loops: ModelLoops, tree: Tree, qpos: Array) -> dict[str, Pose]:
     """Return the poses of links at states: link -> (d, 3) and (d, 3, 3)."""
-    position, rotation = loops.body_poses(qpos)
+    position, rotation = loops.posed.body_poses(qpos)
     number = {link.name: loops.model.body(link.name).id for link in tree.mechanism.links}
     return {name: Pose(position[:, i], rotation[:, i]) for name, i in number.items()}

@@ -12,6 +12,8 @@ from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion import JointMotion, Motion, PointMotion, join
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation.closing import CLOSED, NEWTON
 from mechsim.simulation.driven_run import MAX_DRIVE_ERROR
 from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
 from mechsim.simulation.many.design_models import (
@@ -22,9 +24,10 @@ from mechsim.simulation.many.design_models import (
     clear_same_frame,
 )
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import CLOSED, HINGE, NEWTON, ModelLoops
+from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.settings import Settings, drive_inertia
+from mechsim.simulation.state import HINGE
 from mechsim.simulation.stepping import TIME
 
 # steps per call into C, so that a long run needs little memory
@@ -97,7 +100,7 @@ def stepped_designs(
     fields = _stiffened_fields(models, loops, settings)
     clear_same_frame(loops.model, fields)
     own = loops.with_fields(fields)
-    rates = own.tangent(own.linearise(models.qpos)[1]) * speed
+    rates = loop_jacobian.tangent(own, own.linearise(models.qpos)[1]) * speed
     sims = own.posed.simulations(loops.model, len(rates), 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = models.qpos, rates
     chunks = [(np.zeros((len(rates), 1, 1)), models.qpos[:, None], rates[:, None])]
@@ -161,11 +164,11 @@ def check_designs(stepped: SteppedDesigns) -> ComparedDesigns:
     qpos = stepped.qpos[:, indices].reshape(d * k, -1)
     sites = [closed.model.site(name).id for name in closed.track.points]
     with np.errstate(all="ignore"):
-        positions = loops.site_positions(qpos)[:, sites]
+        positions = loops.posed.site_positions(qpos)[:, sites]
         residual, jacobian = loops.linearise(qpos)
-        signs = loops.determinant_sign(jacobian).reshape(d, k)
-        stepped_once = loops.displaced(qpos, loops.newton_step(residual, jacobian)[0])
-        solved = loops.site_positions(stepped_once)[:, sites]
+        signs = loop_jacobian.determinant_sign(loops, jacobian).reshape(d, k)
+        stepped_once = loops.displaced(qpos, loop_jacobian.newton_step(loops, residual, jacobian)[0])
+        solved = loops.posed.site_positions(stepped_once)[:, sites]
         remaining = loops.closure_error(loops.residual(stepped_once))
         error = loops.closure_error(residual)
         distance = np.sqrt(((positions - solved) ** 2).sum(-1)).max(1).reshape(d, k)
@@ -195,10 +198,10 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
     with np.errstate(all="ignore"):
         for angle in REVOLUTION / TRACE_STEPS * np.arange(1.0, TRACE_STEPS + 1.0):
             try:
-                tangent = loops.tangent(loops.linearise(qpos)[1])
+                tangent = loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
                 predicted = loops.displaced(qpos, tangent * (REVOLUTION / TRACE_STEPS))
                 predicted[:, address] = first + angle
-                predicted, error = loops.close_each(predicted)
+                predicted, error = closing.close_each(loops, predicted)
             except np.linalg.LinAlgError:
                 break
             closed = error < NEWTON.rounding
@@ -235,7 +238,7 @@ def _chunk(stepped: SteppedDesigns, rows: Rows, records: Rows, content: Content)
         motion = evaluate(stepped.loops_at(rows, len(records)), track, states, "step")
         points = dict(motion.points)
     elif content == "places":
-        sites = stepped.position_loops(rows, len(records)).site_positions(states.qpos)
+        sites = stepped.position_loops(rows, len(records)).posed.site_positions(states.qpos)
         points = {
             name: PointMotion(sites[:, model.site(name).id], zero_vectors, zero_vectors)
             for name in track.points

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import ChangePoint, fit_weights
 from mechsim.simulation.recording import States, Track, evaluate
@@ -60,7 +61,7 @@ def _interpolated(
     reduced: Array,
 ) -> Motion:
     count = len(change_point.nodes)
-    tangent = loops.tangent(loops.linearise(change_point.states)[1])
+    tangent = loop_jacobian.tangent(loops, loops.linearise(change_point.states)[1])
     around = States(np.zeros(count), change_point.states, tangent)
     unit = evaluate(loops, track, around, "pose", crank_acceleration=np.zeros(count))
     weights = fit_weights(change_point.nodes, change_point.angle, reduced)
@@ -82,7 +83,7 @@ def _interpolated(
             for name, entry in motion.joints.items()
         },
         closure=interpolation.put(motion.closure, closure),
-        conditioning=interpolation.put(motion.conditioning, loops.conditioning(jacobian)[:-1]),
+        conditioning=interpolation.put(motion.conditioning, loop_jacobian.conditioning(loops, jacobian)[:-1]),
     )
 
 

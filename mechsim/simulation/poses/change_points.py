@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 
 # half width of the interpolation interval about a change point, in [rad], number of its nodes, and degree of
@@ -84,7 +84,7 @@ def closed_near(loops: ModelLoops, states: Array) -> Array:
         residual, jacobian = loops.linearise(states)
         step = np.zeros((len(states), loops.model.nv))
         step[:, loops.free] = -(
-            np.linalg.pinv(loops.constrained_jacobian(jacobian), rcond=CONSTRAINED_FRACTION)
+            np.linalg.pinv(loop_jacobian.constrained_jacobian(loops, jacobian), rcond=CONSTRAINED_FRACTION)
             @ residual[..., None]
         )[..., 0]
         states = loops.displaced(states, step)
@@ -93,7 +93,7 @@ def closed_near(loops: ModelLoops, states: Array) -> Array:
 
 def determinant(loops: ModelLoops, states: Array) -> Array:
     """Return the determinant of the loops with the crank locked, (n,), with a common scale."""
-    return loops.determinant(loops.linearise(states)[1])
+    return loop_jacobian.determinant(loops, loops.linearise(states)[1])
 
 
 def change_point_between(loops: ModelLoops, before: Array, beyond: Array) -> ChangePoint | None:
@@ -176,9 +176,8 @@ class _Interpolant:
         knots = self.states[:, self.loops.crank_address]
         guess = lagrange_weights(knots, angles) @ self.states
         guess[:, self.loops.crank_address] = angles
-        try:
-            states = self.loops.close(guess)
-        except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
+        states = closing.close_if_possible(self.loops, guess)
+        if states is None:
             return None
         correction = np.abs(states - guess).max()
         reach = np.abs(self.states - self.states.mean(0)).max()
@@ -220,7 +219,7 @@ def _path_through(
     order = np.argsort(offsets)
     ordered = np.stack(states)[order]
     # the loops constrain poses near the change point less: a last step, to rounding
-    ordered = loops.displaced(ordered, loops.newton_step(*loops.linearise(ordered))[0])
+    ordered = loops.displaced(ordered, loop_jacobian.newton_step(loops, *loops.linearise(ordered))[0])
     nodes = angle + np.array(offsets)[order]
     fit_error = np.abs(fit_weights(nodes, angle, nodes) @ ordered - ordered)[
         np.abs(nodes - angle) > 0.3 * window

@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import ChangePoint
 from mechsim.simulation.poses.path import AssemblyPath, BranchPath, branch_path, traced_path
 from mechsim.simulation.poses.trace import MAX_ERROR, MAX_STEP, MIN_STEP, TracedStates, explicit_trace, trace
+from mechsim.simulation.state import hinge_entries, quaternion_entries
 
 # from a closed state to a crank angle: states on the path, or None where it is not certain
 Tracer = Callable[[ModelLoops, Array, float], TracedStates | None]
@@ -138,7 +140,7 @@ def _explicit_path(loops: ModelLoops, start: Array, angles: Array) -> AssemblyPa
     return AssemblyPath(
         loops,
         *knots[:2],
-        float(loops.determinant_sign(jacobian)[0]),
+        float(loop_jacobian.determinant_sign(loops, jacobian)[0]),
         certain_correction=0.0,
         max_correction=MAX_ERROR,
     )
@@ -180,15 +182,23 @@ def _both_directions(
 
 def _gain(loops: ModelLoops, states: Array) -> Array | None:
     """Return the change of a state by a revolution of the crank, (nq,); None where it does not lead back."""
-    ends = loops.close(states[[0, -1]])
-    gain = np.where(loops.in_quaternion, 0.0, ends[1] - ends[0])
-    whole_turns = np.where(loops.hinges, REVOLUTION * np.round(gain / REVOLUTION), 0.0)
+    ends = closing.close(loops, states[[0, -1]])
+    gain = np.where(quaternion_entries(loops.model), 0.0, ends[1] - ends[0])
+    whole_turns = np.where(hinge_entries(loops.model), REVOLUTION * np.round(gain / REVOLUTION), 0.0)
     # a link with ball joints may have spun, but the points on its axis must return
-    positions = loops.point_positions(ends)
+    positions = point_positions(loops, ends)
     returns = (
         np.abs(positions[1] - positions[0]).max(initial=0.0) < RETURN_TOLERANCE * loops.characteristic_length
     )
     return whole_turns if returns and np.abs(gain - whole_turns).max() < RETURN_TOLERANCE else None
+
+
+def point_positions(loops: ModelLoops, states: Array) -> Array:
+    """Return the positions of all sites and loop-closing points at n states, (n, k, 3) in [m]."""
+    position, rotation = loops.posed.body_poses(states)
+    ends = [end for pair in loops.pairs for end in pair.ends]
+    points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
+    return np.concatenate([np.stack(points, 1), loops.posed.site_positions(states)], 1)
 
 
 def _traced_to(path: AssemblyPath, angle: Array) -> Array:
@@ -198,7 +208,7 @@ def _traced_to(path: AssemblyPath, angle: Array) -> Array:
     nearest = knots[np.argmin(np.abs(knots[:, address] - angle))]
     state = [nearest, *trace(loops, nearest, float(angle[0])).states][-1].copy()
     state[address] = angle[0]
-    return loops.close(state[None])[0]
+    return closing.close(loops, state[None])[0]
 
 
 # change of the residuals, in [rad], below which the pose is the same
@@ -224,7 +234,7 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
     shifted[loops.crank_address] += revolutions * REVOLUTION
     for coupling in loops.couplings:
         driven = coupling.left.addresses
-        if len(driven) > 1 or not loops.hinges[driven].all():
+        if len(driven) > 1 or not hinge_entries(loops.model)[driven].all():
             continue
         gain = coupling.target(shifted[None]) - coupling.target(state[None])
         shifted[driven] += REVOLUTION * np.round(gain / coupling.left.weights / REVOLUTION)

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import SINGULAR_RADIUS, ChangePoint, closed_near, determinant
 from mechsim.simulation.poses.trace import MIN_STEP, trace
+from mechsim.simulation.state import quaternion_addresses
 
 # correction of an interpolated pose up to which it certainly stays in the assembly, and correction from which
 # it may not although the determinant's sign is the same: measured 2e-7 and 1e-2 at most
@@ -82,9 +84,8 @@ class AssemblyPath:
         return (-1.0) ** np.sum(passed, axis=0)
 
     def _closed(self, guess: Array, reduced: Array) -> tuple[Array, NDArray[np.bool_]]:
-        try:
-            states = self.loops.close(guess)
-        except (AssemblyError, FloatingPointError):
+        states = closing.close_if_possible(self.loops, guess)
+        if states is None:
             return guess, np.zeros(len(guess), dtype=np.bool_)
         correction = np.abs(states - guess).max(1)
         certain = correction <= self.certain_correction
@@ -98,15 +99,13 @@ class AssemblyPath:
     def _on_same_side(self, jacobian: Array, reduced: Array) -> NDArray[np.bool_]:
         """Return whether Jacobians (n, m, nv) have the path's determinant sign at crank angles, (n,)."""
         if self.determinant_sign != 0.0:
-            return (
-                self.loops.determinant_sign(jacobian) * self.determinant_sign * self.sign_changes(reduced)
-                >= 0.0
-            )
+            expected = self.determinant_sign * self.sign_changes(reduced)
+            return loop_jacobian.determinant_sign(self.loops, jacobian) * expected >= 0.0
         knot_angles = self.knots[:, self.loops.crank_address]
         nearest = np.abs(reduced[:, None] - knot_angles).argmin(1)
         changed = self.sign_changes(reduced) * self.sign_changes(knot_angles[nearest]) < 0.0
         before = self.loops.linearise(self.knots[nearest])[1]
-        return self.loops.sign_changed(before, jacobian) == changed
+        return loop_jacobian.sign_changed(self.loops, before, jacobian) == changed
 
     def revolutions(self, angles: Array) -> Array:
         """Return the whole revolutions between crank angles and the range of the knots, (n,)."""
@@ -136,9 +135,9 @@ def traced_path(
     loops: ModelLoops, knots: Array, change_points: Sequence[ChangePoint], gain: Array | None = None
 ) -> AssemblyPath:
     """Return the path through traced, nearly closed states by ascending crank angle, (k, nq)."""
-    path = AssemblyPath(loops, loops.close(knots), gain, 1.0, change_points=tuple(change_points))
+    path = AssemblyPath(loops, closing.close(loops, knots), gain, 1.0, change_points=tuple(change_points))
     # the majority of the knots: at a dead centre, where a path may start or end, the sign is rounding
-    signs = loops.determinant_sign(loops.linearise(path.knots)[1]) * path.sign_changes(
+    signs = loop_jacobian.determinant_sign(loops, loops.linearise(path.knots)[1]) * path.sign_changes(
         path.knots[:, loops.crank_address]
     )
     return replace(path, determinant_sign=float(np.sign(signs.sum())))
@@ -175,7 +174,7 @@ def _spaced_knots(knots: Array, address: int) -> Array:
 def _same_sign_quaternions(loops: ModelLoops, states: Array) -> Array:
     """Return states with continuous quaternion signs; q and -q are the same rotation."""
     smooth = states.copy()
-    for address in loops.quaternions:
+    for address in quaternion_addresses(loops.model):
         q = smooth[:, address : address + 4]
         flips = np.where((q[1:] * q[:-1]).sum(1) < 0.0, -1.0, 1.0)
         q[1:] *= np.cumprod(flips)[:, None]
@@ -293,7 +292,7 @@ def _other_branch(loops: ModelLoops, change_point: ChangePoint, direction: float
     """
     angle = np.array([change_point.angle])
     state = change_point.states_at(angle)
-    free = loops.least_constrained_direction(loops.linearise(state)[1])
+    free = loop_jacobian.least_constrained_direction(loops, loops.linearise(state)[1])
     on_path = change_point.states_at(angle + PROBE_DISTANCE * np.array([-1.0, 1.0]))
     off_path = loops.displaced(state.repeat(2, 0), PROBE_DISTANCE * np.array([[-1.0], [1.0]]) * free)
     determinants = determinant(loops, np.concatenate([on_path, off_path]))
@@ -304,7 +303,7 @@ def _other_branch(loops: ModelLoops, change_point: ChangePoint, direction: float
         beyond[:, loops.crank_address] = angle + direction * distance
         step = -a / b * direction * distance * free
         guess = loops.displaced(beyond, step[None])
-        solution = _closed(loops, guess)
+        solution = closing.close_if_possible(loops, guess)
         if (
             solution is not None
             and np.abs(solution - guess).max() < MAX_PREDICTION_ERROR * np.abs(step).max()
@@ -318,10 +317,3 @@ def _other_branch(loops: ModelLoops, change_point: ChangePoint, direction: float
         f"{loops.name}: {who} cannot stay on the branch at "
         f"{loops.driver_text(change_point.angle)}: it cannot move in the other assembly; go on smoothly"
     )
-
-
-def _closed(loops: ModelLoops, guess: Array) -> Array | None:
-    try:
-        return loops.close(guess)
-    except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
-        return None

@@ -11,6 +11,7 @@ from mujoco import batch
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import WINDOW, ChangePoint, change_point_between, closed_near
@@ -93,14 +94,14 @@ class _Tracer:
         jacobian = self.loops.linearise(state)[1]
         self.state, self.angle = state, float(state[0, self.loops.crank_address])
         self.tangent, self.determinant_sign = (
-            self.loops.tangent(jacobian),
-            self.loops.determinant_sign(jacobian),
+            loop_jacobian.tangent(self.loops, jacobian),
+            loop_jacobian.determinant_sign(self.loops, jacobian),
         )
-        self.determinant = self.loops.determinant(jacobian)[0]
+        self.determinant = loop_jacobian.determinant(self.loops, jacobian)[0]
         self.curvature = np.zeros_like(self.tangent)
         # a first step past a change point could end in the other assembly
         probe = self.loops.displaced(state, PROBE_STEP * self.direction * self.tangent)
-        probe_determinant = self.loops.determinant(self.loops.linearise(probe)[1])[0]
+        probe_determinant = loop_jacobian.determinant(self.loops, self.loops.linearise(probe)[1])[0]
         self.descent_rate = (self.determinant - probe_determinant) / PROBE_STEP
         self.trial, self.step = TRIAL_DISTANCE, step
 
@@ -145,7 +146,7 @@ class _Tracer:
     def advance(self) -> None:
         """Go one step, or shorten the next one where it could lead into another assembly."""
         loops, direction = self.loops, self.direction
-        max_step = MAX_DISPLACEMENT / max(loops.max_rate(self.tangent), 1.0)
+        max_step = MAX_DISPLACEMENT / max(float(np.abs(self.tangent / loops.units).max(initial=0.0)), 1.0)
         self.step = min(self.step, max(min(0.7 * self.zero_distance, max_step), MIN_STEP))
         # a step longer by a tenth avoids a tiny last one
         remaining = abs(self.end - self.angle)
@@ -158,7 +159,7 @@ class _Tracer:
             self._shorten(step / 2.0)
             return
         self.state, tangent = corrected
-        determinant = loops.determinant(loops.linearise(self.state)[1])[0]
+        determinant = loop_jacobian.determinant(loops, loops.linearise(self.state)[1])[0]
         self.descent_rate, self.determinant = (self.determinant - determinant) / step, determinant
         self.trial = min(max(self.trial, 0.03 * self.zero_distance), TRIAL_DISTANCE)
         self.curvature = direction * (tangent - self.tangent) / step
@@ -173,8 +174,8 @@ class _Tracer:
                 f"{self.loops.name}: the {_limit_text(self.loops, self.angle)} in this assembly; "
                 "stay on this side of the dead centre or change the dimensions"
             )
-        self.state = self.loops.close(self.state)
-        self.tangent = self.loops.tangent(self.loops.linearise(self.state)[1])
+        self.state = closing.close(self.loops, self.state)
+        self.tangent = loop_jacobian.tangent(self.loops, self.loops.linearise(self.state)[1])
         self.curvature, self.step = np.zeros_like(self.tangent), step
 
 
@@ -187,11 +188,8 @@ def _limit_text(loops: ModelLoops, angle: float) -> str:
 def _change_point_before(loops: ModelLoops, state: Array, beyond: Array, angle: float) -> ChangePoint | None:
     """Return the change point between a closed state and a predicted one beyond it; None without one."""
     beyond[0, loops.crank_address] = angle
-    try:
-        closed = loops.close(beyond)
-    except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
-        return None
-    if np.abs(closed - beyond).max() > MAX_CORRECTION * np.abs(state - beyond).max():
+    closed = closing.close_if_possible(loops, beyond)
+    if closed is None or np.abs(closed - beyond).max() > MAX_CORRECTION * np.abs(state - beyond).max():
         return None
     return change_point_between(loops, state, closed[0])
 
@@ -201,7 +199,7 @@ def _state_near(loops: ModelLoops, change_point: ChangePoint, angle: float) -> A
     state = change_point.states_at(np.array([angle]))
     state[0, loops.crank_address] = angle
     singular = change_point.contains(np.array([angle]))[0]
-    return (closed_near(loops, state) if singular else loops.close(state))[0]
+    return (closed_near(loops, state) if singular else closing.close(loops, state))[0]
 
 
 def _corrected(loops: ModelLoops, previous: Array, guess: Array, sign: Array) -> tuple[Array, Array] | None:
@@ -211,7 +209,7 @@ def _corrected(loops: ModelLoops, previous: Array, guess: Array, sign: Array) ->
     for _ in range(MAX_NEWTON_STEPS):
         residual, jacobian = loops.linearise(state)
         try:
-            step, tangent = loops.newton_step(residual, jacobian)
+            step, tangent = loop_jacobian.newton_step(loops, residual, jacobian)
         except (np.linalg.LinAlgError, FloatingPointError):
             return None
         state = loops.displaced(state, step)
@@ -222,10 +220,10 @@ def _corrected(loops: ModelLoops, previous: Array, guess: Array, sign: Array) ->
         if loops.closure_error(residual)[0] < max(NEWTON_TOLERANCE * crank_step**2, ROUNDING):
             # the last step may have crossed over, too
             jacobians = np.concatenate([jacobian, loops.linearise(state)[1]])
-            signs = loops.determinant_sign(jacobians) * sign
+            signs = loop_jacobian.determinant_sign(loops, jacobians) * sign
             if not signs.all():
                 before = loops.linearise(previous)[1].repeat(2, 0)
-                signs = np.where(loops.sign_changed(before, jacobians), -1.0, 1.0)
+                signs = np.where(loop_jacobian.sign_changed(loops, before, jacobians), -1.0, 1.0)
             return None if signs.min() < 0.0 else (state, tangent)
     return None
 
@@ -258,20 +256,21 @@ def explicit_trace(loops: ModelLoops, start: Array, end: float, jacobian: Array)
     """
     angle = float(start[loops.crank_address])
     count = int(np.ceil(abs(end - angle) / STEP_TIME))
-    sign = float(loops.determinant_sign(jacobian)[0])
+    sign = float(loop_jacobian.determinant_sign(loops, jacobian)[0])
     if sign == 0.0 or count > MAX_STEPS:
         return None
-    states = _stepped(loops, start, (end - angle) / (count * STEP_TIME) * loops.tangent(jacobian)[0], count)
+    speed = (end - angle) / (count * STEP_TIME)
+    states = _stepped(loops, start, speed * loop_jacobian.tangent(loops, jacobian)[0], count)
     angles = np.linspace(angle, end, count + 1)[1:]
     # MuJoCo resets a bad state to the initial one
     if not np.abs(states[:, loops.crank_address] - angles).max() < MAX_ERROR:
         return None
     states[:, loops.crank_address] = angles
     residual, jacobian = loops.linearise(states)
-    same_assembly = (
-        loops.closure_error(residual).max() < MAX_ERROR and (loops.determinant_sign(jacobian) == sign).all()
-    )
-    return states if same_assembly and not _may_branch(np.abs(loops.determinant(jacobian))) else None
+    same_sign = (loop_jacobian.determinant_sign(loops, jacobian) == sign).all()
+    if not (loops.closure_error(residual).max() < MAX_ERROR and same_sign):
+        return None
+    return None if _may_branch(np.abs(loop_jacobian.determinant(loops, jacobian))) else states
 
 
 def _may_branch(determinants: Array) -> bool:

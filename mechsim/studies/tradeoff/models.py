@@ -103,7 +103,7 @@ class BuiltModel:
         """Return the change of length of a rod that is a distance constraint, (n,) in [m]."""
         ends = [i for i in range(self.closed.model.nsite) if self.closed.model.site(i).name.endswith(LENGTH)]
         first, second = np.moveaxis(
-            loops.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0
+            loops.posed.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0
         )
         lengths = np.linalg.norm(second - first, axis=1)
         return np.abs(lengths[1:] - lengths[0])

@@ -1,0 +1,144 @@
+"""The loop Jacobian with the crank locked: rates, determinant and distance from singular configurations."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, significant
+from mechsim.simulation.model_loops import ModelLoops
+
+
+def rounding(loops: ModelLoops) -> float:
+    """Return the largest Jacobian entry, in [m] or [rad] per [m] or [rad], that is rounding."""
+    return FLOOR * max(1.0, float(loops.characteristic_lengths.max()))
+
+
+def constrained_jacobian(loops: ModelLoops, jacobian: Array) -> Array:
+    """Return the Jacobian without the crank's column, (n, m, nv - 1); zero where all is rounding."""
+    matrix = jacobian[:, :, loops.free]
+    if np.abs(matrix).max(initial=0.0) <= rounding(loops):
+        matrix[:] = 0.0
+    return matrix
+
+
+def null_space(loops: ModelLoops, jacobian: Array) -> Array:
+    """Return the directions that the loops of one state, (1, m, nv), leave free, (k, nv)."""
+    return _with_crank_rate(loops, null_spaces(constrained_jacobian(loops, jacobian)[0], floor=0.0)[1], 0.0)
+
+
+def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:
+    """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank."""
+    matrix = constrained_jacobian(loops, jacobian)
+    rows = loops.independent.basis_of(matrix)
+    if rows is None:
+        return np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right
+    if rows.shape[1] < rows.shape[0]:
+        matrix, right = rows.T @ matrix, rows.T @ right
+    if matrix.shape[1] == matrix.shape[2]:
+        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+    transposed = np.swapaxes(matrix, -1, -2)
+    return transposed @ np.linalg.solve(matrix @ transposed, right)
+
+
+def has_undetermined_dofs(loops: ModelLoops) -> bool:
+    """Return whether the loops leave DOFs other than the crank undetermined, as of the last solution."""
+    return loops.independent.basis is not None and len(loops.independent.row_space) < len(loops.free)
+
+
+def determinant_sign(loops: ModelLoops, jacobian: Array) -> Array:
+    """Return the sign of the Jacobian's determinant with the crank locked, (n,): +1 or -1; 0 if unknown.
+
+    Two assemblies that coincide at a dead centre have opposite signs; between dead centres the sign is
+    constant.
+    """
+    matrix = constrained_jacobian(loops, jacobian)
+    rows = loops.independent.basis_of(matrix)
+    return (
+        np.zeros(len(matrix))
+        if rows is None
+        else np.linalg.slogdet(loops.independent.square(matrix, rows))[0]
+    )
+
+
+def sign_changed(loops: ModelLoops, before: Array, beyond: Array) -> NDArray[np.bool_]:
+    """Return whether the determinant's sign changed from states to states near them, (n,).
+
+    Where the independent constraints change with the pose, those of the states before are used.
+
+    Args:
+        before, beyond: Jacobians, (n, m, nv).
+    """
+    sides = determinant_sign(loops, before) * determinant_sign(loops, beyond)
+    for i in np.flatnonzero(sides == 0.0):
+        sides[i] = determinant(loops, np.stack([before[i], beyond[i]]))[1]
+    return sides < 0.0
+
+
+def determinant(loops: ModelLoops, jacobian: Array) -> Array:
+    """Return the determinant of the Jacobian with the crank locked, (n,), with a common scale.
+
+    Where the independent constraints change with the pose, it is that of the first state's constraints
+    and positive there; signs are then comparable within one call only.
+    """
+    matrix, independent, sign = constrained_jacobian(loops, jacobian), loops.independent, 1.0
+    rows = independent.basis_of(matrix)
+    if rows is None:
+        rows = np.linalg.svd(matrix[0], full_matrices=False)[0][:, : len(independent.row_space)]
+        sign = np.linalg.slogdet(independent.square(matrix[:1], rows))[0]
+    signs, log_values = np.linalg.slogdet(independent.square(matrix, rows))
+    return sign * signs * independent.scaled(log_values)
+
+
+def least_constrained_direction(loops: ModelLoops, jacobian: Array) -> Array:
+    """Return the direction that the loops of one state, (1, m, nv), constrain least, (nv,).
+
+    The crank is locked; unconstrained DOFs do not contribute.
+    """
+    matrix = constrained_jacobian(loops, jacobian)
+    loops.independent.basis_of(matrix)
+    row_space = loops.independent.row_space
+    direction = np.linalg.svd(matrix @ row_space.T)[2][:, len(row_space) - 1] @ row_space
+    return _with_crank_rate(loops, direction, 0.0)[0]
+
+
+def conditioning(loops: ModelLoops, jacobian: Array) -> Array:
+    """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
+
+    It is the smallest singular value of the scaled Jacobian, without those that are zero at every state
+    because of redundant constraints or unconstrained DOFs.
+    """
+    lengths = loops.characteristic_lengths[:, None, None]
+    passive = np.setdiff1d(loops.free, loops.driven_dofs)
+    matrix = jacobian[:, :, passive] * np.where(loops.angular_dofs[passive], 1.0, lengths)
+    matrix *= loops.scale[..., None]
+    values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)
+    if not values.size:
+        return np.ones(len(matrix))
+    rank = int(significant(values).sum(1).max())
+    return values[:, rank - 1] if rank else np.ones(len(matrix))
+
+
+def tangent(loops: ModelLoops, jacobian: Array) -> Array:
+    """Return the rates of all DOFs per radian of the crank, (n, nv), that keep the loops closed."""
+    driven = -jacobian[:, :, [loops.crank]]
+    rates = solve(loops, jacobian, driven)
+    # normal equations square the condition number; one refinement step corrects that
+    rates += solve(loops, jacobian, driven - jacobian[:, :, loops.free] @ rates)
+    return _with_crank_rate(loops, rates[..., 0], 1.0)
+
+
+def newton_step(loops: ModelLoops, residual: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Return the Newton step of the loops with the crank locked, and the tangent, (n, nv) each."""
+    both = solve(loops, jacobian, np.stack([-residual, -jacobian[:, :, loops.crank]], -1))
+    step = both[..., 0]
+    # a rotation of more than half a radian is beyond the linear model
+    longest = np.abs(step).max(1, initial=0.0, where=loops.angular_dofs[loops.free])
+    step *= (0.5 / np.maximum(0.5, longest))[:, None]
+    return _with_crank_rate(loops, step, 0.0), _with_crank_rate(loops, both[..., 1], 1.0)
+
+
+def _with_crank_rate(loops: ModelLoops, matrix: Array, crank: float) -> Array:
+    """Return rates of all DOFs from those of all but the crank."""
+    rates = np.empty((len(matrix), loops.model.nv))
+    rates[:, loops.crank], rates[:, loops.free] = crank, matrix
+    return rates

@@ -1,0 +1,95 @@
+"""Print which commands of mechsim run on other releases of MuJoCo.
+
+    python validation/lowest_mujoco.py VENV...
+
+Each VENV is a virtual environment with mechsim and one release of MuJoCo, as
+`pip install -e '.[test]' mujoco==3.17.0` makes. A command runs if it ends with exit code 0. The exit code of
+this script is 1 if a command fails on a release that pyproject.toml allows.
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+CUSTOM = ROOT / "models" / "four_bar.xml"
+COMMANDS = (
+    "show four_bar",
+    "solve rssr --angles 0:360:30deg -o {out}.csv",
+    "simulate rssr --speed 60rpm -o {out}.csv",
+    "simulate four_bar --speed 60rpm --tolerance 10um -o {out}.csv",
+    "simulate rssr --speed 60rpm --tolerance 10um -o {out}.csv",
+    "simulate {custom} --speed 60rpm --tolerance 10um -o {out}.csv",
+    "sample {custom} -n 100 -o {out}.npz",
+    "map {custom} --from crank=20deg:80deg --to rocker -o {out}.npz",
+    "trace four_bar -o {out}.csv",
+    "dynamics slider_crank --speed 600rpm",
+    "dynamics four_bar --motor line:1,600rpm --turns 3",
+    "dynamics four_bar --initial crank.q=30deg --duration 0.1s",
+    "validate slider_crank",
+    "validate rssr",
+    "validate {custom}",
+    "tradeoff slider_crank --budget 5s",
+    "tune {custom} --tolerance 100um -o {out}.xml",
+    "reduce {custom} --tolerance 100um -o {out}.xml",
+    "sweep four_bar --vary crank=3cm:5cm:3 --measure range:rocker --method step -o {out}.csv",
+    "sensitivity four_bar --of B,rocker --to crank,coupler",
+    "export four_bar --speed 60rpm -o {out}.xml",
+    "export {custom} --format toml -o {out}.toml",
+    "render four_bar -o {out}.png",
+    "view four_bar -o {out}.html",
+)
+
+
+def floor() -> tuple[int, ...]:
+    """Return the lowest release that pyproject.toml allows."""
+    dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    (requirement,) = (text for text in dependencies if text.startswith("mujoco>="))
+    return numbers(requirement)
+
+
+def numbers(text: str) -> tuple[int, ...]:
+    """Return the numbers of a release."""
+    return tuple(int(number) for number in re.findall(r"\d+", text))
+
+
+def release(python: Path) -> str:
+    """Return the release of MuJoCo in an environment."""
+    program = "import mujoco; print(mujoco.__version__)"
+    return subprocess.run([python, "-c", program], check=True, capture_output=True, text=True).stdout.strip()
+
+
+def failure(python: Path, command: str) -> str:
+    """Return the last line of the messages of a command that fails; empty for one that runs."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = command.format(out=Path(folder) / "out", custom=CUSTOM).split()
+        ended = subprocess.run(
+            [python, "-m", "mechsim", *words], cwd=folder, check=False, capture_output=True, text=True
+        )
+    lines = (ended.stderr.strip() or ended.stdout.strip() or f"exit code {ended.returncode}").splitlines()
+    return lines[-1] if ended.returncode else ""
+
+
+def main() -> None:
+    pythons = [Path(venv).absolute() / "bin" / "python" for venv in sys.argv[1:]]
+    releases = [release(python) for python in pythons]
+    width = max(len(command) for command in COMMANDS)
+    print(f"{'command':{width}}", *(f"{name:>7}" for name in releases))
+    messages, rejected = dict[str, str](), False
+    for command in COMMANDS:
+        failures = [failure(python, command) for python in pythons]
+        print(f"{command:{width}}", *(f"{'fails' if text else 'runs':>7}" for text in failures), flush=True)
+        for name, text in zip(releases, failures, strict=True):
+            rejected |= bool(text) and numbers(name) >= floor()
+            if text:
+                messages.setdefault(f"{name}: {text}", command)
+    for message, command in messages.items():
+        print(f"\n{command}\n  {message}")
+    sys.exit(rejected)
+
+
+if __name__ == "__main__":
+    main()
