@@ -19,6 +19,7 @@ from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
+from mechsim.subjects.pose_drivers import with_pose_drivers
 from mechsim.subjects.toml_coordinates import FileMotionLaw
 from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit, WrittenUnits
@@ -79,7 +80,7 @@ def apply_prescription(
             f"{solver.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
         )
     loop_form = solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
-    mechanism = solver.mechanism
+    mechanism = with_pose_drivers(solver.mechanism, prescription.drive)
     if prescription.track:
         mechanism = replace(
             mechanism,
@@ -107,6 +108,8 @@ def apply_prescription(
     return replace(
         loop_form,
         mechanism=mechanism,
+        # the user's formula is one of its own drivers
+        formula=loop_form.formula if mechanism.drivers == solver.mechanism.drivers else "",
         motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, loop_form.written),
     )
 

@@ -52,6 +52,7 @@ from mechsim.simulation.mjcf_reader.parsed_file import (
     parse_file,
     require_numbers,
 )
+from mechsim.simulation.mjcf_reader.pose_chains import with_pose_chains
 
 
 def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
@@ -218,6 +219,7 @@ def read_model(
         remarks += _fixed_remarks(model, stilled)
         start = fix_bodies(spec, model, stilled, start)
         model, _ = compile_repaired(path, spec)
+    model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
     tree = kinematic_tree(model)
     carriers = tree.carriers

@@ -1,0 +1,105 @@
+"""Slides and hinges that have a point's coordinates or a link's position and rotation as their own.
+
+A body on three slides, connected to a site or body, adds as many freedoms as its connection removes; with
+three hinges and a weld it has the rotation too. Names are POINT.x, LINK.rz and so on.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mechsim.errors import InputError
+from mechsim.model.links import VIRTUAL_PREFIX
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf.compiling import compiled
+
+POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
+# mass and moment of inertia of a body of a chain, in [kg] and [kg m2]: the least that MuJoCo steps well
+MASS, INERTIA = 1e-6, 1e-9
+# rz and rx cannot be told apart nearer than this to ry = 90 deg, in [rad]
+GIMBAL_LOCK = 1e-3
+
+
+def with_pose_chains(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array, drivers: Sequence[str]
+) -> tuple[mujoco.MjModel, Array]:
+    """Add a chain for each point or body whose coordinates are among the drivers.
+
+    Args:
+        spec: changed in place.
+        model: compiled from it.
+        start: configuration, (nq,).
+        drivers: names of coordinates; those of joints are left alone.
+
+    Returns:
+        The model with the chains, and its start.
+
+    Raises:
+        InputError: for the rotation of a site, or a body that starts at ry = 90 deg.
+    """
+    joints = {model.joint(i).name for i in range(model.njnt)}
+    subjects: dict[str, bool] = {}
+    for name in drivers:
+        subject, _, suffix = name.rpartition(".")
+        if name not in joints and suffix in (*POSITIONS, *ROTATIONS) and _find(model, subject) is not None:
+            subjects[subject] = subjects.get(subject, False) or suffix in ROTATIONS
+    if not subjects:
+        return model, start
+    data = mujoco.MjData(model)
+    data.qpos[:] = start
+    mujoco.mj_kinematics(model, data)
+    for subject, rotates in subjects.items():
+        start = np.concatenate([start, _add_chain(spec, model, data, subject, rotates)])
+    return compiled(spec), start
+
+
+def _find(model: mujoco.MjModel, name: str) -> tuple[int, Array] | None:
+    """Return the body of a site or body of this name, and the point on it; None for neither."""
+    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
+    if site >= 0:
+        return int(model.site_bodyid[site]), model.site_pos[site].copy()
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    return (body, np.zeros(3)) if body > 0 else None
+
+
+def _add_chain(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.MjData, subject: str, rotates: bool
+) -> Array:
+    """Add the chain of a site or body where it stands, and return its coordinates, (3,) or (6,)."""
+    located = _find(model, subject)
+    assert located is not None
+    body, local = located
+    name = model.body(body).name
+    if rotates and subject != name:
+        raise InputError(f"{subject} is a site, whose rotation cannot be driven; drive that of {name}")
+    rotation = data.xmat[body].reshape(3, 3)
+    position = data.xpos[body] + rotation @ local
+    carrier = spec.worldbody.add_body(name=f"{VIRTUAL_PREFIX}{subject}", pos=position)
+    for axis, suffix, value in zip(np.eye(3), POSITIONS, position.tolist(), strict=True):
+        _add_joint(carrier, f"{subject}.{suffix}", mujoco.mjtJoint.mjJNT_SLIDE, axis, value)
+    equality = spec.add_equality(name=f"{VIRTUAL_PREFIX}{subject}", objtype=mujoco.mjtObj.mjOBJ_BODY)
+    equality.name1, equality.name2 = name, carrier.name
+    if not rotates:
+        equality.type = mujoco.mjtEq.mjEQ_CONNECT
+        equality.data[:3] = local
+        return position
+    if abs(abs(rotation[0, 2]) - 1.0) < 0.5 * GIMBAL_LOCK**2:
+        raise InputError(f"body {name} starts at {name}.ry = 90 deg, where rx and rz coincide; drive joints")
+    angles = Rotation.from_matrix(rotation).as_euler("XYZ")
+    for axis, suffix, angle in zip(np.eye(3), ROTATIONS, angles.tolist(), strict=True):
+        turn = Rotation.from_rotvec(angle * axis).as_quat(scalar_first=True)
+        carrier = carrier.add_body(name=f"{VIRTUAL_PREFIX}{subject}.{suffix}", quat=turn)
+        ref = np.degrees(angle) if spec.compiler.degree else angle
+        _add_joint(carrier, f"{subject}.{suffix}", mujoco.mjtJoint.mjJNT_HINGE, axis, ref)
+    equality.type, equality.name2 = mujoco.mjtEq.mjEQ_WELD, carrier.name
+    # anchor, relative position and rotation, torque scale
+    equality.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
+    return np.concatenate([position, angles])
+
+
+def _add_joint(body: mujoco.MjsBody, name: str, kind: mujoco.mjtJoint, axis: Array, ref: float) -> None:
+    body.explicitinertial = True
+    body.mass, body.inertia = MASS, np.full(3, INERTIA)
+    body.add_joint(name=name, type=kind, axis=axis, ref=ref)

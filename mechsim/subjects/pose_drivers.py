@@ -1,0 +1,114 @@
+"""Drivers that are a point's coordinate or a link's position or rotation: inverse kinematics.
+
+A chain of slides from the ground to the point, closed by a ball, has the point's coordinates as its own and
+leaves the mobility unchanged; three hinges in place of the ball add the rotation of a link. Both methods then
+solve an ordinary mechanism, whose drivers are joints of the chain.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mechsim.analytic.loops.start import start_poses
+from mechsim.errors import InputError
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+
+POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
+DIRECTIONS: tuple[Vector, ...] = (EX, EY, EZ)
+# directions across the axes of a chain, from which its angles are counted
+ACROSS: tuple[Vector, ...] = (EY, EZ, EX)
+# rz and rx cannot be told apart nearer than this to ry = 90 deg, in [rad]
+GIMBAL_LOCK = 1e-3
+
+
+def pose_subjects(mechanism: Mechanism, names: Iterable[str]) -> dict[str, bool]:
+    """Return the points and links that names of drivers such as P.x or plate.rz mean.
+
+    Args:
+        mechanism: whose joints come first.
+        names: of driven coordinates; names of joints are left out.
+
+    Returns:
+        Point or link -> whether its rotation is driven too.
+    """
+    joints = {name for joint in mechanism.joints for name in joint.coordinates}
+    links = {link.name for link in mechanism.links}
+    subjects: dict[str, bool] = {}
+    for name in names:
+        subject, _, suffix = name.rpartition(".")
+        if name in joints or suffix not in (*POSITIONS, *ROTATIONS):
+            continue
+        if suffix in ROTATIONS and subject in mechanism.points and subject not in links:
+            raise InputError(f"{name} cannot be driven: {subject} is a point; drive the rotation of its link")
+        if subject in links or subject in mechanism.points:
+            subjects[subject] = subjects.get(subject, False) or suffix in ROTATIONS
+    return subjects
+
+
+def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
+    """Return a mechanism with a chain for each point or link whose coordinates are driven.
+
+    A point's coordinates are P.x, P.y and P.z in the ground frame in [m]. A link's are those of its origin,
+    and LINK.rx, LINK.ry and LINK.rz in [rad]: its rotation from the ground is a turn about x, then about the
+    turned y, then about the turned z (Cardan angles).
+
+    Raises:
+        InputError: for the rotation of a point.
+        AssemblyError: where the mechanism does not close at its guess, or a link starts at ry = 90 deg.
+    """
+    subjects = pose_subjects(mechanism, names)
+    if not subjects:
+        return mechanism
+    poses, _ = start_poses(mechanism)
+    mechanism = replace(mechanism, guess={**mechanism.guess, **poses})
+    for subject, rotates in subjects.items():
+        mechanism = _with_chain(mechanism, subject, rotates)
+    return mechanism
+
+
+def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
+    """Return a mechanism with the chain of one point or link."""
+    is_link = subject not in mechanism.points or rotates
+    link, point = (subject, ORIGIN) if is_link else mechanism.points[subject]
+    pose = mechanism.guess[link]
+    position = pose.point(point)
+    suffixes = POSITIONS + (ROTATIONS if rotates else ())
+    joints, guess, before, rotation = list[Joint](), dict[str, Pose](), GROUND, np.eye(3)
+    values = [*position.tolist(), *(_cardan_angles(subject, pose.rotation) if rotates else ())]
+    for i, suffix in enumerate(suffixes):
+        last = suffix == "rz"
+        name, after = f"{subject}.{suffix}", link if last else f"{VIRTUAL_PREFIX}{subject}.{suffix}"
+        kind = "prismatic" if i < 3 else "revolute"
+        axis, reference = DIRECTIONS[i % 3], ACROSS[i % 3]
+        joints.append(
+            Joint(name, kind, End(before, ORIGIN, axis, reference), End(after, ORIGIN, axis, reference))
+        )
+        if i >= 3:
+            rotation = rotation @ Rotation.from_rotvec(values[i] * np.array(axis)).as_matrix()
+        reached = np.where(np.arange(3) <= i, position, 0.0)
+        if not last:
+            guess[after] = Pose(reached, rotation)
+        before = after
+    if not rotates:
+        ball = f"{VIRTUAL_PREFIX}{subject}"
+        joints.append(Joint(ball, "spherical", End(before), End(link, point)))
+    counted = {f"{subject}.{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
+    return replace(
+        mechanism,
+        links=(*mechanism.links, *(Link(name) for name in guess)),
+        joints=(*mechanism.joints, *joints),
+        guess={**mechanism.guess, **guess},
+        counted={**mechanism.counted, **counted},
+    )
+
+
+def _cardan_angles(link: str, rotation: Array) -> list[float]:
+    """Return the angles about x, the turned y and the turned z of a rotation matrix, (3, 3), in [rad]."""
+    if abs(abs(rotation[0, 2]) - 1.0) < 0.5 * GIMBAL_LOCK**2:
+        raise InputError(f"link {link} starts at {link}.ry = 90 deg, where rx and rz coincide; drive joints")
+    return Rotation.from_matrix(rotation).as_euler("XYZ").tolist()
