@@ -249,7 +249,7 @@ def dynamics(
         output = Output(source.duration, options.samples, options.method, options.csv, options.plot, verbose)
         result = forward_dynamics(model, forward, output)
         return _with_masses(model, result, verbose)
-    model = loads.dynamic_model(source.load_moving())
+    model = loads.dynamic_model(source.load_moving(by_motors=True))
     shown = output_units(units, model.drive) or SI_UNITS
     if not model.drive.motion_laws.crank and options.free:
         raise InputError("--free releases a crank, and motion laws drive the joints; drop one of them")

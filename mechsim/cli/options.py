@@ -19,7 +19,7 @@ from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.subjects.readers import load, parametric_model
+from mechsim.subjects.readers import load, load_by_motors, parametric_model
 from mechsim.units import option
 
 # limits of a crank speed in [rad/s]: one revolution a day, and above any shaft
@@ -144,13 +144,13 @@ class ModelOptions(DriveOptions):
     model: Model
     sets: Sets = None
 
-    def load(self, *, still: bool = False) -> Form:
-        """Return the mechanism; see `mechsim.load`."""
-        return load_model(self.model, self.sets, self, still=still)
+    def load(self, *, still: bool = False, by_motors: bool = False) -> Form:
+        """Return the mechanism; see `mechsim.load` and `load_by_motors`."""
+        return load_model(self.model, self.sets, self, still=still, by_motors=by_motors)
 
-    def load_moving(self) -> Form:
+    def load_moving(self, *, by_motors: bool = False) -> Form:
         """Return a mechanism whose motion is determined by a crank or by motion laws."""
-        return require_motion(self.load())
+        return require_motion(self.load(by_motors=by_motors))
 
     def load_parametric(self) -> DesignFamily:
         """Return the parametric model of a mechanism whose motion is determined."""
@@ -158,11 +158,17 @@ class ModelOptions(DriveOptions):
 
 
 def load_model(
-    model: str, sets: list[str] | None = None, driven: DriveOptions | None = None, *, still: bool = False
+    model: str,
+    sets: list[str] | None = None,
+    driven: DriveOptions | None = None,
+    *,
+    still: bool = False,
+    by_motors: bool = False,
 ) -> Form:
     """Return a mechanism with changed parameters and drivers; see `mechsim.load`."""
     driven, parameters = driven or DriveOptions(), changed_parameters(sets)
-    solver = load(model, parameters, **driven.as_arguments(), still=still)
+    opened = load_by_motors if by_motors else load
+    solver = opened(model, parameters, **driven.as_arguments(), still=still)
     warn_about_parameters(solver, parameters)
     if driven.lock_others:
         locked = [name for name in solver.mechanism.locked if name not in dict(driven.lock)]

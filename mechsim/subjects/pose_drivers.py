@@ -11,11 +11,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mechsim.analytic.forms import KinematicSolver
+from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 
 POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
@@ -112,3 +115,41 @@ def _cardan_angles(link: str, rotation: Array) -> list[float]:
     if abs(abs(rotation[0, 2]) - 1.0) < 0.5 * GIMBAL_LOCK**2:
         raise InputError(f"link {link} starts at {link}.ry = 90 deg, where rx and rz coincide; drive joints")
     return Rotation.from_matrix(rotation).as_euler("XYZ").tolist()
+
+
+def is_pose_driven(mechanism: Mechanism) -> bool:
+    """Whether a driver is a coordinate of a chain that `with_pose_drivers` added."""
+    carriers = {joint.name for joint in mechanism.joints for end in (joint.a, joint.b) if _in_chain(end.link)}
+    return not carriers.isdisjoint(mechanism.drivers)
+
+
+def _in_chain(link: str) -> bool:
+    return link.startswith(VIRTUAL_PREFIX) and link.endswith(tuple(f".{s}" for s in POSITIONS + ROTATIONS))
+
+
+def motor_laws(solver: KinematicSolver, own: Mechanism) -> dict[str, State]:
+    """Return motion laws of a mechanism's own drivers that move it as its pose drivers prescribe.
+
+    Args:
+        solver: under motion laws of points or links.
+        own: the same mechanism with its own drivers; those that others determine are left out.
+
+    Returns:
+        Driver -> function of times, exact to the closure of the loops.
+
+    Raises:
+        InputError: where the mechanism has no drivers of its own.
+    """
+    redundant = driver_determinacy(own).redundant_drivers if own.drivers else ()
+    names = [name for name in own.drivers if name not in redundant]
+    if not names:
+        raise InputError(f"{own.name} has no drivers of its own; name the joints that its motors drive")
+    return {name: _followed(solver, name) for name in names}
+
+
+def _followed(solver: KinematicSolver, name: str) -> State:
+    def state(time: Array) -> tuple[Array, Array, Array]:
+        joint = solver.solve(t=np.atleast_1d(time)).joints[name]
+        return joint.value, joint.rate, joint.acceleration
+
+    return state

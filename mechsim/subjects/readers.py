@@ -19,6 +19,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.subjects import gallery
 from mechsim.subjects.model_source import ModelDescription, ModelSource, file_reader, object_reader
+from mechsim.subjects.pose_drivers import is_pose_driven, motor_laws
 from mechsim.subjects.prescription import Prescription, apply_prescription, started_by_laws
 from mechsim.subjects.python_object import GivenObject
 
@@ -107,6 +108,26 @@ def load(
         _prescription(drive, lock, fix_base, key, track, duration, still, lock_others),
         assembled=True,
     )
+
+
+def load_by_motors(model: "Model", set: Mapping[str, str | float] | None = None, **options: Any) -> Form:
+    """Return the solver of a model whose own drivers follow the motion of driven points or links.
+
+    Efforts are then those of its motors. A model whose drivers are joints is returned as `load` does.
+
+    Args:
+        model, set, options: as `load` takes them.
+
+    Raises:
+        InputError: as `load`, and for a model without drivers of its own.
+    """
+    source = open_model(model)
+    solver = load(source, set, **options)
+    if solver.motion_laws is None or not is_pose_driven(solver.mechanism):
+        return solver
+    own = load(source, set, **options | {"drive": None, "duration": None, "still": True}).mechanism
+    laws, duration = motor_laws(solver, own), solver.motion_laws.duration
+    return load(source, set, **options | {"drive": laws, "duration": duration})
 
 
 def _prescription(

@@ -33,6 +33,7 @@ from mechsim.analytic.loops.solver import (
 )
 from mechsim.errors import AssemblyError
 from mechsim.model.limits import require_travel
+from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import interpolation_error, nodes_between
@@ -141,11 +142,24 @@ class ContinuationPath(PathStates):
             if segment is not None:
                 segments.append(segment)
             elif length < CONTROL.min_length:
-                raise AssemblyError(self._end_message(current))
+                raise AssemblyError(self._end_message(current) + self._remaining(current, target))
 
     def _end(self, direction: int) -> float:
         """Return the parameter reached in one direction."""
         return float(self.segments[direction][-1].nodes[-1]) if self.segments[direction] else self.initial
+
+    def _remaining(self, parameter: float, target: float) -> str:
+        """Return how far drivers that are a point or a link are from their target; empty for joints."""
+        mechanism = self.loops.tree.mechanism
+        before, after = (self.prescribed(np.array([s]))[:, 0] for s in (parameter, target))
+        poses = [joint.b.link.startswith(VIRTUAL_PREFIX) for joint in mechanism.driven_joints]
+        slides = [mechanism.unit(name) == "m" for name in mechanism.drivers]
+        change = [
+            abs(b - a)
+            for a, b, pose, slide in zip(before, after, poses, slides, strict=False)
+            if pose and slide
+        ]
+        return f"; the target is {np.linalg.norm(change):.3g} m beyond" if change else ""
 
     def _end_message(self, parameter: float) -> str:
         """Return the message that says why the path ends."""

@@ -6,6 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from mechsim.model.finding import Finding
+from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.simulation.findings.actuation import fighting
 from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
@@ -53,4 +54,5 @@ def findings(read: MjcfModel, motion_laws: MotionLaws = CRANK) -> tuple[Finding,
         # a state so wrong that it overflows is what other looks have found
         with suppress(FloatingPointError, np.linalg.LinAlgError):
             result += check(scene)
-    return tuple(result)
+    # chains that pose drivers add are no part of the file
+    return tuple(finding for finding in result if not finding.what.startswith(VIRTUAL_PREFIX))

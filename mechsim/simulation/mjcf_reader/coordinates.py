@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.links import GROUND
+from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import BALL, DRIVABLE, FREE, Carrier
@@ -135,6 +135,7 @@ def tracked(
     if requested:
         return dict(_parsed(text, {**bodies, **sites}, bodies) for text in requested)
     moving = {model.body(b).name for b in range(model.nbody) if carriers[b].link != GROUND}
+    moving = {name for name in moving if not name.startswith(VIRTUAL_PREFIX)}
     for candidates in (sites, bodies):
         selected = {name: point for name, point in candidates.items() if point[0] in moving}
         if selected:

@@ -102,4 +102,10 @@ def _add_chain(
 def _add_joint(body: mujoco.MjsBody, name: str, kind: mujoco.mjtJoint, axis: Array, ref: float) -> None:
     body.explicitinertial = True
     body.mass, body.inertia = MASS, np.full(3, INERTIA)
-    body.add_joint(name=name, type=kind, axis=axis, ref=ref)
+    joint = body.add_joint(name=name, type=kind, axis=axis, ref=ref)
+    # the file's default class is not meant for it
+    joint.limited = joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    joint.pos, joint.range = np.zeros(3), np.zeros(2)
+    joint.armature = joint.frictionloss = 0.0
+    for name in ("damping", "stiffness"):
+        setattr(joint, name, np.zeros_like(getattr(joint, name)))

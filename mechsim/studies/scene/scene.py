@@ -1,6 +1,6 @@
 """A custom MJCF scene and its motion, as plain MuJoCo runs them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -207,6 +207,7 @@ def scene_of(
             fixed = fix_bodies_in_scene(spec, plainly_compiled(spec), read.stilled, key)
     plain = plainly_compiled(spec)
     _require_actuators(plain, ctrl)
+    _require_joints(plain, mechanism.drivers)
     named = plainly_compiled(read.spec.copy())
     bodies = {link_name(named, b): b for b in range(1, named.nbody) if named.body_jntnum[b]} | {GROUND: 0}
     if points is None:
@@ -274,6 +275,16 @@ def _all_points(mechanism: Mechanism, model: mujoco.MjModel) -> dict[str, tuple[
             if end.link != GROUND and point not in points.values():
                 points[f"{joint.name}@{end.link}"] = point
     return points
+
+
+def _require_joints(model: mujoco.MjModel, drivers: Sequence[str]) -> None:
+    """Raise InputError for a driver that is a point's coordinate or a body's pose."""
+    joints = {model.joint(i).name for i in range(model.njnt)}
+    for name in drivers:
+        if name not in joints:
+            raise InputError(
+                f"{name} is no joint, and a plain MuJoCo scene moves by its joints; drive joints"
+            )
 
 
 def _require_actuators(model: mujoco.MjModel, ctrl: Mapping[str, State]) -> None:
