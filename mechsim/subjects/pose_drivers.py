@@ -16,7 +16,7 @@ from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, VIRTUAL_PREFIX, Inertia, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
@@ -25,7 +25,10 @@ POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 DIRECTIONS: tuple[Vector, ...] = (EX, EY, EZ)
 # directions across the axes of a chain, from which its angles are counted
 ACROSS: tuple[Vector, ...] = (EY, EZ, EX)
-# rz and rx cannot be told apart nearer than this to ry = 90 deg, in [rad]
+# mass in [kg] and moments of inertia in [kg m2] of a link of a chain: below what any motor notices, above what
+# MuJoCo rejects
+NEGLIGIBLE = Inertia(1e-9, ORIGIN, (1e-12, 1e-12, 1e-12))
+# rz and rx are not distinct nearer than this to ry = 90 deg, in [rad]
 GIMBAL_LOCK = 1e-3
 
 
@@ -103,7 +106,7 @@ def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
     counted = {f"{subject}.{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
     return replace(
         mechanism,
-        links=(*mechanism.links, *(Link(name) for name in guess)),
+        links=(*mechanism.links, *(Link(name, inertia=NEGLIGIBLE) for name in guess)),
         joints=(*mechanism.joints, *joints),
         guess={**mechanism.guess, **guess},
         counted={**mechanism.counted, **counted},

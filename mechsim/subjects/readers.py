@@ -125,9 +125,10 @@ def load_by_motors(model: "Model", set: Mapping[str, str | float] | None = None,
     solver = load(source, set, **options)
     if solver.motion_laws is None or not is_pose_driven(solver.mechanism):
         return solver
-    own = load(source, set, **options | {"drive": None, "duration": None, "still": True}).mechanism
-    laws, duration = motor_laws(solver, own), solver.motion_laws.duration
-    return load(source, set, **options | {"drive": laws, "duration": duration})
+    undriven: dict[str, Any] = options | {"drive": None, "duration": None, "still": True}
+    laws = motor_laws(solver, load(source, set, **undriven).mechanism)
+    driven: dict[str, Any] = options | {"drive": laws, "duration": solver.motion_laws.duration}
+    return load(source, set, **driven)
 
 
 def _prescription(

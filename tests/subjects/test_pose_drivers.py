@@ -95,7 +95,8 @@ def test_motors_do_the_work_of_the_pose_drivers():
 
     expected = power(by_pose, ("P.x", "P.y"))
     assert np.abs(expected).max() > 1e-3
-    np.testing.assert_allclose(power(by_motors, ("left", "right")), expected, atol=1e-12)
+    # the chain weighs 1e-9 kg and moves at 0.06 m/s
+    np.testing.assert_allclose(power(by_motors, ("left", "right")), expected, rtol=0, atol=2e-9)
 
 
 def test_an_mjcf_file_is_driven_by_its_sites_and_bodies(tmp_path, monkeypatch, capsys):

@@ -16,9 +16,10 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 
 POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
-# mass and moment of inertia of a body of a chain, in [kg] and [kg m2]: the least that MuJoCo steps well
+# mass in [kg] and moment of inertia in [kg m2] of a body of a chain: runs of g1_ankle.xml in time steps leave
+# the tolerance with a thousandth of these
 MASS, INERTIA = 1e-6, 1e-9
-# rz and rx cannot be told apart nearer than this to ry = 90 deg, in [rad]
+# rz and rx are not distinct nearer than this to ry = 90 deg, in [rad]
 GIMBAL_LOCK = 1e-3
 
 
@@ -89,8 +90,8 @@ def _add_chain(
         raise InputError(f"body {name} starts at {name}.ry = 90 deg, where rx and rz coincide; drive joints")
     angles = Rotation.from_matrix(rotation).as_euler("XYZ")
     for axis, suffix, angle in zip(np.eye(3), ROTATIONS, angles.tolist(), strict=True):
-        turn = Rotation.from_rotvec(angle * axis).as_quat(scalar_first=True)
-        carrier = carrier.add_body(name=f"{VIRTUAL_PREFIX}{subject}.{suffix}", quat=turn)
+        quaternion = Rotation.from_rotvec(angle * axis).as_quat(scalar_first=True)
+        carrier = carrier.add_body(name=f"{VIRTUAL_PREFIX}{subject}.{suffix}", quat=quaternion)
         ref = np.degrees(angle) if spec.compiler.degree else angle
         _add_joint(carrier, f"{subject}.{suffix}", mujoco.mjtJoint.mjJNT_HINGE, axis, ref)
     equality.type, equality.name2 = mujoco.mjtEq.mjEQ_WELD, carrier.name

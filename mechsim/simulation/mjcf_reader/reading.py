@@ -210,8 +210,7 @@ def read_model(
     model, _ = compile_repaired(path, spec)
     remarks += ignored_ranges(spec)
     start = _start(path, model, key)
-    for key_ in list(spec.keys):  # they fit no model to which anything is added
-        spec.delete(key_)
+    _delete_keyframes(spec)
     if fix_base and not free_bodies(model):
         raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
     stilled, lock = _fixed_joints(model, lock or {}, fix_base=fix_base)
@@ -255,6 +254,12 @@ def read_model(
         forces_of_model(model),
         stilled,
     )
+
+
+def _delete_keyframes(spec: mujoco.MjSpec) -> None:
+    """Delete the keyframes, which fit no model to which anything is added."""
+    for keyframe in list(spec.keys):
+        spec.delete(keyframe)
 
 
 def _link_points(
