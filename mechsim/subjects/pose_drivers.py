@@ -15,6 +15,7 @@ from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import InputError
+from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, VIRTUAL_PREFIX, Inertia, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
@@ -25,9 +26,8 @@ POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 DIRECTIONS: tuple[Vector, ...] = (EX, EY, EZ)
 # directions across the axes of a chain, from which its angles are counted
 ACROSS: tuple[Vector, ...] = (EY, EZ, EX)
-# mass in [kg] and moments of inertia in [kg m2] of a link of a chain: below what any motor notices, above what
-# MuJoCo rejects
-NEGLIGIBLE = Inertia(1e-9, ORIGIN, (1e-12, 1e-12, 1e-12))
+# inertia of a link of a chain: below what any motor notices, above what MuJoCo rejects
+NEGLIGIBLE = Inertia(1e-9, ORIGIN, ((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
 # rz and rx are not distinct nearer than this to ry = 90 deg, in [rad]
 GIMBAL_LOCK = 1e-3
 
@@ -89,7 +89,7 @@ def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
     for i, suffix in enumerate(suffixes):
         last = suffix == "rz"
         name, after = f"{subject}.{suffix}", link if last else f"{VIRTUAL_PREFIX}{subject}.{suffix}"
-        kind = "prismatic" if i < 3 else "revolute"
+        kind: KindName = "prismatic" if i < 3 else "revolute"
         axis, reference = DIRECTIONS[i % 3], ACROSS[i % 3]
         joints.append(
             Joint(name, kind, End(before, ORIGIN, axis, reference), End(after, ORIGIN, axis, reference))
