@@ -74,11 +74,11 @@ def _cycle(linear: LinearModel, mode: Mode, amplitude: float, period: float, sam
     shape = np.array([mode.shape[names[i]] / loops.units[i] for i in equations.free])
     independent = amplitude * (linear.basis.T @ shape)
     times = np.linspace(0.0, period, samples + 1)
-    turn = np.exp(1j * REVOLUTION * times / period)
+    phasors = np.exp(1j * REVOLUTION * times / period)
     rate = 1j * REVOLUTION / period
     states = [
         displaced(equations, linear.q, linear.basis, (independent * z).real, (rate * independent * z).real)
-        for z in turn
+        for z in phasors
     ]
     whole = equations.kinematics(*stacked(states))
     return motion_of(equations, whole, np.zeros_like(whole.rates), times)

@@ -174,7 +174,7 @@ def response(
     displacement = load_displacement(load, mechanism)
     quantity, order = displacement_of(output, mechanism)
     at_rest = equations.kinematics(linear.q, np.zeros((equations.loops.tree.count, 1)))
-    entry, reading = (change_from(equations, at_rest, of) for of in (displacement, quantity))
+    entry, reading = (change_from(equations, at_rest, each) for each in (displacement, quantity))
     frequencies = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
     derivative: NDArray[np.complex128] = (2j * np.pi * frequencies) ** order
     return derivative * linear.response(entry, reading, frequencies)
