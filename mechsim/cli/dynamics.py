@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import numpy as np
@@ -14,6 +14,7 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
 from mechsim.cli.forward_dynamics import ForwardOptions, Output, forward_dynamics
 from mechsim.cli.forward_results import ForwardJson
+from mechsim.cli.initial_options import released_model
 from mechsim.cli.load_options import LoadOptions, print_masses
 from mechsim.cli.options import ModelOptions, speed_of, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -244,8 +245,7 @@ def dynamics(
                 "--free, --tolerance and --coefficient are for a crank; drop them, or --initial, --until, "
                 "--statics, --modes and --response"
             )
-        # --duration is that of the run, not of motion laws
-        model = loads.dynamic_model(replace(source, duration=None).load(still=True))
+        model = released_model(source, loads)
         output = Output(source.duration, options.samples, options.method, options.csv, options.plot, verbose)
         result = forward_dynamics(model, forward, output)
         return _with_masses(model, result, verbose)

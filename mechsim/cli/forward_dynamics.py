@@ -72,7 +72,7 @@ class ForwardOptions(InitialOptions):
     @property
     def requested(self) -> bool:
         """Whether any of them is asked for."""
-        return self.released or bool(self.statics or self.modes or self.response)
+        return bool(self.initial or self.until or self.statics or self.modes or self.response)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Outpu
     if forward.response is not None:
         return _response(model, forward.response, initial, output)
     quantities = tuple(numeric_quantity(name, model.mechanism) for name in forward.quantities)
-    result = forward.run(model, output.duration, output.samples)
+    result = forward.release(model, output.duration).run(output.samples)
     columns = record_columns(result.motion, quantities) | dict(result.columns())
     values = {quantity.name: _values(quantity, columns) for quantity in quantities}
     if output.csv is not None:

@@ -1,14 +1,13 @@
 """Options of a run from an initial state, which `dynamics`, `plot`, `render` and `view` share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun, run
-from mechsim.cli.options import pair_of
+from mechsim.analytic.dynamics import DynamicModel
+from mechsim.cli.load_options import LoadOptions
+from mechsim.cli.options import ModelOptions, pair_of
 from mechsim.errors import InputError
+from mechsim.studies.release import DURATION, Release
 from mechsim.units import option
-
-# [s] of a run without --duration
-DURATION = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,24 +29,45 @@ class InitialOptions:
     restitution: float = option(0.0, "Coefficient of restitution at the limits of joints, 0 to 1.")
 
     @property
-    def released(self) -> bool:
+    def requested(self) -> bool:
         """Whether a run is asked for."""
         return bool(self.initial or self.until)
 
-    def run(self, model: DynamicModel, duration: float | None, samples: int) -> DynamicRun:
-        """Return the run of a model; it lasts a second where no duration is given."""
-        return run(
-            model,
+    def release(self, model: DynamicModel, duration: float | None) -> Release:
+        """Return the release of a model; the run lasts a second where no duration is given."""
+        return Release(
+            model=model,
             initial=dict(self.initial),
             duration=DURATION if duration is None else duration,
             until=self.until,
-            samples=samples,
             restitution=self.restitution,
         )
 
 
-def complete(result: DynamicRun) -> DynamicRun:
-    """Return a run; raise InputError for one that broke down, of which nothing can be drawn."""
-    if result.outcome not in ("done", "stopped", "time over"):
-        raise InputError(f"the run ends in {result.outcome}: {result.reason}")
-    return result
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseOptions(InitialOptions):
+    """A run from an initial state, or a mode of vibration, to be drawn."""
+
+    mode: int | None = option(None, "Draw this mode of vibration about the equilibrium, from 1.", metavar="N")
+
+    @property
+    def requested(self) -> bool:
+        """Whether a run or a mode is asked for."""
+        return bool(self.initial or self.until or self.mode is not None)
+
+
+def released_model(source: ModelOptions, loads: LoadOptions) -> DynamicModel:
+    """Return the dynamic model of a mechanism whose drivers are free; --duration is that of its run."""
+    return loads.dynamic_model(replace(source, duration=None).load(still=True))
+
+
+def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> None:
+    """Raise InputError for loads or a restitution without a run that they act in.
+
+    Args:
+        loads: as given.
+        options: of the run.
+        usage: what would make them count.
+    """
+    if loads != LoadOptions() or options.restitution:
+        raise InputError(f"loads, masses and --restitution act in a run from an initial state; {usage}")

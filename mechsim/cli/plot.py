@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.load_options import masses_in_json, print_masses
+from mechsim.cli.initial_options import InitialOptions, released_model
+from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
 from mechsim.cli.options import SPEED, DriveOptions, File, ModelOptions, Speed, speed_of, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
@@ -18,6 +19,7 @@ from mechsim.studies.sweep.table import drawn_sweep
 
 # the kinds that show a motion over time as well
 TIMED = ("error", "poses", "motion", "curve", "space", "schematic", "torque", "reactions", "power")
+TIMED += ("quantities",)
 
 
 class PlotJson(Written):
@@ -31,12 +33,16 @@ def plot(
     source: ModelOptions,
     output: File,
     options: PlotOptions,
+    loads: LoadOptions,
+    initial: InitialOptions,
     kind: Annotated[
         str, typer.Option(help=f"One of {', '.join(PLOTS)}; of a sweep map, parallel or pareto.")
     ] = "motion",
     speed: Speed = SPEED,
 ) -> Result[PlotJson]:
-    """Plot motions, curves, transmission, errors, velocity plans, dynamics or studies: .svg, .pdf or .png.
+    """Plot motions, curves, errors, dynamics, vibrations or studies: .svg, .pdf or .png.
+
+    Kinds history, phase, bode and modes are of a mechanism whose drivers are free, as in `mechsim dynamics`.
 
     Of the file of `mechsim sweep`: kind map, parallel or pareto, of the measures that --of names.
 
@@ -46,6 +52,7 @@ def plot(
     Examples:
     mechsim plot four_bar --kind curve -o curve.svg
     mechsim plot sweep.nc --kind map --of range:rocker -o map.png
+    mechsim plot four_bar --kind phase --initial crank.q=30deg -o phase.svg
     """
     plots.format_of(output)
     path = writable(output)
@@ -60,7 +67,21 @@ def plot(
         return _written(source.model, kind, output)
     if kind not in PLOTS:
         raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
-    require_taken(kind, PLOTS[kind].takes, options)
+    row = PLOTS[kind]
+    require_taken(kind, row.takes, options)
+    if row.released == "always" or (row.released == "either" and initial.requested):
+        release = initial.release(released_model(source, loads), source.duration)
+        if speed != SPEED:
+            raise InputError("--speed is of a driven crank, and the drivers are free; give --initial J.v")
+        plot_source = PlotSource(solver=release.model.drive, speed=0.0, options=options, release=release)
+        plots.write(path, row.figure(plot_source))
+        return _written(release.model.mechanism.name, kind, output, plot_source.masses)
+    if initial.requested or initial.restitution:
+        kinds = ", ".join(name for name, row in PLOTS.items() if row.released != "never")
+        raise InputError(f"plot {kind!r} is of a driven motion; a run from an initial state is of {kinds}")
+    if loads != LoadOptions() and not (row.loaded and options.method == "closed"):
+        kinds = ", ".join(name for name, row in PLOTS.items() if row.loaded or row.released == "always")
+        raise InputError(f"plot {kind!r} shows no forces; loads are of {kinds}, by the closed form")
     solver = source.load_moving()
     if not solver.motion_laws.crank and speed != SPEED:
         raise InputError(f"--speed is of a crank without a motion law; {solver.name} has one: leave it out")
@@ -69,8 +90,14 @@ def plot(
             f"plot {kind!r} is of a crank without a motion law; with motion laws known are {', '.join(TIMED)}"
         )
     with progress("plot", None) as report:
-        plot_source = PlotSource(solver=solver, speed=speed_of(speed), options=options, progress=report)
-        figure = PLOTS[kind].figure(plot_source)
+        plot_source = PlotSource(
+            solver=solver,
+            speed=speed_of(speed),
+            options=options,
+            progress=report,
+            model=loads.dynamic_model,
+        )
+        figure = row.figure(plot_source)
     plots.write(path, figure)
     return _written(solver.name, kind, output, plot_source.masses)
 

@@ -11,8 +11,10 @@ import typer
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.command import Result, command
-from mechsim.cli.load_options import masses_in_json, print_masses
+from mechsim.cli.initial_options import ReleaseOptions, released_model, require_release
+from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
 from mechsim.cli.options import File, ModelOptions, speed_of, writable
+from mechsim.cli.output import number
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.cli.unit_warnings import warn_about_angle
@@ -24,7 +26,11 @@ from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
 from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of, weighing
+from mechsim.studies.release import Release
 from mechsim.units import option, parse_angle
+
+# [s] that one cycle of a mode is shown
+CYCLE = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,19 +89,30 @@ class RenderJson(Written):
 
 
 @command
-def render(source: ModelOptions, output: File, animation: AnimationOptions, look: Look) -> Result[RenderJson]:
+def render(
+    source: ModelOptions,
+    output: File,
+    animation: AnimationOptions,
+    look: Look,
+    loads: LoadOptions,
+    release: ReleaseOptions,
+) -> Result[RenderJson]:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
     Motions that return to their start play in a loop without a seam: no frame is shown twice. Motions under
-    motion laws are shown in their own time.
+    motion laws and runs from an initial state are shown in their own time.
 
     Examples:
     mechsim render rssr -o rssr.png --angle 30deg
     mechsim render four_bar -o four_bar.mp4 --from both --slow 10
+    mechsim render four_bar -o mode.mp4 --mode 1 --initial crank.q=-95deg
     """
     picture = output.endswith(".png")
     path = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     _check(output, animation, look)
+    if release.requested:
+        return _released(source, output, animation, look, loads, release)
+    require_release(loads, release, "add --initial, --until or --mode")
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
     solver = source.load_moving()
     warn_about_angle("--angle", animation.angle or "", solver)
@@ -130,6 +147,76 @@ def render(source: ModelOptions, output: File, animation: AnimationOptions, look
     look = replace(look, paths="tail" if look.paths and tail else look.paths)
     count = _write_animation(path, solver, motion, periodic, look, {"fps": animation.fps, **extra})
     return _written(solver.name, output, count, masses)
+
+
+def _released(
+    source: ModelOptions,
+    output: str,
+    animation: AnimationOptions,
+    look: Look,
+    loads: LoadOptions,
+    options: ReleaseOptions,
+) -> Result[RenderJson]:
+    """Draw a run from an initial state, or one cycle of a mode of vibration."""
+    _check_released(animation, look)
+    model = released_model(source, loads)
+    release = options.release(model, source.duration)
+    if options.mode is None:
+        motion, caption = released_motion(release, animation.fps, animation.slow), ""
+        if animation.slow is not None:
+            caption = animation.caption
+    else:
+        slow = animation.slow
+        cycle = release.cycle(options.mode, 2)
+        seconds = CYCLE if slow is None else cycle.period * slow
+        motion = release.cycle(options.mode, frame_count(seconds, animation.fps)).motion
+        caption = f"{cycle.title}; 1/{number(seconds / cycle.period, 3)} of true speed"
+    look = replace(look, **drawn_as(model.drive), caption=caption)
+    mechanism, path = model.mechanism, Path(output)
+    if output.endswith(".png"):
+        look = replace(look, paths="whole" if look.paths else False)
+        write_picture(path, mechanism, motion, look)
+        return _written(mechanism.name, output, None, model.masses)
+    periodic = options.mode is not None
+    count = _write_animation(path, model.drive, motion, periodic, look, {"fps": animation.fps})
+    return _written(mechanism.name, output, count, model.masses)
+
+
+def released_motion(release: Release, fps: float, slow: float | None) -> Motion:
+    """Return the motion of a run with the instants of the frames that show it."""
+    slow = 1.0 if slow is None else slow
+    run = release.shown_run(frame_count(release.duration * slow, fps))
+    duration = float(run.time[-1])
+    if duration < release.duration:
+        # it ended at an event or at rest: once more with the frames of its own duration
+        run = release.shown_run(frame_count(duration * slow, fps))
+    return run.motion
+
+
+def frame_count(seconds: float, fps: float) -> int:
+    """Return the number of intervals between frames of an animation; raise InputError for too many."""
+    count = max(2, round(seconds * fps))
+    if not count <= MOST_SAMPLES:
+        raise InputError(f"{count} frames; give a shorter --duration, or less --slow, for {MOST_SAMPLES}")
+    return count
+
+
+def _check_released(animation: AnimationOptions, look: Look) -> None:
+    """Raise InputError for options of a driven crank."""
+    usual = AnimationOptions()
+    excluded = {
+        "--from": animation.method != usual.method,
+        "--angle": animation.angle is not None,
+        "--speed": animation.speed != usual.speed,
+        "--turns": animation.turns != usual.turns,
+        "--frames-per-turn": animation.frames_per_turn is not None,
+        "--trace": animation.trace,
+        "--sense": look.sense,
+        "--arrows of forces": bool({"force", "moment"} & set(look.arrows)),
+    }
+    for name, is_set in excluded.items():
+        if is_set:
+            raise InputError(f"{name} is of a driven crank, and the drivers are free; leave it out")
 
 
 def _written(

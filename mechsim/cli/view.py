@@ -7,16 +7,21 @@ import webbrowser
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mechsim.cli.command import Result, command
+from mechsim.cli.initial_options import ReleaseOptions, released_model, require_release
+from mechsim.cli.load_options import LoadOptions
 from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, speed_of, writable
 from mechsim.cli.schema import Written
 from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
 from mechsim.subjects.mjcf_source import MjcfForm
+
+if TYPE_CHECKING:
+    from mechsim.pictures.view import View
 
 
 class ViewJson(Written):
@@ -28,6 +33,8 @@ class ViewJson(Written):
 @command
 def view(
     source: ModelOptions,
+    loads: LoadOptions,
+    release: ReleaseOptions,
     output: Output = None,
     speed: Speed = SPEED,
     up: Annotated[
@@ -42,15 +49,13 @@ def view(
     Examples:
     mechsim view rssr
     mechsim view gripper.xml -o gripper.html
+    mechsim view four_bar --mode 1 --initial crank.q=-95deg
     """
     from mechsim.pictures.view import page
-    from mechsim.report.views import mechanism_view
 
     require_axis("--up", up)
     path = None if output is None else writable(output, ".html")
-    solver = source.load()
-    mjcf = solver.source if isinstance(solver, MjcfForm) else None
-    contents = replace(mechanism_view(solver, speed_of(speed), mjcf.limits if mjcf else None), up=up)
+    contents = replace(_contents(source, loads, release, speed), up=up)
     browser = None
     if path is None:
         browser = _browser()
@@ -61,8 +66,22 @@ def view(
     opened = browser is not None and browser.open(path.resolve().as_uri())
     prefix = "no browser on this machine; " if output is None else ""
     text = f"opened {path}" if opened else f"{prefix}wrote {path}"
-    data: ViewJson = {"mechanism": solver.name, "output": str(path), "opened": opened}
+    data: ViewJson = {"mechanism": contents.mechanism.name, "output": str(path), "opened": opened}
     return Result(data, lambda: typer.echo(text))
+
+
+def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions, speed: str) -> "View":
+    """Return what the page shows: the poses of a mechanism, a run from an initial state, or a mode."""
+    from mechsim.report.release_view import release_view
+    from mechsim.report.views import mechanism_view
+
+    if release.requested:
+        model = released_model(source, loads)
+        return release_view(release.release(model, source.duration), release.mode)
+    require_release(loads, release, "add --initial, --until or --mode")
+    solver = source.load()
+    mjcf = solver.source if isinstance(solver, MjcfForm) else None
+    return mechanism_view(solver, speed_of(speed), mjcf.limits if mjcf else None)
 
 
 def _browser() -> webbrowser.BaseBrowser | None:

@@ -7,22 +7,26 @@ its help and the page read the table.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from mechsim.analytic import catalog
+from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import KinematicSolver, closed_form
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
+from mechsim.model.quantities import numeric_quantity, quantity_names, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
 from mechsim.studies.extremes.plot import extremes_map
 from mechsim.studies.motion_source import motion_of, profile_of, simulated_forces, weighing
+from mechsim.studies.release import Release
 from mechsim.studies.tradeoff import measure, subject_of
 from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.theory.continuation import trace
@@ -53,11 +57,15 @@ class PlotOptions:
     angle: float = option(0.0, "Crank angle of a velocity plan.", unit="rad", text="0deg")
     coordinates: tuple[str, ...] | None = option(
         None,
-        "Two or three coordinates to plot assemblies over, as in angle,rocker.",
-        read=parse_names,
+        "Coordinates of assemblies, as angle,rocker; joints of a phase portrait; quantities, as P.x or "
+        "distance:P,Q.",
+        read=quantity_names,
         name="--of",
     )
     stopped: str = option("crank2", "Crank stopped in a velocity plan: crank1 or crank2.")
+    response: str | None = option(
+        None, "Unit load and quantity of a Bode diagram, as crank:P.x.", metavar="LOAD:QUANTITY"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +80,8 @@ class PlotSource:
         bounds: method -> tolerance on the positions of its points in [m], where there is one.
         progress: called after each piece of long work.
         masses: of the links, filled in by what is drawn from them.
+        release: a run from an initial state; None where a motion is prescribed.
+        model: masses and forces of the mechanism, for what is drawn of a prescribed motion.
     """
 
     solver: KinematicSolver
@@ -81,6 +91,8 @@ class PlotSource:
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
     progress: Callable[[str, float], None] = lambda _message, _fraction: None
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
+    release: Release | None = None
+    model: Callable[[KinematicSolver], DynamicModel] = weighing
 
     def motion(self, method: str, samples: int = SAMPLES) -> Motion:
         """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""
@@ -93,6 +105,8 @@ class PlotSource:
     def title(self) -> str:
         """The mechanism, and the speed of its crank or the time that its motion laws take."""
         laws, name = self.solver.motion_laws, self.solver.name.replace("_", "-")
+        if self.release is not None:
+            return f"{name}, its drivers free"
         if not laws.crank:
             return f"{name}, {laws.duration:.4g} s by its motion laws"
         return f"{name}, crank at {self.speed * 60.0 / REVOLUTION:.4g} rpm"
@@ -106,7 +120,7 @@ class PlotSource:
         """Return drive torque and reactions under what acts in `mechsim dynamics` without options."""
         profile = profile_of(self.solver, self.speed, 1.0)
         time = np.linspace(0.0, profile.duration, SAMPLES + 1)
-        analysis = prescribed_along(weighing(self.solver), *profile.state(time), time=time)
+        analysis = prescribed_along(self.model(self.solver), *profile.state(time), time=time)
         self.masses.extend(analysis.masses)
         return analysis
 
@@ -119,6 +133,8 @@ class PlotKind:
         about: what the plot shows, in a few words; its caption.
         draw: from a source.
         on_page: whether the page of a validation shows it.
+        released: whether it shows a run from an initial state or vibrations: "never", "always" or "either".
+        loaded: whether it shows forces in a prescribed motion.
         closed: whether only a closed form gives it.
         takes: which of `PlotOptions` say something of it.
     """
@@ -128,6 +144,8 @@ class PlotKind:
     takes: tuple[str, ...] = ()
     on_page: bool = False
     closed: bool = False
+    released: Literal["never", "always", "either"] = "never"
+    loaded: bool = False
 
     def figure(self, source: PlotSource) -> "Figure":
         """Return the plot, titled with mechanism and speed."""
@@ -212,6 +230,65 @@ def _stability(source: PlotSource) -> "Figure":
     return extremes_map(stability_map.study([solver.name], quick=True, progress=source.progress))
 
 
+def _release(source: PlotSource) -> Release:
+    assert source.release is not None
+    source.masses.extend(source.release.model.masses)
+    return source.release
+
+
+def _history(source: PlotSource) -> "Figure":
+    run = _release(source).shown_run(SAMPLES)
+    names = source.options.coordinates or ()
+    return plots.history_plot(run, _quantity_curves(source, names, run.motion, dict(run.columns())))
+
+
+def _quantities(source: PlotSource) -> "Figure":
+    names = source.options.coordinates
+    if not names:
+        raise InputError("no quantity is named; give --of, as in --of distance:P,Q,rocker.v")
+    if source.release is not None:
+        motion = _release(source).shown_run(SAMPLES).motion
+        return plots.quantity_plot(motion, _quantity_curves(source, names, motion, dict(motion.columns())))
+    motion = source.motion(source.options.method, SAMPLES)
+    columns = dict(motion.columns())
+    if any(numeric_quantity(name, source.solver.mechanism).loaded for name in names):
+        if source.options.method != "closed":
+            raise InputError("forces are plotted of the closed form; leave out --from, or take --kind torque")
+        columns |= dict(source.study().columns())
+    return plots.quantity_plot(motion, _quantity_curves(source, names, motion, columns))
+
+
+def _quantity_curves(
+    source: PlotSource, names: Sequence[str], motion: Motion, columns: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return label with unit -> values of quantities over a motion."""
+    curves: dict[str, Array] = {}
+    for name in names:
+        quantity = numeric_quantity(name, source.solver.mechanism)
+        all_columns = record_columns(motion, [quantity]) | dict(columns)
+        if not {column.name for column in quantity.columns} <= all_columns.keys():
+            raise InputError(f"{name} is not known of this motion; leave it out")
+        values = quantity.number(all_columns)
+        curves[f"{name} [{quantity.unit}]"] = unwrapped(values) if quantity.angle else values
+    return curves
+
+
+def _phase(source: PlotSource) -> "Figure":
+    return plots.phase_plot(_release(source).shown_run(SAMPLES).motion, source.options.coordinates)
+
+
+def _bode(source: PlotSource) -> "Figure":
+    if source.options.response is None:
+        raise InputError("a Bode diagram needs --response LOAD:QUANTITY, as in crank:P.x")
+    result = _release(source).response(source.options.response)
+    return plots.bode_plot(result.columns(), f"{result.quantity} [{result.unit}]")
+
+
+def _modes(source: PlotSource) -> "Figure":
+    cycles = {cycle.title: cycle.motion for cycle in _release(source).cycles()}
+    return plots.mode_plot(source.solver.mechanism, cycles)
+
+
 PLOTS = {
     "error": PlotKind(
         "position error of the stepped run", lambda source: _errors(source, "simulated"), on_page=True
@@ -248,11 +325,33 @@ PLOTS = {
     "transmission": PlotKind("transmission angle", _transmission, on_page=True, closed=True),
     "assemblies": PlotKind("all assemblies as curves", _assemblies, ("coordinates",)),
     "plan": PlotKind("velocity plan with one crank stopped", _velocity_plan, ("angle", "stopped")),
-    "torque": PlotKind("drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("method",)),
-    "reactions": PlotKind(
-        "force in each joint as a path", lambda source: plots.reaction_plot(source.study())
+    "torque": PlotKind(
+        "drive torque and its parts; simulated: MuJoCo's as rings", _torque, ("method",), loaded=True
     ),
-    "power": PlotKind("powers that must balance", lambda source: plots.energy_plot(source.study())),
+    "reactions": PlotKind(
+        "force in each joint as a path", lambda source: plots.reaction_plot(source.study()), loaded=True
+    ),
+    "power": PlotKind(
+        "powers that must balance", lambda source: plots.energy_plot(source.study()), loaded=True
+    ),
+    "quantities": PlotKind(
+        "quantities that --of names, over the motion or a run from an initial state",
+        _quantities,
+        ("coordinates", "method"),
+        released="either",
+        loaded=True,
+    ),
+    "history": PlotKind(
+        "coordinates and energies of a run from an initial state, over time",
+        _history,
+        ("coordinates",),
+        released="always",
+    ),
+    "phase": PlotKind(
+        "rate over coordinate of a run from an initial state", _phase, ("coordinates",), released="always"
+    ),
+    "bode": PlotKind("magnitude and phase of a frequency response", _bode, ("response",), released="always"),
+    "modes": PlotKind("shapes of the modes of vibration", _modes, released="always"),
     "precision": PlotKind(
         "error over cost of MuJoCo's settings, measured now",
         lambda source: work_precision(measure(subject_of(source.solver, source.speed), budget=BUDGET)),

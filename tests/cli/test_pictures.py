@@ -5,10 +5,14 @@ import xml.etree.ElementTree as ET
 from functools import partial
 
 import jsonschema
+import numpy as np
 import pytest
 from drawing import draws
 
+import mechsim as ms
 from mechsim.cli.schema import output_schema
+from mechsim.model.forces import Forces
+from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.report import plot_table
 from mechsim.studies.extremes import axes, stability_map
 from mechsim.theory.continuation import trace
@@ -87,6 +91,13 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
             ("--trace", "--speed", "5rpm"),
             "--trace follows the curve of assemblies; leave out --speed",
         ),
+        (("--kind", "curve", "--spring", "crank=1"), "plot 'curve' shows no forces; loads are of torque, "),
+        (("--kind", "curve", "--initial", "crank.q=1"), "a run from an initial state is of quantities, "),
+        (("--kind", "bode"), "a Bode diagram needs --response LOAD:QUANTITY"),
+        (("--kind", "quantities"), "no quantity is named; give --of"),
+        (("--kind", "phase", "--speed", "5rpm"), "--speed is of a driven crank"),
+        (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
+        (("--kind", "quantities", "--of", "force:A", "--initial", "crank.q=1"), "force:A is not known"),
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
@@ -112,6 +123,17 @@ def test_a_video_of_a_size_that_no_codec_takes_is_refused(mechsim, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+DOWN = ("--initial", "crank.q=-95deg")
+# kinds of plots that need more than their name
+MORE = {
+    "quantities": ("--of", "crank.v,distance:A,C,torque"),
+    "history": ("--of", "distance:A,B", "--duration", "0.1s"),
+    "phase": (*DOWN, "--duration", "0.1s"),
+    "bode": (*DOWN, "--response", "crank:B.x"),
+    "modes": DOWN,
+}
+
+
 # studies take their time and have a test of their own
 @pytest.mark.parametrize(
     "kind", [kind for kind in plot_table.PLOTS if kind not in ("precision", "stability")]
@@ -119,7 +141,8 @@ def test_a_video_of_a_size_that_no_codec_takes_is_refused(mechsim, tmp_path):
 def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch, kind):
     for name, few in (("SAMPLES", 36), ("ERROR_SAMPLES", 36), ("trace", partial(trace, starts=20))):
         monkeypatch.setattr(plot_table, name, few)
-    assert mechsim("plot", "warp_knitter", "--kind", kind, "-o", "a.svg")[0] == 0
+    model = "warp_knitter" if plot_table.PLOTS[kind].released != "always" else "four_bar"
+    assert mechsim("plot", model, "--kind", kind, *MORE.get(kind, ()), "-o", "a.svg")[0] == 0
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
 
 
@@ -135,6 +158,13 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch
         (("--kind", "error", "--points", "A"), "takes no --points"),
         (("--kind", "torque", "--stopped", "crank1"), "takes no --stopped, which is of plan"),
         (("--kind", "torque", "--from", "posed"), "--from closed or simulated, not from posed"),
+        (("--kind", "curve", "--spring", "crank=1"), "plot 'curve' shows no forces; loads are of torque, "),
+        (("--kind", "curve", "--initial", "crank.q=1"), "a run from an initial state is of quantities, "),
+        (("--kind", "bode"), "a Bode diagram needs --response LOAD:QUANTITY"),
+        (("--kind", "quantities"), "no quantity is named; give --of"),
+        (("--kind", "phase", "--speed", "5rpm"), "--speed is of a driven crank"),
+        (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
+        (("--kind", "quantities", "--of", "force:A", "--initial", "crank.q=1"), "force:A is not known"),
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
@@ -199,3 +229,45 @@ def test_a_film_leaves_its_last_frame_out_only_where_that_is_the_first_again(mec
         0,
         f"wrote {count} frames to film\n",
     )
+
+
+@draws
+def test_a_run_from_an_initial_state_and_a_mode_are_rendered_and_viewed(mechsim, tmp_path):
+    small = ("--size", "96x64", "--duration", "0.1s")
+    code, out, _ = mechsim("render", "four_bar", *DOWN, *small, "-o", "run.gif", "--slow", "2")
+    assert (code, out.splitlines()[0]) == (0, "wrote 7 frames to run.gif")
+    code, out, _ = mechsim("render", "four_bar", *DOWN, *small, "--mode", "1", "--fps", "5", "-o", "mode.gif")
+    # one cycle of two seconds, whose last frame is the first again
+    assert (code, out.splitlines()[0]) == (0, "wrote 10 frames to mode.gif")
+    for words in (DOWN, (*DOWN, "--mode", "1")):
+        assert mechsim("view", "four_bar", *words, "-o", "page.html")[0] == 0
+        assert ("four-bar, mode 1" if "--mode" in words else "four-bar, released") in (
+            tmp_path / "page.html"
+        ).read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--mode", "2", *DOWN), "there is no mode 2; this equilibrium has modes 1 to 1"),
+        (("--spring", "crank=1"), "add --initial, --until or --mode"),
+        ((*DOWN, "--angle", "3deg"), "--angle is of a driven crank"),
+        ((*DOWN, "--duration", "1e9s"), "frames; give a shorter --duration"),
+    ],
+)
+def test_what_a_release_cannot_show_is_rejected(mechsim, words, says):
+    code, _, error = mechsim("render", "four_bar", *words, "-o", "a.png")
+    assert code == 2
+    assert says in error
+
+
+def test_frames_of_a_run_that_swings_bear_their_time():
+    run = ms.dynamics.run(
+        ms.load("four_bar"),
+        Forces(gravity=(0.0, -9.81, 0.0)),
+        initial={"crank.q": "30deg"},
+        duration=0.6,
+        samples=12,
+    )
+    frames = frame_poses(ms.catalog.make("four_bar").mechanism, run.motion, run.motion.angle[:-1])
+    np.testing.assert_array_equal(frames.time, run.time[:-1])

@@ -33,7 +33,7 @@ from mechsim.pictures.plots.sensitivity import (
     sensitivity_plot,
     tolerance_plot,
 )
-from mechsim.pictures.plots.vibration import bode_plot, history_plot, mode_plot, phase_plot
+from mechsim.pictures.plots.vibration import bode_plot, history_plot, mode_plot, phase_plot, quantity_plot
 
 __all__ = [
     "COLOURS",
@@ -59,6 +59,7 @@ __all__ = [
     "mode_plot",
     "motion_plot",
     "phase_plot",
+    "quantity_plot",
     "reaction_plot",
     "schematic_plot",
     "sensitivity_plot",

@@ -16,6 +16,8 @@ from mechsim.pictures.plots.figure import (
     COLOURS,
     LEGEND_RIGHT,
     STYLES,
+    abscissa,
+    along_axis,
     blank,
     decades,
     flattened,
@@ -85,6 +87,23 @@ def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -
         ax.set_ylabel(label_of(label))
     _energies(axes[-1, 0], time, run)
     axes[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+@styled()
+def quantity_plot(motion: Motion, quantities: Mapping[str, Array]) -> "Figure":
+    """Draw quantities over the crank angle, of motions in time over time.
+
+    Args:
+        motion: at n instants.
+        quantities: label with unit -> values, (n,) in SI; each has axes of its own.
+    """
+    figure, axes = blank(len(quantities), 1, (5.8, 0.8 + 2.0 * len(quantities)), sharex=True)
+    for i, (ax, (label, values)) in enumerate(zip(axes[:, 0], quantities.items(), strict=True)):
+        ax.plot(abscissa(motion), values, color=COLOURS[i % 6])
+        ax.set_ylabel(label_of(label))
+        flattened(ax, float(np.abs(values).max(initial=0.0)), "")
+    along_axis(axes[-1, 0], bool(motion.drivers))
     return figure
 
 

@@ -107,7 +107,8 @@ def frame_poses(
     requested = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
     vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
     # the samples themselves need no search, which a crank that swings to and fro would not allow
-    if np.array_equal(requested, motion.angle[: len(requested)]):
+    samples = np.array_equal(requested, motion.angle[: len(requested)])
+    if samples:
         first = slice(0, len(requested))
         poses = {
             name: pose if pose.position.ndim == 1 else pose.select(first) for name, pose in poses.items()
@@ -130,7 +131,7 @@ def frame_poses(
     points = {name: starts[name] for name in mechanism.points}
     time = None
     if motion.drivers and motion.time is not None:
-        time = np.interp(requested, motion.angle, motion.time)
+        time = motion.time[: len(requested)] if samples else np.interp(requested, motion.angle, motion.time)
     return FramePoses(requested, poses, points, paths, passed, vectors, starts, time)
 
 
