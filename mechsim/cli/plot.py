@@ -18,7 +18,18 @@ from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_ta
 from mechsim.studies.sweep.table import drawn_sweep
 
 # the kinds that show a motion over time as well
-TIMED = tuple("error poses motion curve space schematic torque reactions power quantities".split())
+TIMED = (
+    "error",
+    "poses",
+    "motion",
+    "curve",
+    "space",
+    "schematic",
+    "torque",
+    "reactions",
+    "power",
+    "quantities",
+)
 
 
 class PlotJson(Written):
