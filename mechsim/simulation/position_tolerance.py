@@ -21,8 +21,8 @@ from mechsim.simulation.tolerance import (
     Attempt,
     ToleranceReport,
     improving_compliance,
-    refine,
     rounded,
+    run_within_tolerance,
     steps_for,
 )
 
@@ -143,7 +143,7 @@ def _run_to_tolerance(
         return f"{round(steps / driven.cycle)} steps a turn leave the places off by {estimate:.2g} m"
 
     max_steps = max(MAX_STEPS, int(MAX_STEPS_OF_MOTION * driven.cycle / driven.profile.turns))
-    return refine(
+    return run_within_tolerance(
         attempt,
         tolerance,
         first,

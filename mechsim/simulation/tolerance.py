@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from mechsim.errors import BudgetError
 from mechsim.numerics.arrays import worst
+from mechsim.numerics.refinement import refine
 from mechsim.numerics.resources import ProcessorBudget
 
 R = TypeVar("R")
@@ -92,7 +92,35 @@ class Attempt(Generic[R]):
         return self.estimate if np.isnan(self.change) else self.change
 
 
-def refine(
+@dataclass
+class _NextSteps:
+    """Chooses the steps of the next attempt from the last; none where more steps do not help.
+
+    Attributes:
+        goal: error estimate that is the target.
+        trial_steps, multiple, max_steps: as of `run_within_tolerance`.
+        remaining: error that the last attempt had; None before the first.
+    """
+
+    goal: float
+    trial_steps: int
+    multiple: int
+    max_steps: int
+    remaining: float | None = None
+
+    def __call__(self, steps: int, current: Attempt[Any]) -> int | None:
+        diverged = current.diverged and steps < MAX_STEPS_AFTER_DIVERGENCE
+        gained = self.remaining is None or current.remaining < MIN_GAIN * self.remaining
+        wanted = max(steps_for(steps, current.estimate, self.goal, current.order), MIN_STEP_FACTOR * steps)
+        limit = self.max_steps if MAX_STEPS < wanted <= self.max_steps else MAX_STEPS
+        if current.final or not (gained or diverged) or steps >= limit:
+            return None
+        self.remaining = current.remaining
+        most = self.trial_steps if steps < self.trial_steps else MAX_STEP_FACTOR * steps
+        return rounded(min(wanted, most), self.multiple, limit)
+
+
+def run_within_tolerance(
     attempt: Callable[[int], Attempt[R]],
     tolerance: float,
     first: int,
@@ -121,41 +149,20 @@ def refine(
     Raises:
         BudgetError: where the budget ends before the first attempt does.
     """
-    steps, spent, remaining, best, ended = first, trials, np.inf, None, ""
-    while True:
-        spent_before = 0.0 if budget is None else budget.spent
-        try:
-            current = attempt(steps)
-        except BudgetError as error:
-            if best is None:
-                raise
-            ended = str(error)
-            break
+    spent = trials
+
+    def counted(steps: int) -> Attempt[R]:
+        nonlocal spent
+        current = attempt(steps)
         spent += current.trials + current.steps
-        diverged = current.diverged and steps < MAX_STEPS_AFTER_DIVERGENCE
-        improved = best is None or current.remaining < MIN_GAIN * remaining or diverged
-        if best is None or current.estimate < best.estimate:
-            best = current
-        wanted_steps = max(
-            steps_for(steps, current.estimate, TARGET_FRACTION * tolerance, current.order),
-            MIN_STEP_FACTOR * steps,
-        )
-        limit = max_steps if MAX_STEPS < wanted_steps <= max_steps else MAX_STEPS
-        if current.estimate <= tolerance or current.final or not improved or steps >= limit:
-            break
-        remaining, previous_steps = current.remaining, steps
-        steps = rounded(
-            min(wanted_steps, trial_steps if steps < trial_steps else MAX_STEP_FACTOR * steps),
-            multiple,
-            limit,
-        )
-        if budget is not None and not budget.affords((budget.spent - spent_before) * steps / previous_steps):
-            ended = budget.ended
-            steps = previous_steps
-            break
-    reason = "" if best.estimate <= tolerance else reason_text(steps, best.estimate)
-    if reason and ended:
-        reason = f"{ended}; {reason}"
+        return current
+
+    following = _NextSteps(TARGET_FRACTION * tolerance, trial_steps, multiple, max_steps)
+    result = refine(counted, first, following, tolerance, budget)
+    best = result.best
+    reason = "" if best.estimate <= tolerance else reason_text(result.level, best.estimate)
+    if reason and result.ended:
+        reason = f"{result.ended}; {reason}"
     report = ToleranceReport(
         tolerance=tolerance,
         estimates=best.estimates,

@@ -5,7 +5,7 @@ import pytest
 import mechsim as ms
 from mechsim.errors import BudgetError
 from mechsim.numerics.resources import ProcessorBudget
-from mechsim.simulation.tolerance import Attempt, refine
+from mechsim.simulation.tolerance import Attempt, run_within_tolerance
 from mechsim.studies import validate
 from mechsim.studies.validate import case_of
 
@@ -31,7 +31,9 @@ def refined(seconds: float, tolerance: float) -> tuple[list[int], str]:
         return Attempt(run=steps, steps=steps, estimates={"place": 1.0 / steps}, order=1.0)
 
     budget = ProcessorBudget(seconds, clock)
-    run, promise = refine(attempt, tolerance, 100, lambda _, left: f"{left:.2g} m are left", budget=budget)
+    run, promise = run_within_tolerance(
+        attempt, tolerance, 100, lambda _, left: f"{left:.2g} m are left", budget=budget
+    )
     assert run == tried[-1]
     return tried, promise.reason
 

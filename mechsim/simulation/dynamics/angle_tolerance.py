@@ -15,7 +15,7 @@ from mechsim.numerics.convergence import believed_order
 from mechsim.simulation.dynamics.free_steps import FreeSteps
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.tolerance import MAX_STEPS, Attempt, ToleranceReport, refine, rounded
+from mechsim.simulation.tolerance import MAX_STEPS, Attempt, ToleranceReport, rounded, run_within_tolerance
 
 # steps a turn of the coarsest of three trials, each with twice those before
 COARSEST = 60
@@ -82,7 +82,7 @@ def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeSteppin
         )
 
     spent = first.steps.steps + second.steps.steps
-    return refine(attempt, tolerance, 4 * coarsest, _reason, trials=spent, multiple=2)
+    return run_within_tolerance(attempt, tolerance, 4 * coarsest, _reason, trials=spent, multiple=2)
 
 
 def _reason(steps: int, estimate: float) -> str:

@@ -18,7 +18,14 @@ from mechsim.simulation.dynamics.determinacy import DeterminedComponents, determ
 from mechsim.simulation.dynamics.inverse_dynamics import inverse_dynamics
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.result import Driven
-from mechsim.simulation.tolerance import MAX_STEPS, TARGET_FRACTION, Attempt, refine, rounded, steps_for
+from mechsim.simulation.tolerance import (
+    MAX_STEPS,
+    TARGET_FRACTION,
+    Attempt,
+    rounded,
+    run_within_tolerance,
+    steps_for,
+)
 
 # instants compared in a turn of a trial; halving asks for multiples of twice as many steps
 TRIAL_SAMPLES = 24
@@ -67,7 +74,7 @@ def within(
         estimates = {"torque": torque, "reactions": reactions, "halving": halving}
         return Attempt(run=run, steps=run.steps, estimates=estimates, order=order, trials=spent)
 
-    run, report = refine(
+    run, report = run_within_tolerance(
         attempt,
         tolerance,
         rounded(steps_for(TRIALS[1], second, TARGET_FRACTION * tolerance, order), EVEN),

@@ -13,6 +13,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import believed_order
+from mechsim.numerics.refinement import refine
 from mechsim.simulation.divergence import stiffness_cause
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
@@ -50,6 +51,11 @@ class ConvergedReference:
     order: float | None = None
     what: str = ""
     broken: str = ""
+
+    @property
+    def estimate(self) -> float:
+        """The error of its points, in [m]."""
+        return self.errors[0]
 
     @property
     def converged_run(self) -> SceneRun | None:
@@ -114,24 +120,26 @@ def _refined(
 ) -> ConvergedReference:
     """Return the converged motion by one integrator: double the steps until it holds or time ends."""
     runs: list[SceneRun] = []
-    best = ConvergedReference(stepped(scene, records=2), broken="not run")
-    seconds = 0.0
-    # the next run takes twice as long as the last
-    while steps <= MAX_STEPS and (0 < len(runs) < 3 or 2.0 * seconds < budget.remaining):
+    solver_tolerance = SOLVER_TOLERANCE_RATIO * scene.solver_tolerance
+    start = budget.spent
+
+    def attempt(steps: int) -> ConvergedReference:
+        nonlocal start
         progress(f"limit: {integrator}, {steps:,} steps", 0.0)
-        tolerance_of_solver = SOLVER_TOLERANCE_RATIO * scene.solver_tolerance
-        model = hardened(scene.model, scene.duration / steps, integrator, tolerance_of_solver)
         start = budget.spent
+        model = hardened(scene.model, scene.duration / steps, integrator, solver_tolerance)
         run = stepped(scene, model, records=RECORDED, phase=0.5)
-        seconds, steps = budget.spent - start, 2 * steps
-        runs = [] if run.broken else [*runs[-2:], run]
-        if run.broken and best.broken:
-            best = ConvergedReference(run, broken=run.broken)
-        elif len(runs) == 3:
-            best = _extrapolated(runs, integrator)
-            if best.errors[0] <= tolerance:
-                break
-    return best
+        runs[:] = [] if run.broken else [*runs[-2:], run]
+        if len(runs) == 3:
+            return _extrapolated(runs, integrator)
+        return ConvergedReference(run, broken=run.broken or "fewer than three runs")
+
+    def following(steps: int, _: ConvergedReference) -> int | None:
+        # the next run takes twice as long as the last
+        has_time = 0 < len(runs) < 3 or 2.0 * (budget.spent - start) < budget.remaining
+        return 2 * steps if has_time and 2 * steps <= MAX_STEPS else None
+
+    return refine(attempt, steps, following, tolerance).best
 
 
 def _extrapolated(runs: Sequence[SceneRun], integrator: str) -> ConvergedReference:

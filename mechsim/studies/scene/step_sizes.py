@@ -2,12 +2,13 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 from mechsim.model.limits import MAX_SCENE_STEPS
+from mechsim.numerics.refinement import refine
 from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.evaluator import SceneEvaluator
 from mechsim.studies.scene.run import RECORDS, SceneRun, stepped
@@ -172,6 +173,19 @@ def loop_settings(scene: UserScene, step: float, integrator: str, constant: floa
     )
 
 
+class FinerRun(NamedTuple):
+    """A run with settings and its errors."""
+
+    run: SceneRun
+    errors: SceneErrors
+    settings: PlainSettings
+
+    @property
+    def estimate(self) -> float:
+        """The error by closure, in [m]."""
+        return self.errors.closure
+
+
 def finer(
     scene: UserScene,
     settings: PlainSettings,
@@ -179,8 +193,8 @@ def finer(
     *,
     fixed: bool = False,
     records: int | None = None,
-) -> tuple[SceneRun, SceneErrors, PlainSettings]:
-    """Return a run that satisfies a tolerance by closure, or the best one, with its errors and settings.
+) -> FinerRun:
+    """Return a run that satisfies a tolerance by closure, or the best one.
 
     The step is refined until the tolerance holds. A run that diverges is repeated with an implicit
     integrator, unless one was requested; finer steps follow.
@@ -197,16 +211,18 @@ def finer(
     if not fixed:
         ratios = [ratio for ratio in FINER_RATIOS if scene.duration / (ratio * own) <= MAX_SCENE_STEPS]
         options += [_with_hard_loops(settings, ratio * own) for ratio in ratios]
-    evaluator, trials = SceneEvaluator(), list[tuple[SceneRun, SceneErrors, PlainSettings]]()
-    for option in options:
-        for trial in (option, replace(option, integrator=IMPLICIT)):
-            run = stepped(scene, trial.applied(scene.model), records=records or RECORDS)
-            trials.append((run, evaluator.errors(run), trial))
-            if not run.broken or fixed or settings.integrator is not None:
-                break
-        if trials[-1][1].closure <= tolerance:
-            break
-    return min(trials, key=lambda trial: trial[1].closure)
+
+    def run_with(option: PlainSettings) -> FinerRun:
+        run = stepped(scene, option.applied(scene.model), records=records or RECORDS)
+        return FinerRun(run, SceneEvaluator().errors(run), option)
+
+    def attempt(i: int) -> FinerRun:
+        result = run_with(options[i])
+        if result.run.broken and not fixed and settings.integrator is None:
+            return run_with(replace(options[i], integrator=IMPLICIT))
+        return result
+
+    return refine(attempt, 0, lambda i, _: i + 1 if i + 1 < len(options) else None, tolerance).best
 
 
 def _with_hard_loops(settings: PlainSettings, step: float) -> PlainSettings:

@@ -6,12 +6,14 @@ spring, dampers by joint damping.
 
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.refinement import refine
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidates.bodies import body_of, joints_of
 from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, count_text
@@ -27,6 +29,8 @@ SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 CONSTANT = 2.0
 # samples by which reflected inertia and springs are fitted
 FIT_SAMPLES = 41
+# iterations of Lawson's algorithm
+LAWSON_ITERATIONS = 20
 
 
 @dataclass(frozen=True)
@@ -108,11 +112,15 @@ def joint_polynomials_of(observed: Evidence, joint: str) -> JointPolynomials | N
     return JointPolynomials(joint, others, low + zero[joint], high + zero[joint])
 
 
+class FittedPolynomial(NamedTuple):
+    """A polynomial and its worst error over the samples."""
+
+    polynomial: Polynomial
+    estimate: float
+
+
 def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
     """Return the polynomial of least degree, 0 to 4, whose worst error over samples is near the least.
-
-    It is fitted in Chebyshev polynomials with weights that grow where the error is largest (Lawson), until
-    the worst error is that of the minimax polynomial to a few per cent.
 
     Args:
         x: samples, (n,).
@@ -122,25 +130,31 @@ def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
     Returns:
         None if the best error exceeds a hundred tolerances.
     """
-    domain = [float(x.min()), float(x.max())]
-    best: tuple[float, Polynomial] | None = None
-    for degree in range(DEGREE + 1):
-        weights = np.full(len(x), 1.0 / len(x))
-        for _ in range(20):
-            fit = Chebyshev.fit(x, y, degree, domain=domain, w=np.sqrt(weights))
-            error = np.abs(fit(x) - y)
-            worst = float(error.max())
-            if best is None or worst < best[0]:
-                best = worst, fit.convert(kind=Polynomial)
-            if not worst > 0.1 * tolerance:
-                break
-            weights *= error + 1e-3 * worst
-            weights /= weights.sum()
-        assert best is not None
-        if best[0] <= 0.1 * tolerance:
+    best = refine(
+        lambda degree: _minimax_polynomial(x, y, degree, 0.1 * tolerance),
+        0,
+        lambda degree, _: degree + 1 if degree < DEGREE else None,
+        0.1 * tolerance,
+    ).best
+    return best.polynomial if best.estimate <= 100.0 * tolerance else None
+
+
+def _minimax_polynomial(x: Array, y: Array, degree: int, sufficient: float) -> FittedPolynomial:
+    """Return a polynomial whose worst error over samples is the least to a few per cent, or sufficient.
+
+    It is fitted in Chebyshev polynomials with weights that grow where the error is largest (Lawson).
+    """
+    fits: list[FittedPolynomial] = []
+    weights = np.full(len(x), 1.0 / len(x))
+    for _ in range(LAWSON_ITERATIONS):
+        fit = Chebyshev.fit(x, y, degree, domain=[float(x.min()), float(x.max())], w=np.sqrt(weights))
+        error = np.abs(fit(x) - y)
+        fits.append(FittedPolynomial(fit.convert(kind=Polynomial), float(error.max())))
+        if fits[-1].estimate <= sufficient:
             break
-    assert best is not None
-    return best[1] if best[0] <= 100.0 * tolerance else None
+        weights *= error + 1e-3 * fits[-1].estimate
+        weights /= weights.sum()
+    return min(fits, key=lambda fitted: fitted.estimate)
 
 
 def _needed(observed: Evidence, relations: JointPolynomials) -> frozenset[str]:
