@@ -37,10 +37,16 @@ from mechsim.simulation.poses.change_point_motion import interpolated, moved_awa
 from mechsim.simulation.recording import States, evaluate
 from mechsim.simulation.result import Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import Progress, Steps, no_progress, step
+from mechsim.simulation.stepping import (
+    SAMPLES,
+    Progress,
+    Steps,
+    interval_count,
+    no_progress,
+    record_stride,
+    step,
+)
 
-# default number of recorded instants per revolution
-SAMPLES = 72
 # notes on the changes that stepping makes to a custom model
 CHANGED = (
     "the model's own time step, integrator, solver and constraint compliance were replaced by the settings "
@@ -187,11 +193,9 @@ class DrivenRun:
         if self.total is not None:
             what = f"a motion of {self.profile.turns:g} turns with the given time step"
         require_steps(what, self.total or steps, "take fewer turns or a shorter duration, or longer steps")
-        total = self.total or max(self.profile.min_instants, int(np.ceil(steps - 1e-9)))
-        if self.samples is None:
-            return total, max(1, int(total / max(self.profile.min_instants, SAMPLES * self.profile.turns)))
-        every = -(-total // self.samples)
-        return every * self.samples, every
+        total = self.total or interval_count(self.profile, settings.steps_per_turn)
+        stride = record_stride(self.profile, total, self.samples)
+        return (total if self.samples is None else stride * self.samples), stride
 
     def _cause(self, steps: Steps) -> str:
         """Return the cause of a divergence: a singular pose, a limit, a contact, else stiffness."""
@@ -256,7 +260,7 @@ def solved_run(
     Raises:
         AssemblyError: where the crank cannot make all of it.
     """
-    samples = samples or max(profile.min_instants, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
+    samples = samples or interval_count(profile)
     time = np.linspace(0.0, profile.duration, samples + 1)
     angle, speed, acceleration = profile.state(time)
     if not profile.steady:

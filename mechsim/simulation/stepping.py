@@ -27,6 +27,8 @@ Progress = Callable[[str, float], None]
 BLOCK = 4096
 # bytes per step of a drive with variable speed
 BYTES_PER_STEP = 64.0
+# records of a revolution where no number is requested
+SAMPLES = 72
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
@@ -55,6 +57,24 @@ class Steps:
     diverged: bool
     settings: Settings
     processor: float = 0.0
+
+
+def interval_count(profile: CrankProfile, per_turn: float = SAMPLES) -> int:
+    """Return the whole number of intervals in a motion with so many per revolution, or more."""
+    return max(profile.min_instants, int(np.ceil(profile.turns * per_turn - 1e-9)))
+
+
+def record_stride(profile: CrankProfile, total: int, samples: int | None) -> int:
+    """Return the number of steps between two records of a motion of `total` steps.
+
+    Args:
+        profile: of the motion.
+        total: number of steps.
+        samples: number of records after the first; None takes about `SAMPLES` per revolution.
+    """
+    if samples is not None:
+        return -(-total // samples)
+    return max(1, int(total / max(profile.min_instants, SAMPLES * profile.turns)))
 
 
 def no_progress(_: str, __: float) -> None:

@@ -28,12 +28,10 @@ from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
-from mechsim.simulation.stepping import Progress, no_progress, step
+from mechsim.simulation.stepping import Progress, interval_count, no_progress, record_stride, step
 from mechsim.simulation.tolerance import ToleranceReport
 from mechsim.units import si
 
-# instants recorded a turn where nothing else is asked
-SAMPLES = 72
 # constraints ten thousand times harder than places need: near a dead centre the gap that carries the forces
 # showed in the torque, 1e-3 of it in an elliptic trammel (validation/robustness/torque_scale.py)
 HARD = Settings(compliance=1e-12)
@@ -119,7 +117,7 @@ def driven(
         return _stepped(loaded, profile, chosen, *_paced(profile, chosen, samples), progress)
 
     short = _one_turn(profile)
-    count = max(short.min_instants, int(np.ceil(TRIAL_SAMPLES * short.turns - 1e-9)))
+    count = interval_count(short, TRIAL_SAMPLES)
 
     def trial(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
@@ -131,11 +129,9 @@ def driven(
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
     """Return how many instants are recorded after the first and how many steps lie between two of them."""
-    total = max(profile.min_instants, int(np.ceil(profile.turns * settings.steps_per_turn - 1e-9)))
-    if samples is not None:
-        return samples, -(-total // samples)
-    stride = max(1, int(total / max(profile.min_instants, SAMPLES * profile.turns)))
-    return -(-total // stride), stride
+    total = interval_count(profile, settings.steps_per_turn)
+    stride = record_stride(profile, total, samples)
+    return samples or -(-total // stride), stride
 
 
 def _one_turn(profile: CrankProfile) -> CrankProfile:
@@ -155,7 +151,7 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, progress: Progress) -> Driven:
-    count = samples or max(profile.min_instants, int(np.ceil(SAMPLES * profile.turns - 1e-9)))
+    count = samples or interval_count(profile)
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
     begin = clock.perf_counter()
