@@ -114,6 +114,21 @@ def option(
     return field(default=default, metadata=rule | {"many": many})
 
 
+# limits of a crank speed in [rad/s]: one revolution a day, and above any shaft
+SLOWEST, FASTEST = 1e-4, 1e9
+
+
+def crank_speed(value: float | str) -> float:
+    """Return a crank speed in [rad/s]; raise InputError outside `SLOWEST` to `FASTEST`."""
+    speed = float(si(value, "rad/s", "the crank speed"))
+    if not SLOWEST <= abs(speed) <= FASTEST:
+        raise InputError(
+            f"the crank speed is {value}; give one other than 0, between {SLOWEST:g} and {FASTEST:g} rad/s "
+            "in either direction, as in 600rpm"
+        )
+    return speed
+
+
 def rpm(value: float) -> float:
     """Return revolutions per minute in [rad/s]."""
     return _plain(value, "rpm", "parse_speed") * np.pi / 30.0

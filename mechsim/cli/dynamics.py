@@ -16,7 +16,7 @@ from mechsim.cli.forward_dynamics import ForwardOptions, Output, forward_dynamic
 from mechsim.cli.forward_results import ForwardJson
 from mechsim.cli.initial_options import released_model
 from mechsim.cli.load_options import LoadOptions, print_masses
-from mechsim.cli.options import ModelOptions, speed_of, writable
+from mechsim.cli.options import ModelOptions, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.output_units import SI_UNITS, Labelled, OutputUnits, Units, output_units
 from mechsim.cli.progress import Progress, progress
@@ -38,7 +38,7 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import driven_as, profile_of
-from mechsim.units import option
+from mechsim.units import crank_speed, option
 from mechsim.verdict.checks import Verdict
 
 # numbers of an instant besides those of its joints, and bytes of memory for each
@@ -174,7 +174,9 @@ class DynamicsJson(TypedDict):
 class DynamicsOptions:
     """Motion, method and output."""
 
-    speed: float = option(20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=speed_of, text="600rpm")
+    speed: float = option(
+        20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=crank_speed, text="600rpm"
+    )
     free: bool = option(False, "Release the crank at --speed.", name="--free")
     coefficient: float | None = option(
         None, "Target of the coefficient of speed fluctuation; computes the flywheel that reaches it."

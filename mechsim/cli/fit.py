@@ -9,13 +9,13 @@ import numpy as np
 from mechsim import files, units
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions
-from mechsim.cli.options import SPEED, ModelOptions, Output, speed_of, writable
+from mechsim.cli.options import SPEED, ModelOptions, Output, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.studies.fit import Fit, MeasuredMotion, fit_dimensions, measured_of, single
 from mechsim.studies.sensitivity import Loading, MovedFamily
-from mechsim.units import option
+from mechsim.units import crank_speed, option
 
 # significant digits of an identified dimension
 MOST_DIGITS = 9
@@ -93,7 +93,7 @@ def fit(
     parametric = source.load_parametric()
     measured = measured_of(files.read(table), parametric.make({}), table)
     loading = Loading(loads.forces, loads.density, loads.diameter)
-    moved = MovedFamily(parametric, measured.angles, speed_of(options.speed or SPEED), loading)
+    moved = MovedFamily(parametric, measured.angles, crank_speed(options.speed or SPEED), loading)
     with progress("fit", None) as report:
         result = fit_dimensions(moved, measured, options.vary, offset=options.offset, progress=report)
     data = _as_dict(result, measured, output)

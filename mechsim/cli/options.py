@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mechsim import files, units
+from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
@@ -21,9 +21,6 @@ from mechsim.model.scene import Scene
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.readers import load, load_by_motors, parametric_model
 from mechsim.units import option
-
-# limits of a crank speed in [rad/s]: one revolution a day, and above any shaft
-SLOWEST, FASTEST = 1e-4, 1e9
 
 Model = Annotated[
     str,
@@ -215,17 +212,6 @@ def require_motion(solver: Form) -> Form:
     if not isinstance(solver, ClosedForm):
         solver.motion_laws.require_drivers(solver.mechanism)
     return solver
-
-
-def speed_of(text: str) -> float:
-    """Return a crank speed in [rad/s]; raise InputError outside `SLOWEST` to `FASTEST`."""
-    speed = units.parse_speed(text, "the crank speed")
-    if not SLOWEST <= abs(speed) <= FASTEST:
-        raise InputError(
-            f"the crank speed is {text}; give one other than 0, between {SLOWEST:g} and {FASTEST:g} rad/s "
-            "in either direction, as in 600rpm"
-        )
-    return speed
 
 
 def scene_of(level: str, cut: str | None = None, forces: Forces | None = None) -> Scene:

@@ -8,7 +8,7 @@ import typer
 from mechsim.cli.command import Result, command
 from mechsim.cli.initial_options import InitialOptions, released_model
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
-from mechsim.cli.options import SPEED, DriveOptions, File, ModelOptions, Speed, speed_of, writable
+from mechsim.cli.options import SPEED, DriveOptions, File, ModelOptions, Speed, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
@@ -16,6 +16,7 @@ from mechsim.model.masses import LinkMass
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
 from mechsim.studies.sweep.table import drawn_sweep
+from mechsim.units import crank_speed
 
 # the kinds that show a motion over time as well
 TIMED = (
@@ -102,7 +103,7 @@ def plot(
     with progress("plot", None) as report:
         plot_source = PlotSource(
             solver=solver,
-            speed=speed_of(speed),
+            speed=crank_speed(speed),
             options=options,
             progress=report,
             model=loads.dynamic_model,

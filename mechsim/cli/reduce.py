@@ -1,22 +1,18 @@
 """Command `mechsim reduce`: the smallest scene that satisfies a tolerance for what is tracked."""
 
-from dataclasses import replace
-from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
 import typer
 
-from mechsim import files, units
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import DriveOptions, File, writable
+from mechsim.cli.exit_codes import notes
+from mechsim.cli.options import DriveOptions, File, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.cli.scene_options import ControlOptions, user_scene
-from mechsim.errors import InputError
-from mechsim.studies.reduction import By, LeftOut, Reduction, reduced, with_comment
-from mechsim.studies.scene import SceneErrors, spec_of
-
-UNITS: dict[By, units.Unit] = {"trajectory": "m", "torque": "N m"}
+from mechsim.cli.scene_options import ControlOptions
+from mechsim.studies.reduction import Reduction
+from mechsim.studies.reduction.reduce_model import reduce as reduce_model
+from mechsim.studies.scene.open_scene import require_mjcf
 
 
 class RemovedJson(TypedDict):
@@ -83,54 +79,26 @@ def reduce(
     mechsim reduce gripper.xml --tolerance 10um --track fingertip -o reduced.xml
     mechsim reduce leg.xml --by torque --tolerance 0.01 -o reduced.xml
     """
+    require_mjcf(model)
     path = writable(output, ".xml")
-    if by not in UNITS:
-        raise InputError(f"--by is {by!r}; it can be {', '.join(UNITS)}")
-    unit = UNITS[by]
-    limit = units.parse(tolerance, unit, "the tolerance")
-    if not 0.0 < limit < float("inf"):
-        raise InputError(f"the tolerance is {tolerance}; give one above 0, as in 10um")
-    # P,Q are two points, P,BODY@x,y,z is one
-    points = [name for text in driven.track for name in ([text] if "@" in text else text.split(","))]
-    driven = replace(driven, track=tuple(points))
-    scene = user_scene(model, driven, controls)
-    keep = {name for text in points for name in text.partition("@")[0].split(",")} | set(scene.tracked)
+    require_distinct("--ctrl", controls.ctrl)
     with progress("reduce", None) as report:
-        result = reduced(scene, spec_of(scene), limit, keep=keep, by=by, progress=report)
-    with files.atomic_path(path) as unfinished:
-        unfinished.write_text(with_comment(result, Path(model).name, limit, unit))
-    data: ReduceJson = {**_as_dict(result), "tolerance": limit, "by": by, "unit": unit, "output": output}
-    return Result(data, lambda: _print(result, model, limit, unit), result.kept(limit), [output])
+        result = reduce_model(
+            model,
+            tolerance,
+            by=by,
+            ctrl=dict(controls.ctrl),
+            output=path,
+            progress=report,
+            **driven.as_arguments(),
+        )
+    notes.extend(result.notes)
+    data: Any = {**result.as_dict(), "output": output}
 
+    def text() -> None:
+        _print(result.reduction, model, result.tolerance, result.unit)
 
-def _as_dict(result: Reduction) -> dict[str, object]:
-    first, second = result.errors
-    return {
-        "left_out": [_removed(element, result.by) for element in result.left_out],
-        "error": max(first.by(result.by), second.by(result.by)),
-        "speedup": result.speedup,
-        "motion": _errors(first),
-        "second_motion": _errors(second),
-        "ms_per_s": {"full": 1e3 * result.time, "reduced": 1e3 * result.time / result.speedup},
-        "tried": result.tried,
-        "undone": list(result.undone),
-    }
-
-
-def _removed(element: LeftOut, by: By) -> RemovedJson:
-    return {
-        "what": element.candidate.what,
-        "family": element.candidate.category,
-        "error": element.alone_errors.by(by),
-        "time_ratio": element.time_ratio,
-        "together": element.error,
-        "torque": element.alone_errors.torque,
-        "energy": element.alone_errors.energy,
-    }
-
-
-def _errors(errors: SceneErrors) -> MotionErrors:
-    return {"trajectory": errors.trajectory, "torque": errors.torque, "energy": errors.energy}
+    return Result(data, text, result.reached, [output])
 
 
 def _print(result: Reduction, model: str, tolerance: float, unit: str) -> None:
@@ -155,5 +123,5 @@ def _print(result: Reduction, model: str, tolerance: float, unit: str) -> None:
         )
     print_text(
         f"{number(result.speedup, 3)} times as fast: {number(1e3 * result.time / result.speedup, 3)} instead "
-        f"of {number(1e3 * result.time, 3)} ms a simulated second; {result.tried} candidates tried"
+        f"of {number(1e3 * result.time, 3)} ms per simulated second; {result.tried} candidates tried"
     )

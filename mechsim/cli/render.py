@@ -13,7 +13,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli.command import Result, command
 from mechsim.cli.initial_options import ReleaseOptions, released_model, require_release
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
-from mechsim.cli.options import File, ModelOptions, speed_of, writable
+from mechsim.cli.options import File, ModelOptions, writable
 from mechsim.cli.output import number
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
@@ -27,7 +27,7 @@ from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
 from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of, weighing
 from mechsim.studies.release import Release
-from mechsim.units import option, parse_angle
+from mechsim.units import crank_speed, option, parse_angle
 
 # [s] that one cycle of a mode is shown
 CYCLE = 2.0
@@ -43,7 +43,9 @@ class AnimationOptions:
         name="--from",
         metavar="closed|simulated|both",
     )
-    speed: float = option(20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=speed_of, text="600rpm")
+    speed: float = option(
+        20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=crank_speed, text="600rpm"
+    )
     turns: float = option(1.0, "Turns of the crank; backwards if negative.")
     angle: str | None = option(None, "Crank angle of a still picture.")
     fps: float = option(30.0, "Frames a second.")

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import files, units
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
-from mechsim.cli.options import SPEED, ModelOptions, Output, speed_of, writable
+from mechsim.cli.options import SPEED, ModelOptions, Output, writable
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
@@ -31,7 +31,7 @@ from mechsim.studies.sensitivity import (
 )
 from mechsim.studies.sensitivity.tolerance_analysis import SAMPLES, SEED
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, DISTRIBUTIONS
-from mechsim.units import option
+from mechsim.units import crank_speed, option
 
 MOST_SAMPLES = 10_000_000
 # contributions to a tolerance that are printed
@@ -146,7 +146,7 @@ def sensitivity(
         instants = units.parse_angles(options.angles, "the crank angles")
         warn_about_angles("--angles", options.angles, solver)
     loading = Loading(loads.forces, loads.density, loads.diameter)
-    moved = MovedFamily(parametric, instants, speed_of(options.speed or SPEED), loading)
+    moved = MovedFamily(parametric, instants, crank_speed(options.speed or SPEED), loading)
     tolerances = None
     if options.tolerances is not None:
         bounds = written_tolerances(options.tolerances)

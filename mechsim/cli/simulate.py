@@ -20,14 +20,13 @@ from mechsim.cli.options import (
     Output,
     require_motion,
     scene_of,
-    speed_of,
     with_policy,
     writable,
 )
 from mechsim.cli.output import number, print_text
 from mechsim.cli.output_units import Labelled, Units, output_units
 from mechsim.cli.progress import progress
-from mechsim.cli.scene_options import ControlOptions, plain_settings, user_scene
+from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.cli.schema import RunJson
 from mechsim.cli.verdict_text import crank_law, findings_in_json, print_finding_lines, scene_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
@@ -40,9 +39,10 @@ from mechsim.simulation import CrankProfile, Run, Settings
 from mechsim.studies.motion_source import driven_as
 from mechsim.studies.scene import SceneRun, UserScene, start_error
 from mechsim.studies.scene.errors import divergence_reason
+from mechsim.studies.scene.settings import plain_settings
 from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path
-from mechsim.units import option, parse_angle, parse_length, parse_time
+from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_time
 
 RunSettings = Annotated[Mapping[str, Any], Settings]
 # options of a crank alone, and why they are invalid with motion laws
@@ -187,7 +187,7 @@ def _motion(solver: Form, options: RunOptions) -> CrankProfile:
         return laws.path_profile
     if options.profile:
         return _profile(options.profile)
-    speed = speed_of(options.speed or SPEED)
+    speed = crank_speed(options.speed or SPEED)
     swing = limited_swing(solver, speed) if options.turns is None else None
     return swing or _constant_speed(solver, speed, 1.0 if options.turns is None else options.turns)
 

@@ -20,7 +20,6 @@ from mechsim.cli.options import (
     ModelOptions,
     Output,
     require_motion,
-    speed_of,
     with_policy,
     writable,
 )
@@ -34,7 +33,7 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.subjects.driver_positions import Poses, poses_of_table
-from mechsim.units import option, parse_angles
+from mechsim.units import crank_speed, option, parse_angles
 
 # times or crank angles -> the motion there
 MotionAt = Callable[[Array], Motion]
@@ -150,7 +149,7 @@ def _task(solver: Form, options: SolveOptions) -> SolveTask:
     if not laws.crank:
         times = np.linspace(0.0, laws.duration, samples)
         return SolveTask(solver, times, lambda t: solver.solve(t=t), f"{samples:,} samples")
-    speed = speed_of(options.speed or SPEED)
+    speed = crank_speed(options.speed or SPEED)
     swing = None if options.angles else limited_swing(solver, speed)
     if swing is not None:
         times, swinging = np.linspace(0.0, swing.duration, samples), solver.starting_at(swing.angles)

@@ -10,7 +10,7 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import masses_in_json, print_masses
-from mechsim.cli.options import File, ModelOptions, Speed, changed_parameters, speed_of
+from mechsim.cli.options import File, ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
@@ -30,6 +30,7 @@ from mechsim.studies.sweep.sweeping import (
 )
 from mechsim.studies.sweep.table import columns, require_libraries, suffix_of
 from mechsim.studies.sweep.task import BUILT
+from mechsim.units import crank_speed
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -130,7 +131,7 @@ def sweep(
         design=design,
         sample=sample,
         samples=samples,
-        speed=speed_of(speed),
+        speed=crank_speed(speed),
         settings=Settings(**settings) if method == "step" or settings else None,
     )
     with progress("sweep", None) as report:

@@ -10,7 +10,7 @@ import typer
 from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import DriveOptions, ModelOptions, Output, Speed, load_model, speed_of, writable
+from mechsim.cli.options import DriveOptions, ModelOptions, Output, Speed, load_model, writable
 from mechsim.cli.output import Value, number, print_table, print_text, width
 from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import ControlOptions, user_scene
@@ -34,6 +34,7 @@ from mechsim.studies.tradeoff import (
 )
 from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.studies.tradeoff.work_precision import advice
+from mechsim.units import crank_speed
 
 # [s] of the budget that are reserved for the table, and for a plot
 TABLE_TIME, PLOT_TIME = 0.1, 0.7
@@ -149,7 +150,7 @@ def tradeoff(
         raise InputError(f"there is no error by {by!r}; known are {', '.join(COMPARED)}")
     timer = _timed_budget(budget, drawn=plot is not None)
     with progress("tradeoff", None) as report:
-        subject = _subject(source, speed_of(speed), timer)
+        subject = _subject(source, crank_speed(speed), timer)
         result = measure(subject, budget=timer, seed=seed, progress=report)
     if path is not None:
         write_csv(path, result, by)

@@ -22,7 +22,6 @@ from mechsim.cli.options import (
     Verbose,
     folder_for,
     load_parametric,
-    speed_of,
     writable,
 )
 from mechsim.cli.output import print_json
@@ -48,7 +47,7 @@ from mechsim.studies.reference import by_reference
 from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery, reference_data
 from mechsim.subjects.readers import load
-from mechsim.units import option
+from mechsim.units import crank_speed, option
 from mechsim.verdict.checks import Verdict
 
 
@@ -202,7 +201,7 @@ def validate(
         if models is None or len(models) != 1 or whole_gallery:
             raise InputError("--against is of one model; name it, and no others")
         design = load_parametric(models[0], sets, driven, moving=False)
-        return _against(design, comparison, speed_of(speed), folder, verbose)
+        return _against(design, comparison, crank_speed(speed), folder, verbose)
     if comparison.plot is not None:
         raise InputError("--plot goes with --against; name what the model is compared with")
     names = list(models or catalog.DRIVES)
@@ -213,7 +212,7 @@ def validate(
     designs = _by_name({model: load_parametric(model, sets, driven) for model in names})
     report_code([design.make({}) for design in designs.values()])
     task = ValidationTask(
-        speed=speed_of(speed),
+        speed=crank_speed(speed),
         quick=() if models or whole_gallery else list(gallery.files()),
         tolerance=comparison.tolerance_in_metres,
         budget=units.parse_time(budget, "the budget"),

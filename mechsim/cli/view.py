@@ -14,11 +14,12 @@ import typer
 from mechsim.cli.command import Result, command
 from mechsim.cli.initial_options import ReleaseOptions, released_model, require_release
 from mechsim.cli.load_options import LoadOptions
-from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, speed_of, writable
+from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, writable
 from mechsim.cli.schema import Written
 from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
 from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.units import crank_speed
 
 if TYPE_CHECKING:
     from mechsim.pictures.view import View
@@ -81,7 +82,7 @@ def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions,
     require_release(loads, release, "add --initial, --until or --mode")
     solver = source.load()
     mjcf = solver.source if isinstance(solver, MjcfForm) else None
-    return mechanism_view(solver, speed_of(speed), mjcf.limits if mjcf else None)
+    return mechanism_view(solver, crank_speed(speed), mjcf.limits if mjcf else None)
 
 
 def _browser() -> webbrowser.BaseBrowser | None:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
@@ -185,6 +184,8 @@ class _Outputs:
     def _rotation(self, body: int, suffix: str) -> Callable[..., tuple[Array, Array]]:
         """Return a component of the rotation vector from the reference to the states, in the world frame."""
         component = ROTATION_SUFFIXES.index(suffix)
+        from scipy.spatial.transform import Rotation
+
         start = self.path.loops.posed.body_poses(self.path.reference[None])[1][0, body]
 
         def value(_: Array, position: Array, rotation: Array, jacobian: Callable[..., tuple[Array, Array]]):

@@ -24,7 +24,7 @@ from plain_judge import closure_error, script_of, trajectory_error
 from tuned_cases import CASES, SceneFile, scene_files
 from tuned_grid import quickest_kept
 
-from mechsim.cli.scene_options import python_laws, user_scene
+from mechsim.cli.scene_options import user_scene
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.budget import Budget
@@ -34,6 +34,7 @@ from mechsim.studies.scene import (
     step_times,
     with_assembled_start,
 )
+from mechsim.studies.scene.open_scene import python_laws
 from mechsim.studies.scene.tune import AIM, SECONDS, SceneTrial, Tuned, tuned
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, written
 

@@ -1,6 +1,7 @@
 """Settings of plain MuJoCo for a scene: step, integrator, solver, flags, compliance of the loops."""
 
 import copy
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -8,7 +9,9 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.simulation.settings import INTEGRATORS, SOLVERS
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.simulation.settings import INTEGRATORS, SOLVERS, Settings
+from mechsim.units import si
 
 JACOBIANS = ("dense", "sparse", "auto")
 # flag of MJCF -> its bit, and whether the bit disables
@@ -177,3 +180,43 @@ def _text(name: str, value: Any) -> Any:
         return int(value) if isinstance(value, int | np.integer) else float(value)
     prefix, kind, words = _ENUMERATIONS[name]
     return next(word for word in words if int(getattr(kind, prefix + word.upper())) == int(value))
+
+
+# settings of a driven run -> their names in plain MuJoCo
+MUJOCO_NAMES = {"residual": "tolerance"}
+
+
+def plain_settings(
+    settings: Mapping[str, Any],
+    timestep: float | str | None,
+    file_timestep: float,
+    speed: float | None = None,
+) -> PlainSettings:
+    """Return settings of a run as plain MuJoCo has them; the file determines the others.
+
+    Args:
+        settings: by their names in `Settings`.
+        timestep: as text, instead of steps per turn.
+        file_timestep: time step of the file in [s].
+        speed: of the crank in [rad/s], which steps per turn need.
+
+    Raises:
+        InputError: for a setting that only a driven run has, or two that exclude each other.
+    """
+    Settings(**settings)  # raises for values that no run can have
+    values = {MUJOCO_NAMES.get(name, name): value for name, value in settings.items()}
+    step = si(timestep, "s", "the time step")
+    if step is not None and not 0.0 < step < np.inf:
+        raise InputError(f"time step is {timestep}; give a finite time above 0")
+    if "steps_per_turn" in values:
+        if speed is None:
+            raise InputError("--steps-per-turn is of a crank's turn; give --timestep in its place")
+        if step is not None:
+            raise InputError("both --timestep and --steps-per-turn were given; give one of them")
+        step = REVOLUTION / abs(speed) / values["steps_per_turn"]
+    if "constant_steps" in values:
+        if "solref" in values:
+            raise InputError("both --constant-steps and --solref were given; give one of them")
+        values["solref"] = values["constant_steps"] * (step or file_timestep), 1.0
+    names = {field.name for field in fields(PlainSettings)} & {*values}
+    return PlainSettings(timestep=step, **{name: values[name] for name in names})

@@ -1,0 +1,154 @@
+"""Export a mechanism: as a MuJoCo model with settings, or as TOML."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from mechsim import files
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Level, Scene
+from mechsim.pictures.render.scenery import exported
+from mechsim.simulation import mjcf
+from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
+from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.studies.scene import turning_model
+from mechsim.studies.scene.settings import plain_settings
+from mechsim.subjects.readers import load
+from mechsim.subjects.toml_writer import to_toml
+from mechsim.units import crank_speed, si
+
+if TYPE_CHECKING:
+    from mechsim.subjects.readers import Model
+
+# level of a model, and the speed for which its settings are chosen, by default
+LEVEL, SPEED = "motion", "600rpm"
+FORMATS = ("xml", "toml")
+
+
+@dataclass(frozen=True)
+class ExportedModel:
+    """A mechanism as the text of a file.
+
+    Attributes:
+        name: of the mechanism.
+        format: "xml" or "toml".
+        text: of the file.
+        shortfall: by how much the requested tolerance is missed, in a sentence; empty where it is satisfied.
+    """
+
+    name: str
+    format: str
+    text: str
+    shortfall: str = ""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def export(
+    model: "Model",
+    output: str | PathLike[str] | None = None,
+    *,
+    set: Mapping[str, str | float] | None = None,
+    format: str = "xml",
+    scene: str = LEVEL,
+    cut: Sequence[str] = (),
+    timestep: float | str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    tolerance: float | str | None = None,
+    speed: float | str | None = None,
+    progress: Progress = no_progress,
+    **options: Any,
+) -> ExportedModel:
+    """Return a mechanism as a MuJoCo model or as TOML; write it where a path is given.
+
+    Args:
+        model: what `load` takes.
+        output: path of the file; None writes none.
+        set: parameter -> its value, as `load` takes it.
+        format: "xml" or "toml".
+        scene: contents of the MuJoCo model: "pose", "motion", "dynamics" or "picture".
+        cut: joints at which loops are cut; by default the generator chooses.
+        timestep: of the file, in [s] or text; by default 0.1 ms.
+        settings: fields of `Settings` that the file states.
+        tolerance: position error to keep in plain MuJoCo, in [m] or text; chooses the settings by itself.
+        speed: of a motor and a keyframe, in [rad/s] or text; by default no motor without a tolerance.
+        progress: called with what is tried and the finished fraction.
+        options: `drive`, `lock` and what else `load` takes.
+
+    Raises:
+        InputError: for a model or an option that cannot be used.
+        AssemblyError: where the loops do not close.
+
+    Example:
+        >>> ms.export("four_bar", "four_bar.xml", speed="600rpm").name
+        'four_bar'
+    """
+    settings = settings or {}
+    _require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
+    solver = model if isinstance(model, LoopForm) else load(model, set, **options)
+    shortfall = ""
+    if format == "toml":
+        text = to_toml(solver if isinstance(solver, LoopForm) else solver.mechanism)
+    else:
+        contents = Scene(level=cast(Level, scene), cut=tuple(cut) or None, forces=solver.forces)
+        text, shortfall = _mjcf_text(
+            solver.mechanism, contents, settings, timestep, speed, tolerance, progress
+        )
+    if output is not None:
+        with files.atomic_path(Path(fspath(output))) as unfinished:
+            unfinished.write_text(text)
+    return ExportedModel(solver.name, format, text, shortfall)
+
+
+def _require_compatible(
+    format: str,
+    scene: str,
+    cut: Sequence[str],
+    settings: Mapping[str, Any],
+    timestep: float | str | None,
+    speed: float | str | None,
+    tolerance: float | str | None,
+) -> None:
+    """Raise InputError for options that exclude each other."""
+    if format not in FORMATS:
+        raise InputError(f"there is no format {format!r}; known are {', '.join(FORMATS)}")
+    has_settings = bool(settings) or timestep is not None
+    has_motor = speed is not None or tolerance is not None
+    if format == "toml" and (cut or has_motor or has_settings or scene != LEVEL):
+        raise InputError(
+            "--scene, --cut, --speed, --tolerance and settings are for MuJoCo models; leave them out, "
+            "or --format toml"
+        )
+    if tolerance is not None and has_settings:
+        raise InputError("--tolerance chooses the settings by itself; leave out the others")
+
+
+def _mjcf_text(
+    mechanism: Mechanism,
+    scene: Scene,
+    settings: Mapping[str, Any],
+    timestep: float | str | None,
+    speed: float | str | None,
+    tolerance: float | str | None,
+    progress: Progress,
+) -> tuple[str, str]:
+    """Return the text of a model with settings, and by how much it misses a tolerance; empty where not."""
+    spec, rate = exported(mechanism, scene), crank_speed(SPEED if speed is None else speed)
+    if "solref" not in settings:
+        settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
+    plain_settings(settings, timestep, float(spec.option.timestep), rate).put_into(spec)
+    if "drive_inertia" in settings:
+        set_drive_inertia(spec, settings["drive_inertia"])
+    if tolerance is None:
+        return mjcf.to_xml(spec if speed is None else turning_model.turning(spec, mechanism, rate)), ""
+    length = si(tolerance, "m", "the tolerance")
+    if not 0.0 < length < float("inf"):
+        raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
+    text, error = turning_model.exported_model(spec, mechanism, rate, length, progress=progress)
+    shortfall = f"no MJCF file reaches {length:g} m for this model: the error is {error:.2g} m"
+    return text, "" if error <= length else shortfall

@@ -1,0 +1,139 @@
+"""Reduce a model: the smallest scene within a tolerance for what is tracked, written as MJCF."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast, get_args
+
+from mechsim import files
+from mechsim.errors import InputError
+from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduced, with_comment
+from mechsim.studies.scene.errors import SceneErrors
+from mechsim.studies.scene.open_scene import open_scene, scene_file
+from mechsim.studies.scene.scene import spec_of
+from mechsim.units import Unit, si
+
+if TYPE_CHECKING:
+    from mechsim.subjects.readers import Model
+
+UNITS: dict[str, Unit] = {"trajectory": "m", "torque": "N m"}
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """A reduced model.
+
+    Attributes:
+        reduction: what was left out, with errors and cost.
+        tolerance: in SI.
+        text: of the reduced MJCF file.
+        notes: what was changed to read the file.
+    """
+
+    reduction: Reduction
+    tolerance: float
+    text: str
+    notes: tuple[str, ...]
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the tolerance."""
+        return UNITS[self.reduction.by]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the reduced model satisfies the tolerance over both motions."""
+        return self.reduction.kept(self.tolerance)
+
+    def __str__(self) -> str:
+        worst = max(errors.by(self.reduction.by) for errors in self.reduction.errors)
+        return f"{self.reduction.speedup:.3g} times as fast, error {worst:.2g} {self.unit}"
+
+    __repr__ = __str__
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what `mechsim reduce --json` prints, but for the path of the file."""
+        result = self.reduction
+        first, second = result.errors
+        return {
+            "left_out": [_removed(element, result.by) for element in result.left_out],
+            "error": max(first.by(result.by), second.by(result.by)),
+            "speedup": result.speedup,
+            "motion": _errors(first),
+            "second_motion": _errors(second),
+            "ms_per_s": {"full": 1e3 * result.time, "reduced": 1e3 * result.time / result.speedup},
+            "tried": result.tried,
+            "undone": list(result.undone),
+            "tolerance": self.tolerance,
+            "by": result.by,
+            "unit": self.unit,
+        }
+
+
+def reduce(
+    model: "Model",
+    tolerance: float | str,
+    *,
+    by: str = "trajectory",
+    drive: Mapping[str, Any] | None = None,
+    ctrl: Mapping[str, str | float] | None = None,
+    track: Iterable[str] = (),
+    output: str | PathLike[str] | None = None,
+    progress: Progress = no_progress,
+    **options: Any,
+) -> ReducedModel:
+    """Return the smallest scene that satisfies a tolerance for what is tracked.
+
+    Args:
+        model: an MJCF file, or what `load` takes, which is then written as one.
+        tolerance: in [m] or text, as "10um"; by torque in [N m].
+        by: "trajectory" (of tracked points) or "torque".
+        drive: joint -> its motion law, as `load` takes it.
+        ctrl: actuator -> its control, as `tune` takes it.
+        track: bodies, sites, "P,Q" for two of them, or "P,BODY@x,y,z" for a new point; by default all.
+        output: path of the reduced MJCF file; None writes none.
+        progress: called with what is tried and the finished fraction.
+        options: `lock`, `lock_others`, `fix_base`, `key` and `duration`, as `load` takes them.
+
+    Raises:
+        InputError: for a model, a motion or a tolerance that cannot be used.
+        AssemblyError: where its loops do not close.
+
+    Example:
+        >>> small = ms.reduce("gripper.xml", "10um", track=["fingertip"], output="small.xml")
+        >>> small.reduction.speedup, [element.candidate.what for element in small.reduction.left_out]
+    """
+    if by not in get_args(By):
+        raise InputError(f"--by is {by!r}; it can be {', '.join(UNITS)}")
+    limit = si(tolerance, UNITS[by], "the tolerance")
+    if not 0.0 < limit < float("inf"):
+        raise InputError(f"the tolerance is {tolerance}; give one above 0, as in 10um")
+    # P,Q are two points, P,BODY@x,y,z is one
+    points = [name for text in track for name in ([text] if "@" in text else text.split(","))]
+    with scene_file(model) as path:
+        scene, notes = open_scene(path, drive=drive, ctrl=ctrl, track=points, **options)
+        keep = {name for text in points for name in text.partition("@")[0].split(",")} | set(scene.tracked)
+        result = reduced(scene, spec_of(scene), limit, keep=keep, by=cast(By, by), progress=progress)
+        text = with_comment(result, Path(path).name, limit, UNITS[by])
+    if output is not None:
+        with files.atomic_path(Path(fspath(output))) as unfinished:
+            unfinished.write_text(text)
+    return ReducedModel(result, limit, text, notes)
+
+
+def _removed(element: LeftOut, by: By) -> dict[str, Any]:
+    return {
+        "what": element.candidate.what,
+        "family": element.candidate.category,
+        "error": element.alone_errors.by(by),
+        "time_ratio": element.time_ratio,
+        "together": element.error,
+        "torque": element.alone_errors.torque,
+        "energy": element.alone_errors.energy,
+    }
+
+
+def _errors(errors: SceneErrors) -> dict[str, float]:
+    return {"trajectory": errors.trajectory, "torque": errors.torque, "energy": errors.energy}

@@ -1,0 +1,120 @@
+"""The scene of a model and its prescribed motion: of an MJCF file, or of any other model written as one."""
+
+import re
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import contextmanager
+from os import PathLike, fspath
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from mechsim import files
+from mechsim.errors import InputError
+from mechsim.model.links import Vector
+from mechsim.model.mechanism import described
+from mechsim.model.motion_laws import State, steady
+from mechsim.model.scene import Scene
+from mechsim.simulation import mjcf
+from mechsim.simulation.source import load as specification
+from mechsim.studies.scene.scene import UserScene, scene_of
+from mechsim.subjects.law_text import control_laws
+from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.prescription import duration_of
+from mechsim.subjects.readers import load
+from mechsim.subjects.time_expressions import python_expression
+from mechsim.units import si
+
+
+@contextmanager
+def scene_file(model: Any) -> Generator[str]:
+    """Yield the path of a model's MJCF file; that of any other model is temporary.
+
+    Args:
+        model: an MJCF file, or what `mechsim.load` takes.
+    """
+    if isinstance(model, str | PathLike) and fspath(model).lower().endswith(".xml"):
+        yield fspath(model)
+        return
+    solver = load(model, still=True)
+    if isinstance(solver, MjcfForm) and solver.source is not None:
+        spec = solver.source.spec.copy()
+    else:
+        spec = specification(described(solver), Scene(level="dynamics", forces=solver.forces))
+    with TemporaryDirectory(prefix="mechsim-") as folder:
+        path = Path(folder) / f"{solver.name.replace(' ', '_')}.xml"
+        path.write_text(mjcf.to_xml(spec), encoding="utf-8")
+        yield str(path)
+
+
+def open_scene(
+    path: str,
+    *,
+    drive: Mapping[str, str | State] | None = None,
+    ctrl: Mapping[str, str | float] | None = None,
+    lock: Mapping[str, str | float | None] | Iterable[str] = (),
+    track: Iterable[str] = (),
+    key: str | None = None,
+    duration: str | float | None = None,
+    **options: Any,
+) -> tuple[UserScene, tuple[str, ...]]:
+    """Return the scene of an MJCF file and its prescribed motion, and what was changed to read it.
+
+    Args:
+        path: of the file.
+        drive: joint -> its motion law, as `mechsim.load` takes it.
+        ctrl: actuator -> its control as text, such as "255*(0.5-0.5*cos(2*pi*t))", "FILE.csv" or a number.
+        lock: as `mechsim.load` takes it.
+        track: points to record, as `mechsim.load` takes them.
+        key: keyframe to start from.
+        duration: in [s] or as text; by default that of the laws.
+        options: what else `mechsim.load` takes.
+
+    Raises:
+        InputError: for a joint, actuator, keyframe or point that is missing.
+        AssemblyError: where the loops do not close at the start of the motion laws.
+    """
+    seconds = si(duration, "s", "the duration")
+    # without motion laws of joints the duration is that of the controls
+    solver = load(
+        path, drive=drive, lock=lock, track=track, key=key, duration=seconds if drive else None, **options
+    )
+    assert isinstance(solver, MjcfForm)
+    assert solver.source is not None
+    joint_laws = {} if solver.motion_laws is None else dict(solver.motion_laws.by_name)
+    joint_laws |= {name: steady(value, 0.0) for name, value in solver.mechanism.locked.items()}
+    controls = control_laws({name: str(law) for name, law in (ctrl or {}).items()})
+    laws: dict[str, State] = {**joint_laws, **controls}
+    points: dict[str, tuple[str, Vector]] | None = dict(solver.mechanism.points) if track else None
+    scene = scene_of(
+        solver.source,
+        solver.mechanism,
+        joint_laws=joint_laws,
+        ctrl=controls,
+        duration=duration_of(seconds, None, laws),
+        points=points,
+        key=key,
+    )
+    return scene, tuple(f"{solver.name}: {fact}" for fact in solver.facts)
+
+
+def require_mjcf(path: str) -> None:
+    """Raise InputError for a path that does not end in .xml."""
+    if not path.lower().endswith(".xml"):
+        raise InputError(f"{path!r} is no MJCF file; name FILE.xml (`mechsim export NAME -o FILE.xml`)")
+
+
+def python_laws(scene: UserScene) -> dict[str, str]:
+    """Return the laws of joints and controls as Python expressions of t: name -> expression."""
+    return {name: _expression(law) for name, law in {**scene.joint_laws, **scene.ctrl}.items()}
+
+
+def _expression(law: State) -> str:
+    text = getattr(law, "text", "")
+    if text.lower().endswith(files.EXTENSIONS):
+        return f"table({text!r})(t)"
+    if re.search(r"\bt\b", text):
+        return python_expression(text)
+    value, rate, _ = (float(item[0]) for item in law(np.zeros(1)))
+    return repr(value) if not rate else f"{value!r} + {rate!r} * t"

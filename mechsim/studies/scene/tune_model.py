@@ -1,0 +1,261 @@
+"""Tune a model: the cheapest settings of plain MuJoCo within a tolerance, written into its file."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.files import atomic_path
+from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.studies.scene.errors import MEASURES, divergence_reason, errors_of, start_error
+from mechsim.studies.scene.evaluator import SceneTrial
+from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
+from mechsim.studies.scene.run import stepped
+from mechsim.studies.scene.scene import UserScene, with_assembled_start
+from mechsim.studies.scene.settings import ALLOWABLE, settings_of
+from mechsim.studies.scene.tune import AIM, SECONDS, Tuned, TuningReport, tuned
+from mechsim.studies.scene.write_tuned import (
+    KEY,
+    TunedText,
+    changes,
+    control_lines,
+    python_of,
+    tuned_text,
+    written,
+)
+from mechsim.units import parse, si
+
+if TYPE_CHECKING:
+    from mechsim.subjects.readers import Model
+
+
+@dataclass(frozen=True)
+class TunedModel:
+    """A tuned model.
+
+    Attributes:
+        report: errors and costs before and after.
+        text: of the tuned MJCF file.
+        diff: changes relative to the file as published.
+        included: names of included files that became part of it, since they change.
+        notes: what was changed to read the file.
+    """
+
+    report: TuningReport
+    text: str
+    diff: str
+    included: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the tuned file satisfies the tolerance."""
+        return self.report.reached
+
+    def __str__(self) -> str:
+        return "\n".join(self.report.sentences)
+
+    __repr__ = __str__
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what `mechsim tune --json` prints, but for the paths of files."""
+        report, result = self.report, self.report.result
+        return {
+            "mechanism": result.scene.mechanism.name,
+            "by": result.by,
+            "tolerance": result.tolerance,
+            "unit": report.unit,
+            "reached": report.reached,
+            "summary": report.sentences,
+            "published": _as_dict(result, result.published)
+            | {"error": report.published_error, "reached": result.satisfied},
+            "tuned": _as_dict(result, result.best)
+            | {
+                "error": report.error,
+                "estimate": result.best.errors.by(result.by) + result.reference_error,
+                "errors": report.errors.as_dict(),
+            },
+            "by_python": None if result.beyond is None else _as_dict(result, result.beyond),
+            "limit": {
+                "what": result.reference.what,
+                "error": result.reference.errors[0],
+                "effort_error": result.reference.errors[1],
+            },
+            "put_in": list(self.included),
+            "diff": self.diff,
+            "seconds": result.seconds,
+            "tried": [_as_dict(result, trial) for trial in result.tried],
+        }
+
+
+def tune(
+    model: "Model",
+    tolerance: float | str,
+    *,
+    by: str = "closure",
+    drive: Mapping[str, Any] | None = None,
+    ctrl: Mapping[str, str | float] | None = None,
+    allow: Sequence[str] = (),
+    budget: float | str = SECONDS,
+    output: str | PathLike[str] | None = None,
+    python: str | PathLike[str] | None = None,
+    progress: Progress = no_progress,
+    **options: Any,
+) -> TunedModel:
+    """Return the cheapest settings with which plain MuJoCo satisfies a tolerance on a model and its motion.
+
+    Args:
+        model: an MJCF file, or what `load` takes, which is then written as one.
+        tolerance: in [m] or text, as "10um"; by torque in [N m], or [N] of a slide.
+        by: "closure" (points against the exact closure at the run's own drivers), "trajectory" (points
+            against the converged motion) or "torque" (forces against it).
+        drive: joint -> its motion law, as `load` takes it.
+        ctrl: actuator -> its control: text, as "255*(0.5-0.5*cos(2*pi*t))", FILE.csv, or a number.
+        allow: what may be disabled or become softer: contacts, limits, friction, actuators, springs.
+        budget: duration of the search, in [s] or text.
+        output: path of the tuned MJCF file; None writes none.
+        python: path of a script that runs it, or reaches what no file can.
+        progress: called with what is tried and the finished fraction.
+        options: `lock`, `lock_others`, `fix_base`, `track`, `key` and `duration`, as `load` takes them.
+
+    Raises:
+        InputError: for a model, a motion or a tolerance that cannot be used.
+        AssemblyError: where its loops do not close.
+
+    Example:
+        >>> tuned = ms.tune("gripper.xml", "10um", ctrl={"fingers": 120}, output="tuned.xml")
+        >>> tuned.reached, tuned.report.error
+    """
+    limit = _tolerance(tolerance, by)
+    if unknown := [kind for kind in allow if kind not in ALLOWABLE]:
+        raise InputError(f"--allow names {unknown[0]!r}; what may be disabled is {', '.join(ALLOWABLE)}")
+    with scene_file(model) as path, TemporaryDirectory(prefix="mechsim-") as folder:
+        target = Path(folder) / "tuned.xml" if output is None else Path(output)
+        if target.resolve() == Path(path).resolve():
+            raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
+        scene, notes = open_scene(path, drive=drive, ctrl=ctrl, **options)
+        scene = replace(scene, allowed=tuple(allow))
+        if by == "closure":
+            scene, note = _with_closed_start(scene, limit)
+            notes += note
+        seconds = si(budget, "s", "the budget")
+        result = tuned(scene, limit, by, budget=seconds, progress=progress)  # pyright: ignore[reportArgumentType]
+        _require_runnable(result)
+        return _written(result, target, None if python is None else Path(python), notes)
+
+
+def _tolerance(value: float | str, by: str) -> float:
+    """Return a tolerance in SI; raise InputError for one that cannot be satisfied."""
+    if by not in MEASURES:
+        raise InputError(f"there is no error by {by!r}; known are {', '.join(MEASURES)}")
+    limit = value
+    if isinstance(value, str) and by == "torque":
+        try:
+            limit = float(value.removesuffix("Nm").removesuffix("N"))
+        except ValueError:
+            raise InputError(f"the tolerance is {value!r}; give a number of N m, as in 0.01") from None
+    elif isinstance(value, str):
+        limit = parse(value, "m", "the tolerance")
+    if not 0.0 < float(limit) < np.inf:
+        raise InputError(f"the tolerance is {value}; give a finite one above 0")
+    return float(limit)
+
+
+def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, tuple[str, ...]]:
+    """Return a scene whose initial pose satisfies a tolerance, and a note if that of the file does not."""
+    error = start_error(scene)
+    if error <= AIM * tolerance:
+        return scene, ()
+    if error <= tolerance and errors_of(stepped(scene, records=None)).closure <= tolerance:
+        return scene, ()
+    note = (
+        f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file starts "
+        f"closed, in keyframe {KEY}"
+    )
+    return with_assembled_start(scene), (note,)
+
+
+def _require_runnable(result: Tuned) -> None:
+    """Raise InputError with the cause for a scene that diverges with all settings that were tried."""
+    if np.isfinite(result.closest.errors.by(result.by)) or result.beyond is not None:
+        return
+    cause = divergence_reason(stepped(result.scene)) or "no closed pose is near its states"
+    raise InputError(
+        f"{result.scene.path}: the scene diverges with all of {len(result.tried)} settings: {cause}; change "
+        "the motion or the scene"
+    )
+
+
+def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, ...]) -> TunedModel:
+    """Write the tuned scene, and run it as plain MuJoCo reads it."""
+    best = result.best
+    scene = replace(result.scene, model=best.settings.applied(result.scene.model))
+    laws = python_laws(scene)
+    draft = tuned_text(result.scene, best.settings, [], path.parent)
+    reports: list[TuningReport] = []
+
+    def finish(read_back: UserScene) -> str:
+        run = stepped(read_back, records=None)
+        reports.append(TuningReport(result, result.evaluator.errors(run)))
+        comment = _comment(reports[0], scene, laws)
+        return tuned_text(result.scene, best.settings, comment, path.parent).after
+
+    read_back = written(result.scene, best.settings, draft.after, path, finish)
+    if script is not None:
+        _write_script(script, result, read_back, path, laws)
+    after = path.read_text(encoding="utf-8")
+    return TunedModel(reports[0], after, _diff(draft, after, result.scene.path, path), draft.included, notes)
+
+
+def _diff(draft: TunedText, after: str, before_path: str, after_path: Path) -> str:
+    lines = difflib.unified_diff(
+        draft.before.splitlines(), after.splitlines(), before_path, str(after_path), lineterm="", n=0
+    )
+    return "\n".join(lines)
+
+
+def _as_dict(result: Tuned, trial: SceneTrial) -> dict[str, Any]:
+    return {
+        "error": trial.errors.by(result.by),
+        "ms_per_s": 1e3 * trial.seconds,
+        "settings": dict(changes(result.scene, trial.settings)),
+        "errors": trial.errors.as_dict(),
+    }
+
+
+def _comment(report: TuningReport, scene: UserScene, laws: dict[str, str]) -> list[str]:
+    """Return the comment of the file: the tolerance it satisfies, and how to step it."""
+    start = "from mj_resetData"
+    if scene.own_start or scene.key:
+        start = f"from keyframe {KEY if scene.own_start else scene.key}"
+    first, *rest = report.sentences
+    return [
+        f"mechsim tune: {first};",
+        *(f"{sentence};" for sentence in rest),
+        f"to be stepped {start}, with before each step, t = data.time, h = {scene.model.opt.timestep:g}:",
+        *([f"  {line}" for line in control_lines(scene, laws)] or ["  nothing"]),
+        *(f"  where q({name!r}, t) = {laws[name]}" for name in scene.joint_laws),
+    ]
+
+
+def _write_script(
+    script: Path, result: Tuned, read_back: UserScene, path: Path, laws: dict[str, str]
+) -> None:
+    """Write the lines that run the tuned scene, with settings that only Python reaches."""
+    scene, changed = read_back, {}
+    if result.beyond is not None:
+        best = (result.best).settings.as_dict()
+        beyond = result.beyond.settings.as_dict()
+        changed = {name: value for name, value in beyond.items() if best.get(name) != value}
+        own = settings_of(result.scene.model).as_dict()
+        changed |= {name: value for name, value in own.items() if name in best and name not in beyond}
+        scene = replace(read_back, model=result.beyond.settings.applied(result.scene.model))
+    text = python_of(scene, path, laws, changed=changed)
+    with atomic_path(script) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
