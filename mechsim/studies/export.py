@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from mechsim import files
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -20,9 +20,6 @@ from mechsim.studies.scene.settings import plain_settings
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
 from mechsim.units import crank_speed, si
-
-if TYPE_CHECKING:
-    from mechsim.subjects.readers import Model
 
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
@@ -50,7 +47,7 @@ class ExportedModel:
 
 
 def export(
-    model: "Model",
+    model: Any,
     output: str | PathLike[str] | None = None,
     *,
     set: Mapping[str, str | float] | None = None,

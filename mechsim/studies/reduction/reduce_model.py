@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import Any, cast, get_args
 
 from mechsim import files
 from mechsim.errors import InputError
@@ -14,9 +14,6 @@ from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.open_scene import open_scene, scene_file
 from mechsim.studies.scene.scene import spec_of
 from mechsim.units import Unit, si
-
-if TYPE_CHECKING:
-    from mechsim.subjects.readers import Model
 
 UNITS: dict[str, Unit] = {"trajectory": "m", "torque": "N m"}
 
@@ -73,7 +70,7 @@ class ReducedModel:
 
 
 def reduce(
-    model: "Model",
+    model: Any,
     tolerance: float | str,
     *,
     by: str = "trajectory",

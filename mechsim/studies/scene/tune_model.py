@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.stepping import Progress, no_progress
-from mechsim.studies.scene.errors import MEASURES, divergence_reason, errors_of, start_error
+from mechsim.studies.scene.errors import MEASURES, By, divergence_reason, errors_of, start_error
 from mechsim.studies.scene.evaluator import SceneTrial
 from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import stepped
@@ -30,9 +30,6 @@ from mechsim.studies.scene.write_tuned import (
     written,
 )
 from mechsim.units import parse, si
-
-if TYPE_CHECKING:
-    from mechsim.subjects.readers import Model
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ class TunedModel:
 
 
 def tune(
-    model: "Model",
+    model: Any,
     tolerance: float | str,
     *,
     by: str = "closure",
@@ -145,7 +142,7 @@ def tune(
             scene, note = _with_closed_start(scene, limit)
             notes += note
         seconds = si(budget, "s", "the budget")
-        result = tuned(scene, limit, by, budget=seconds, progress=progress)  # pyright: ignore[reportArgumentType]
+        result = tuned(scene, limit, cast(By, by), budget=seconds, progress=progress)
         _require_runnable(result)
         return _written(result, target, None if python is None else Path(python), notes)
 
