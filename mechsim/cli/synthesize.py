@@ -52,7 +52,7 @@ def synthesize(
     mechsim synthesize looper --through 13,30mm --tilt 2deg --length 5mm --json
     """
     base: Any = closed_form(load_model(model, sets), "a synthesis")
-    if "coupler line" not in base.theories:
+    if "coupler line" not in base.declaration.theories:
         raise InputError(f"{base.name} cannot be synthesised; {catalog.with_theory('coupler line')} can")
     point = units.parse_vector(through, "m", "--through")
     if len(point) != 2:

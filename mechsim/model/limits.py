@@ -16,6 +16,7 @@ ROUNDED = 1e-9
 INSTANTS, MOST_INSTANTS = 256, 65536
 
 Ranges = Mapping[str, tuple[float, float]]
+NO_RANGES: Ranges = {}
 
 
 def check_instants(low: float, high: float) -> Array:

@@ -189,7 +189,7 @@ def _transmission(source: PlotSource) -> "Figure":
 def _velocity_plan(source: PlotSource) -> "Figure":
     solver: Any = closed_form(source.solver, "a velocity plan")
     options = source.options
-    if "velocity plan" not in solver.theories:
+    if "velocity plan" not in solver.declaration.theories:
         names = catalog.with_theory("velocity plan")
         raise InputError(f"{solver.name} has no velocity plan with a crank stopped; {names} has")
     both = velocity_plan(solver, options.angle, source.speed)

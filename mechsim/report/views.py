@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.formulas import SELECTORS
 from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses

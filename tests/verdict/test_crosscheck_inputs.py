@@ -9,6 +9,7 @@ from grids import grid
 
 from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.errors import AssemblyError
 from mechsim.model.links import EX, EY, EZ
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation import simulate
@@ -28,7 +29,7 @@ SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 @pytest.mark.parametrize(("name", "fault", "method"), CASES, ids=": ".join)
 def test_a_mechanism_built_wrong_is_refused(name, fault, method):
     drive = catalog.make(name)
-    wrong = replace(drive, **FAULTS[drive.name][fault])
+    wrong = replace(drive, **FAULTS[drive.declaration.name][fault])
     # a crank with a dead centre on its way, as on the looper's other side, goes half round
     turns = 1.0 if wrong.crank_range().full else 0.5
     run = simulate(wrong.mechanism, speed=SPEED, turns=turns, method=method, samples=36)
@@ -41,7 +42,7 @@ def test_a_mechanism_built_wrong_is_refused(name, fault, method):
 
 @pytest.mark.parametrize("drive", catalog.DRIVES.values())
 def test_every_mechanism_says_what_could_be_built_wrong(drive):
-    assert FAULTS[drive.name]
+    assert FAULTS[drive.declaration.name]
 
 
 @pytest.mark.parametrize("name", grid(catalog.DRIVES))
@@ -64,7 +65,7 @@ def test_the_looper_with_its_cylinder_along_z_as_paper_004_eq_6_has_it_is_refuse
     turned = _with_slide_along(drive.mechanism, EZ)
     try:
         run = simulate(turned, speed=SPEED, method="pose", samples=36)
-    except catalog.base.AssemblyError:
+    except AssemblyError:
         return  # cannot assemble: refused even sooner
     assert not crosscheck(run.motion, drive).passed
 

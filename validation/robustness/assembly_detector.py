@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
-from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.errors import MechsimError
 from mechsim.model.motion import Motion
 from mechsim.simulation import Settings, simulate

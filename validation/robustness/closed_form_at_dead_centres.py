@@ -23,7 +23,7 @@ from mpmath import mp
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog import FourBar, Rrsrr, Rssr, SliderCrank
-from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.vectors import column, norm
 
 sys.path.append(str(Path(__file__).parents[1] / "papers"))

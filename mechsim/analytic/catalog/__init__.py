@@ -16,7 +16,8 @@ from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.errors import InputError
 
 DRIVES: dict[str, type[ClosedForm]] = {
-    solver.name: solver for solver in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper, Bennett)
+    solver.declaration.name: solver
+    for solver in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper, Bennett)
 }
 
 
@@ -55,7 +56,7 @@ def parameters(name: str) -> dict[str, Field[Any]]:
 
 def with_theory(theory: str) -> str:
     """Return the names of the mechanisms that a theory is about, as text."""
-    return ", ".join(name for name, mechanism in DRIVES.items() if theory in mechanism.theories)
+    return ", ".join(name for name, mechanism in DRIVES.items() if theory in mechanism.declaration.theories)
 
 
 def nearest(name: str, names: list[str]) -> str:

@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.formulas import Declaration
 from mechsim.analytic.catalog.parameter_checks import angle, length
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
@@ -39,7 +40,7 @@ class Bennett(ClosedForm):
     Source: G. T. Bennett, "A new mechanism", Engineering 76 (1903); closed form in `frames`.
     """
 
-    name: ClassVar[str] = "bennett"
+    declaration = Declaration("bennett")
 
     length0: float = length(0.050, "length of frame OO4 and coupler AB")
     twist0: float = angle(np.deg2rad(34.0), "twist of frame and coupler")

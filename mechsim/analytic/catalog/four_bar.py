@@ -1,14 +1,15 @@
 """Planar four-bar linkage with a coupler point: its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.formulas import Declaration, Geometry
 from mechsim.analytic.catalog.parameter_checks import angle, choice, length
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
 from mechsim.errors import AssemblyError
@@ -27,9 +28,9 @@ class FourBar(TwoBranchForm):
     from AB. `branch` is the sign of O4B . (O4A x eZ): +1 if B lies left of the line from A to O4.
     """
 
-    name: ClassVar[str] = "four_bar"
-    broadcast: ClassVar[frozenset[str]] = frozenset(
-        ("ground", "crank", "coupler", "rocker", "branch", "arm", "arm_angle")
+    declaration = Declaration(
+        "four_bar",
+        array_parameters=frozenset(("ground", "crank", "coupler", "rocker", "branch", "arm", "arm_angle")),
     )
 
     ground: float = length(0.100, "distance of the pivots O, O4")
@@ -42,9 +43,9 @@ class FourBar(TwoBranchForm):
 
     @property
     def description(self) -> Mechanism:
-        joints = self.joint_points()
+        geometry = self.geometry()
+        joints, point = geometry.joints, vector(geometry.points["C"])
         (tip, _), (on_coupler, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
-        point = vector(self.local_points()["C"])
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler", outline=(point,)), Link("rocker")),
@@ -58,16 +59,17 @@ class FourBar(TwoBranchForm):
             points={"A": ("crank", tip), "B": ("rocker", on_rocker), "C": ("coupler", point)},
         )
 
-    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
-        return {
-            "A": ((self.crank, 0.0, 0.0), ORIGIN),
-            "B": ((self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)),
-            "rocker": ((self.ground, 0.0, 0.0), ORIGIN),
-        }
-
-    def local_points(self) -> Mapping[str, Sequence[Any]]:
-        across = (self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle), 0.0)
-        return {"A": (self.crank, 0.0, 0.0), "B": (self.rocker, 0.0, 0.0), "C": across}
+    def geometry(self) -> Geometry:
+        tip, end = (self.crank, 0.0, 0.0), (self.rocker, 0.0, 0.0)
+        coupler_point = (self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle), 0.0)
+        return Geometry(
+            points={"A": tip, "B": end, "C": coupler_point},
+            joints={
+                "A": (tip, ORIGIN),
+                "B": ((self.coupler, 0.0, 0.0), end),
+                "rocker": ((self.ground, 0.0, 0.0), ORIGIN),
+            },
+        )
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + r2 - l2)2 for rocker r, coupler l and d = |O4A|."""

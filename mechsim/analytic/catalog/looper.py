@@ -1,15 +1,16 @@
 """Looper drive: spatial five-link with a cylindrical pair, its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.formulas import Declaration, Geometry
 from mechsim.analytic.catalog.parameter_checks import angle, choice, length, number, offset
 from mechsim.analytic.vector_method import trig_quartic
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
@@ -39,6 +40,71 @@ class _Planar(NamedTuple):
     across: Any
 
 
+@dataclass(frozen=True)
+class PlanarLoop:
+    """The planar four-bar O1ABO2, and C as if the coupler stayed in its plane; fields may be (n,).
+
+    Attributes:
+        crank: length O1A in [m].
+        coupler: length AB in [m].
+        rocker: length O2B in [m].
+        pivot: O2, (3, 1) in [m].
+        branch: sign of O2B . (O2A x eZ).
+        along: position of C along AB from A, in [m].
+        across: position of C at right angles to AB, in [m].
+    """
+
+    crank: Any
+    coupler: Any
+    rocker: Any
+    pivot: Array
+    branch: Any
+    along: Any
+    across: Any
+
+    def crank_range(self) -> Arcs:
+        """Return the arcs of crank angle over which the four-bar O1ABO2 closes, cut at change points."""
+        whole = reachable_arcs(self.discriminant, 2)
+        cuts = np.array(self.change_points())
+        if not len(cuts):
+            return whole
+        arcs: list[tuple[float, float]] = []
+        for low, high in ((cuts[0], cuts[0] + REVOLUTION),) if whole.full else whole.arcs:
+            inside = np.sort(cuts + REVOLUTION * np.ceil((low - cuts) / REVOLUTION))
+            ends = np.unique([low, *inside[inside < high], high])
+            arcs += [(float(a), float(b)) for a, b in pairwise(ends)]
+        return Arcs(False, tuple(arcs))
+
+    def change_points(self) -> tuple[float, ...]:
+        """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad."""
+        return sampled(self.discriminant, 2).touching()
+
+    def point(self, angles: ArrayLike) -> Array:
+        """Return C as if the coupler stayed in the plane XY, (n, 3) in [m]; NaN where the four-bar is open.
+
+        Source: paper 004, eqs (4), (5).
+        """
+        flat = self.directions(np.atleast_1d(np.asarray(angles, dtype=np.float64)))
+        return (flat.a + self.along * flat.ahead + self.across * flat.across).T
+
+    def discriminant(self, angles: Array) -> Array:
+        """4 c2 e2 - (e2 + c2 - b2)2 for rocker c, coupler b and e = |O2A|."""
+        to_crank = self.crank * spun(column(EX), column(EZ), angles) - self.pivot
+        reach2 = dot(to_crank, to_crank)
+        return 4.0 * self.rocker**2 * reach2 - (reach2 + self.rocker**2 - self.coupler**2) ** 2
+
+    def directions(self, angle: Values) -> _Planar:
+        """Return A and the directions of crank, rocker and coupler at crank angles (n,) in [rad]."""
+        ez = column(EZ)
+        crank = spun(column(EX), ez, angle)
+        a = self.crank * crank
+        swing = circle_sphere(self.pivot, ez, self.rocker, a, self.coupler, self.branch)
+        rod = self.pivot + self.rocker * swing - a
+        # a short coupler off by an ulp must not make a long arm off by many
+        ahead = rod / norm(rod)
+        return _Planar(a, crank, swing, ahead, cross(ez, ahead))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Looper(ClosedForm):
     """Spatial five-link whose coupler ABC, on spherical pairs, swings and shifts a follower C-D-E.
@@ -60,12 +126,12 @@ class Looper(ClosedForm):
     (6); defaults from papers.md section 4.
     """
 
-    name: ClassVar[str] = "looper"
-    theories: ClassVar[frozenset[str]] = frozenset({"coupler line"})
-
-    # the angle of the frame turns a joint's own frame as well
-    broadcast: ClassVar[frozenset[str]] = frozenset(
-        ("crank", "coupler", "arm", "arm_angle", "rocker", "frame", "follower", "axis_y", "axis_z")
+    declaration = Declaration(
+        "looper",
+        theories=frozenset({"coupler line"}),
+        array_parameters=frozenset(
+            ("crank", "coupler", "arm", "arm_angle", "rocker", "frame", "follower", "axis_y", "axis_z")
+        ),
     )
 
     crank: float = length(0.006, "length O1A")
@@ -93,19 +159,22 @@ class Looper(ClosedForm):
     @cached_property
     def pivot(self) -> Array:
         """The rocker's pivot O2, (3, 1) in [m]."""
-        return self.frame * self._outward
+        return self.frame * column(_direction(self.frame_angle))
 
     @cached_property
-    def _outward(self) -> Array:
-        return column((np.cos(self.frame_angle), np.sin(self.frame_angle), 0.0))
+    def plane(self) -> PlanarLoop:
+        """The planar four-bar O1ABO2, and C in the frame of its coupler."""
+        along, across = self.arm * np.cos(self.arm_angle), self.arm * np.sin(self.arm_angle)
+        return PlanarLoop(self.crank, self.coupler, self.rocker, self.pivot, self.branch, along, across)
 
     @property
     def description(self) -> Mechanism:
-        joints, point_e = self.joint_points(), vector(self.local_points()["E"])
+        geometry = self.geometry()
+        joints, point_e = geometry.joints, vector(geometry.points["E"])
         (tip, _), (at_b, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
         (on_coupler, on_follower), (slide, _) = joints["C"], joints["slide"]
         # counted from the direction to O1, which a crank-rocker's angle stays near: it never wraps
-        inward = vector(-self._outward[:, 0])
+        inward = vector(-np.array(_direction(self.frame_angle)))
         line = End(GROUND, slide, axis=EX, mark=EY)
         return Mechanism(
             name=self.name,
@@ -133,41 +202,40 @@ class Looper(ClosedForm):
             },
         )
 
-    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
-        x, y, z = (float(component) for component in self._outward[:, 0])
-        pivot = (self.frame * x, self.frame * y, z)
-        return {
-            "A": ((self.crank, 0.0, 0.0), ORIGIN),
-            "B": ((self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)),
-            "rocker": (pivot, ORIGIN),
-            "C": ((self._along, self._out, 0.0), (0.0, self.follower, 0.0)),
-            "slide": ((0.0, self.axis_y, self.axis_z), ORIGIN),
-        }
-
-    def local_points(self) -> Mapping[str, Sequence[Any]]:
-        joints = self.joint_points()
-        points = {"A": joints["A"][0], "B": joints["B"][1], "C": joints["C"][0], "D": ORIGIN}
-        return points | {"E": (0.0, -self.follower_ratio * self.follower, 0.0)}
-
-    def planar_range(self) -> Arcs:
-        """Return the arcs of crank angle over which the four-bar O1ABO2 closes, cut at change points."""
-        whole = reachable_arcs(self._planar_margin, 2)
-        cuts = np.array(self.change_points())
-        if not len(cuts):
-            return whole
-        arcs: list[tuple[float, float]] = []
-        for low, high in ((cuts[0], cuts[0] + REVOLUTION),) if whole.full else whole.arcs:
-            inside = np.sort(cuts + REVOLUTION * np.ceil((low - cuts) / REVOLUTION))
-            ends = np.unique([low, *inside[inside < high], high])
-            arcs += [(float(a), float(b)) for a, b in pairwise(ends)]
-        return Arcs(False, tuple(arcs))
+    def geometry(self) -> Geometry:
+        x, y, z = _direction(self.frame_angle)
+        tip, end, at_c = (
+            (self.crank, 0.0, 0.0),
+            (self.rocker, 0.0, 0.0),
+            (self.plane.along, self.plane.across, 0.0),
+        )
+        return Geometry(
+            points={
+                "A": tip,
+                "B": end,
+                "C": at_c,
+                "D": ORIGIN,
+                "E": (0.0, -self.follower_ratio * self.follower, 0.0),
+            },
+            joints={
+                "A": (tip, ORIGIN),
+                "B": ((self.coupler, 0.0, 0.0), end),
+                "rocker": ((self.frame * x, self.frame * y, z), ORIGIN),
+                "C": (at_c, (0.0, self.follower, 0.0)),
+                "slide": ((0.0, self.axis_y, self.axis_z), ORIGIN),
+            },
+        )
 
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad: the range ends there.
 
-        This form keeps the sign of its branch. A real looper goes on with the other one.
+        This form keeps the sign of its branch. A real looper continues with the other one.
         """
-        return sampled(self._planar_margin, 2).touching()
+        return self.plane.change_points()
+
+    def planar_point(self, angles: ArrayLike) -> Array:
+        """Return C as if the coupler stayed in the plane XY, (n, 3) in [m]; NaN where it cannot close."""
+        return self.plane.point(angles)
 
     def crank_range(self) -> Arcs:
         sheet = self._sheet
@@ -207,28 +275,16 @@ class Looper(ClosedForm):
         spatial = np.abs((turning * (points["C"] - points["D"])).sum(-1)) / self.follower
         return np.arcsin(np.minimum(np.minimum(planar, spatial), 1.0))
 
-    def planar_point(self, angles: ArrayLike) -> Array:
-        """Return C as if the coupler stayed in the plane XY, (n, 3) in [m]; NaN where the four-bar is open.
-
-        Source: paper 004, eqs (4), (5).
-        """
-        flat = self._planar(np.atleast_1d(np.asarray(angles, dtype=np.float64)))
-        return (flat.a + self._along * flat.ahead + self._out * flat.across).T
-
-    @property
-    def _along(self) -> Any:
-        return self.arm * np.cos(self.arm_angle)
-
-    @property
-    def _out(self) -> Any:
-        return self.arm * np.sin(self.arm_angle)
-
     @cached_property
     def _sheets(self) -> list[tuple[Sheet, int]]:
         """Every root whose sign is that of `side`, by number: a sheet and a layer of it."""
         sign = 1 if self.side > 0 else -1
         with np.errstate(invalid="ignore", divide="ignore"):
-            listed = sheets(self._residual, self.planar_range(), sign)
+            listed = sheets(
+                lambda angles: _stacked(self._cylinder(self.plane.directions(angles))),
+                self.plane.crank_range(),
+                sign,
+            )
         layers = range(max((sheet.layers for sheet in listed), default=0))
         return [(sheet, layer) for layer in layers for sheet in listed if layer < sheet.layers]
 
@@ -251,32 +307,13 @@ class Looper(ClosedForm):
         number = abs(self.side) - 1
         return self._sheets[number] if number < len(self._sheets) else None
 
-    def _planar_margin(self, angles: Array) -> Array:
-        """4 c2 e2 - (e2 + c2 - b2)2 for rocker c, coupler b and e = |O2A|."""
-        to_crank = self.crank * spun(column(EX), column(EZ), angles) - self.pivot
-        reach2 = dot(to_crank, to_crank)
-        return 4.0 * self.rocker**2 * reach2 - (reach2 + self.rocker**2 - self.coupler**2) ** 2
-
-    def _planar(self, angle: Values) -> _Planar:
-        ez = column(EZ)
-        crank = spun(column(EX), ez, angle)
-        a = self.crank * crank
-        swing = circle_sphere(self.pivot, ez, self.rocker, a, self.coupler, self.branch)
-        rod = self.pivot + self.rocker * swing - a
-        # a short coupler off by an ulp must not make a long arm off by many
-        ahead = rod / norm(rod)
-        return _Planar(a, crank, swing, ahead, cross(ez, ahead))
-
-    def _residual(self, angles: Array) -> Array:
-        return _stacked(self._cylinder(self._planar(angles)))
-
     def _cylinder(self, flat: _Planar) -> trig_quartic.Coefficients:
         """Return (y_C - q)2 + (z_C - p)2 - f2 as a polynomial of the cone angle.
 
         Source: paper 004, eqs (2): with the cone angle t, y_C = y0 + r cos t and z_C = R sin t.
         """
-        height = flat.a[1] + self._along * flat.ahead[1] - self.axis_y
-        flank, out, depth = self._out * flat.across[1], self._out, self.axis_z
+        height = flat.a[1] + self.plane.along * flat.ahead[1] - self.axis_y
+        flank, out, depth = self.plane.across * flat.across[1], self.plane.across, self.axis_z
         # (r2 - R2)/2 by the exact slant of the coupler, not as a difference
         second = -0.5 * (out * flat.ahead[1]) ** 2
         mean = height**2 + 0.5 * (flank**2 + out**2) + (depth - self.follower) * (depth + self.follower)
@@ -299,35 +336,26 @@ class Looper(ClosedForm):
         sheet, layer = self._sheet
         roots = trig_quartic.real_roots(polynomial)
         fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
-        unrolled = sheet.unrolled(self._together(angles), layer)
+        unrolled = sheet.unrolled(_within(angles, self.crank_range()), layer)
         away = np.abs(np.mod(roots - sheet.guide(unrolled) + np.pi, 2.0 * np.pi) - np.pi)
         best = np.argmin(np.where(fits, away, np.inf), 0)
         columns = np.arange(len(angles))
         valid = fits[best, columns] & ~np.isnan(away[best, columns])
         return np.where(valid, roots[best, columns], np.nan)
 
-    def _together(self, angles: Array) -> Array:
-        """Return the crank angles of one motion inside a range of more than a turn, (n,); NaN outside it."""
-        arcs = self.crank_range()
-        if arcs.full or not arcs.arcs or np.ptp(arcs.arcs[0]) <= REVOLUTION:
-            return angles
-        low, high = arcs.arcs[0]
-        shifted = shifted_into(angles, (low, high), arcs.start())
-        return np.where((shifted >= low) & (shifted <= high), shifted, np.nan)
-
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """The planar four-bar, then C on its circle about AB, turned by the cone angle from the plane."""
-        flat = self._planar(angle)
+        flat = self.plane.directions(angle)
         return self._posed(flat, self._cone_angle(angle, flat))
 
-    @property
-    def has_own_start(self) -> bool:
-        """Further roots of one sign are numbered by all they do over the turn."""
-        return abs(self.side) == 1
+    def start_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]] | None:
+        """Return frames in designs with cranks at 0; NaN where more than one root has the sign.
 
-    def start_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]]:
-        """Yield frames in designs whose cranks stand at 0; NaN where more than one root has the sign."""
-        flat = self._planar(np.zeros(count))
+        None of a further root: its number depends on the whole revolution.
+        """
+        if abs(self.side) != 1:
+            return None
+        flat = self.plane.directions(np.zeros(count))
         polynomial = _stacked(self._cylinder(flat))
         roots = trig_quartic.real_roots(polynomial)
         fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
@@ -341,7 +369,7 @@ class Looper(ClosedForm):
         yield "crank", LinkFrame(column(ORIGIN), x=flat.crank, z=ez)
         yield "coupler", coupler
         yield "rocker", LinkFrame(self.pivot, x=flat.swing, z=ez)
-        tip = coupler.point((self._along, self._out, 0.0))
+        tip = coupler.point((self.plane.along, self.plane.across, 0.0))
         foot = tip[0] * ex + column((0.0, self.axis_y, self.axis_z))
         yield "follower", LinkFrame(foot, x=ex, y=(tip - foot) / self.follower)
 
@@ -352,3 +380,16 @@ def _stacked(polynomial: trig_quartic.Coefficients) -> Array:
         values(coefficient) if isinstance(coefficient, Jet) else coefficient for coefficient in polynomial
     )
     return np.stack(np.broadcast_arrays(*rest))
+
+
+def _direction(angle: float) -> tuple[float, float, float]:
+    return float(np.cos(angle)), float(np.sin(angle)), 0.0
+
+
+def _within(angles: Array, arcs: Arcs) -> Array:
+    """Return the crank angles of one motion inside a range of more than a turn, (n,); NaN outside it."""
+    if arcs.full or not arcs.arcs or np.ptp(arcs.arcs[0]) <= REVOLUTION:
+        return angles
+    low, high = arcs.arcs[0]
+    shifted = shifted_into(angles, (low, high), arcs.start())
+    return np.where((shifted >= low) & (shifted <= high), shifted, np.nan)

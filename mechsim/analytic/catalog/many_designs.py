@@ -7,8 +7,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.base import MIN_START_DISCRIMINANT, ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.parameter_checks import HUGE
+from mechsim.analytic.catalog.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial
@@ -25,6 +26,7 @@ REAL, NEARLY = 1e-6, 1e-2
 # real roots nearer to each other in [rad], and leading coefficients smaller than this part of the largest,
 # leave a design to be solved by itself
 MIN_ROOT_DISTANCE, LEAST = 1e-2, 1e-8
+# Newton steps to a root
 NEWTON = 3
 
 Complex = NDArray[np.complex128]
@@ -34,7 +36,7 @@ Solver = TypeVar("Solver", bound=ClosedForm)
 AXES = "xyz"
 # crank angles at which discriminants are sampled, Newton steps to their minima, and the size of a minimum,
 # relative to the largest harmonic, that may be a change point or the end of a range
-GRID, NEWTON, CLOSE = 48, 6, 1e-7
+GRID, MINIMUM_STEPS, CLOSE = 48, 6, 1e-7
 # a polynomial without change points: an array of parameters holds only designs that have none
 PLAIN = SignedRoot(TrigPolynomial(np.array([1.0 + 0.0j])), ())
 
@@ -62,15 +64,17 @@ class CrankRanges:
 
 def can_be_many(solver: ClosedForm, varied: Iterable[str]) -> bool:
     """Whether a closed form takes arrays of these parameters; parts of a place are called pivot.x."""
-    takes = solver.broadcast | solver.idle
-    return isinstance(solver, TwoBranchForm) and {name.partition(".")[0] for name in varied} <= takes
+    return isinstance(solver, TwoBranchForm) and _array_parameters(solver, varied)
 
 
 def can_be_started(solver: ClosedForm, varied: Iterable[str]) -> bool:
     """Whether `started` determines where designs of these parameters start."""
-    return (
-        solver.has_own_start and {name.partition(".")[0] for name in varied} <= solver.broadcast | solver.idle
-    )
+    with np.errstate(all="ignore"):
+        return _array_parameters(solver, varied) and solver.start_frames(1) is not None
+
+
+def _array_parameters(solver: ClosedForm, varied: Iterable[str]) -> bool:
+    return {name.partition(".")[0] for name in varied} <= solver.array_parameters
 
 
 def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
@@ -91,7 +95,7 @@ def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
 def many(solver: Solver, varied: Mapping[str, Array], repeat: int) -> Solver:
     """Return a closed form whose varied parameters are arrays, each number so many times in a row.
 
-    Only its formulas are of use: `frames`, `discriminant`, `local_points`; nothing is checked.
+    Only its formulas are of use: `frames`, `discriminant`, `geometry`; nothing is checked.
     """
     design = object.__new__(type(solver))
     values = {parameter.name: getattr(solver, parameter.name) for parameter in fields(solver)}
@@ -117,7 +121,7 @@ def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRan
 
     A discriminant is a trigonometric polynomial; each of its minima is found from evenly spread places.
     """
-    count, n = 2 * solver.discriminant_degree + 1, len(next(iter(varied.values())))
+    count, n = 2 * solver.declaration.discriminant_degree + 1, len(next(iter(varied.values())))
     angles = REVOLUTION * np.arange(count) / count
     with np.errstate(all="ignore"):
         sampled = many(solver, varied, count).discriminant(np.tile(angles, n))
@@ -129,7 +133,7 @@ def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRan
     minima = (heights <= np.roll(heights, 1, 1)) & (heights <= np.roll(heights, -1, 1))
     design, which = np.nonzero(minima)
     minimum, own = grid[which], harmonics[design]
-    for _ in range(NEWTON):
+    for _ in range(MINIMUM_STEPS):
         powers = own * np.exp(1j * np.outer(minimum, order))
         first, second = (powers @ (1j * order)).real, (powers @ (1j * order) ** 2).real
         step = np.divide(-first, second, out=np.zeros_like(first), where=np.abs(second) > 0.0)
@@ -150,7 +154,7 @@ def closed_at(solver: TwoBranchForm, varied: Mapping[str, Array], angles: Array)
     designs = len(next(iter(varied.values())))
     with np.errstate(all="ignore"):
         discriminants = many(solver, varied, len(angles)).discriminant(np.tile(angles, designs))
-    return (discriminants.reshape(designs, -1) > 0.0).all(1)
+    return np.all(discriminants.reshape(designs, -1) > 0.0, axis=1)
 
 
 def ranges(turning_: CrankRanges) -> tuple[Array, NDArray[np.intp]]:
@@ -212,7 +216,8 @@ def solved(
             if carriers <= frames.keys():
                 break
         points: dict[str, PointMotion] = {}
-        for name, local in wide.local_points().items():
+        geometry = wide.geometry()
+        for name, local in geometry.points.items():
             position = frames[described.points[name][0]].point(local)
             points[name] = link_frames.point_motion(position, len(crank))
         joint_motions: dict[str, JointMotion] = {}
@@ -222,7 +227,7 @@ def solved(
                     [angle]
                     if joint.name == described.driver
                     else link_frames.joint_coordinates(
-                        joint, frames[joint.a.link], frames[joint.b.link], wide.side_a(joint)
+                        joint, frames[joint.a.link], frames[joint.b.link], geometry.frames.get(joint.name)
                     )
                 )
                 joint_motions |= link_frames.joint_motions(joint, coordinates, len(crank))
@@ -236,15 +241,15 @@ def started(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
     """
     n, described = len(next(iter(varied.values()))), solver.mechanism
     wide, links = many(solver, varied, 1), [link.name for link in described.links]
-    joint_points = wide.joint_points()
+    geometry = wide.geometry()
     ends: dict[str, Ends] = {}
     for joint in described.joints:
-        point_a, point_b = joint_points.get(joint.name, (ORIGIN, ORIGIN))
-        frame_a, frame_b = wide.side_a(joint), joint.b.frame
+        point_a, point_b = geometry.joints.get(joint.name, (ORIGIN, ORIGIN))
+        frame_a, frame_b = geometry.frames.get(joint.name, joint.a.frame), joint.b.frame
         ends[joint.name] = _vectors(point_a, n), _frame(frame_a, n), _vectors(point_b, n), _frame(frame_b, n)
-    points = {name: _vectors(local, n) for name, local in wide.local_points().items()}
+    points = {name: _vectors(local, n) for name, local in geometry.points.items()}
     with np.errstate(all="ignore"):
-        frames = dict(wide.start_frames(n))
+        frames = dict(wide.start_frames(n) or ())
     guess = {
         name: Pose(link_frames.place(frames[name].origin, n), frames[name].rotation(n)) for name in links
     }

@@ -1,15 +1,16 @@
 """RRSRR: spatial five-link crank-rocker, its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.formulas import Declaration, Geometry
 from mechsim.analytic.catalog.parameter_checks import angle, choice, length, position
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import (
     Sign,
@@ -53,9 +54,9 @@ class Rrsrr(TwoBranchForm):
     Source: paper 002; closed form and defaults from papers.md section 2.
     """
 
-    name: ClassVar[str] = "rrsrr"
-    broadcast: ClassVar[frozenset[str]] = frozenset(
-        ("crank", "coupler", "link", "pivot", "gamma1", "gamma2", "branch")
+    declaration = Declaration(
+        "rrsrr",
+        array_parameters=frozenset(("crank", "coupler", "link", "pivot", "gamma1", "gamma2", "branch")),
     )
 
     crank: float = length(0.012, "length of the crank, to C; R1 of the torus")
@@ -74,7 +75,7 @@ class Rrsrr(TwoBranchForm):
     @property
     def description(self) -> Mechanism:
         x, _, z = (vector(column) for column in self.rocker_frame.T)
-        joints = self.joint_points()
+        joints = self.geometry().joints
         (at_c, _), (tip, on_link), (pivot, _) = (joints[name] for name in ("C", "S", "rocker"))
         # both inner hinges are signed so that they count v1 from er to ex and v2 from x to z
         coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), mark=EY)
@@ -93,18 +94,13 @@ class Rrsrr(TwoBranchForm):
             points={"C": ("crank", at_c), "S": ("coupler", tip)},
         )
 
-    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
-        return {
-            "C": ((0.0, self.crank, 0.0), ORIGIN),
-            "S": ((self.coupler, 0.0, 0.0), (self.link, 0.0, 0.0)),
-            "rocker": (self.pivot, ORIGIN),
-        }
-
-    def local_points(self) -> Mapping[str, Sequence[Any]]:
-        return {"C": (0.0, self.crank, 0.0), "S": (self.coupler, 0.0, 0.0)}
-
-    def side_a(self, joint: Joint) -> Array:
-        return self.rocker_frame if joint.name == "rocker" else super().side_a(joint)
+    def geometry(self) -> Geometry:
+        at_c, tip = (0.0, self.crank, 0.0), (self.coupler, 0.0, 0.0)
+        return Geometry(
+            points={"C": at_c, "S": tip},
+            joints={"C": (at_c, ORIGIN), "S": (tip, (self.link, 0.0, 0.0)), "rocker": (self.pivot, ORIGIN)},
+            frames={"rocker": self.rocker_frame},
+        )
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """A2 + B2 - K2 of the closed form A cos v1 + B sin v1 = K."""
@@ -149,12 +145,12 @@ class Rrsrr(TwoBranchForm):
                 "where the rocker angle is lost; turn the axis by gamma1 or gamma2"
             )
 
-    def _require_finite(self, motion: Motion) -> None:
+    def check_finite(self, motion: Motion) -> None:
         if "rocker" in motion.links:
             stands = np.isfinite(motion.points["S"].acceleration[:, 0])
             finite = np.isfinite(motion.links["rocker"].rotation[:, 0, 0])
             self._require_off_pole(motion.angle, finite | ~stands)
-        super()._require_finite(motion)
+        super().check_finite(motion)
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """S lies on the coupler's circle about C and on the sphere about P02; link and rocker point at it."""

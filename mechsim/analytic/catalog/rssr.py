@@ -1,15 +1,16 @@
 """RSSR: spatial four-bar crank-rocker, its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.formulas import Declaration, Geometry
 from mechsim.analytic.catalog.parameter_checks import angle, choice, length, position
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import (
     Sign,
@@ -28,6 +29,9 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values
 
+# parameters on which nothing depends without a guide
+GUIDE_PARAMETERS = ("psi1", "psi2", "beta1", "beta2", "guide_branch")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Rssr(TwoBranchForm):
@@ -45,9 +49,9 @@ class Rssr(TwoBranchForm):
     Source: paper 000; defaults from papers.md section 1.
     """
 
-    name: ClassVar[str] = "rssr"
-    broadcast: ClassVar[frozenset[str]] = frozenset(
-        ("crank", "coupler", "rocker", "pivot", "gamma1", "gamma2", "branch")
+    declaration = Declaration(
+        "rssr",
+        array_parameters=frozenset(("crank", "coupler", "rocker", "pivot", "gamma1", "gamma2", "branch")),
     )
 
     crank: float = length(0.013, "length P1P2")
@@ -72,7 +76,7 @@ class Rssr(TwoBranchForm):
     @property
     def description(self) -> Mechanism:
         x, _, z = (vector(column) for column in self.rocker_frame.T)
-        joints = self.joint_points()
+        joints = self.geometry().joints
         (tip, _), (on_coupler, on_rocker), (pivot, _) = (joints[name] for name in ("P2", "P3", "rocker"))
         if self.guide:
             pin = End("crank", tip, axis=vector(self._pin_at_zero))
@@ -97,18 +101,17 @@ class Rssr(TwoBranchForm):
     def variants(self) -> dict[str, Self]:
         return {} if self.guide else {"guided": replace(self, guide=True)}
 
-    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
-        return {
-            "P2": ((0.0, self.crank, 0.0), ORIGIN),
-            "P3": ((-self.coupler, 0.0, 0.0), (self.rocker, 0.0, 0.0)),
-            "rocker": (self.pivot, ORIGIN),
-        }
-
-    def local_points(self) -> Mapping[str, Sequence[Any]]:
-        return {"P2": (0.0, self.crank, 0.0), "P3": (self.rocker, 0.0, 0.0)}
-
-    def side_a(self, joint: Joint) -> Array:
-        return self.rocker_frame if joint.name == "rocker" else super().side_a(joint)
+    def geometry(self) -> Geometry:
+        tip, end = (0.0, self.crank, 0.0), (self.rocker, 0.0, 0.0)
+        return Geometry(
+            points={"P2": tip, "P3": end},
+            joints={
+                "P2": (tip, ORIGIN),
+                "P3": ((-self.coupler, 0.0, 0.0), end),
+                "rocker": (self.pivot, ORIGIN),
+            },
+            frames={"rocker": self.rocker_frame},
+        )
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with parts d across, h along the axis."""
@@ -131,8 +134,9 @@ class Rssr(TwoBranchForm):
         return np.arcsin(np.minimum(np.abs(along), 1.0))
 
     @property
-    def idle(self) -> frozenset[str]:
-        return frozenset() if self.guide else frozenset(("psi1", "psi2", "beta1", "beta2", "guide_branch"))
+    def array_parameters(self) -> frozenset[str]:
+        without_guide = frozenset() if self.guide else frozenset(GUIDE_PARAMETERS)
+        return super().array_parameters | without_guide
 
     @property
     def spinning(self) -> frozenset[str]:

@@ -1,14 +1,14 @@
 """Offset slider-crank: its dimensions and its closed form."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.base import TwoBranchForm
+from mechsim.analytic.catalog.formulas import Declaration, Geometry
 from mechsim.analytic.catalog.parameter_checks import choice, length, offset
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, column, sine_of, spun
 from mechsim.model.joints import End, Joint
@@ -25,9 +25,9 @@ class SliderCrank(TwoBranchForm):
     The crank angle counts from +X. `branch` is +1 if B lies ahead of A along the slide, else -1.
     """
 
-    name: ClassVar[str] = "slider_crank"
-    broadcast: ClassVar[frozenset[str]] = frozenset(("crank", "rod", "offset", "branch"))
-
+    declaration = Declaration(
+        "slider_crank", array_parameters=frozenset(("crank", "rod", "offset", "branch"))
+    )
     crank: float = length(0.05, "length OA")
     rod: float = length(0.2, "length AB")
     offset: float = offset(0.01, "height of the slide above O")
@@ -35,7 +35,7 @@ class SliderCrank(TwoBranchForm):
 
     @property
     def description(self) -> Mechanism:
-        joints = self.joint_points()
+        joints = self.geometry().joints
         (tip, _), (eye, _), (slide, _) = (joints[name] for name in ("A", "B", "slide"))
         on_slide = End(GROUND, slide, axis=EX, mark=EY)
         return Mechanism(
@@ -51,15 +51,16 @@ class SliderCrank(TwoBranchForm):
             points={"A": ("crank", tip), "B": ("slider", (0.0, 0.0, 0.0))},
         )
 
-    def joint_points(self) -> Mapping[str, tuple[Any, Any]]:
-        return {
-            "A": ((self.crank, 0.0, 0.0), ORIGIN),
-            "B": ((self.rod, 0.0, 0.0), ORIGIN),
-            "slide": ((0.0, self.offset, 0.0), ORIGIN),
-        }
-
-    def local_points(self) -> Mapping[str, Sequence[Any]]:
-        return {"A": (self.crank, 0.0, 0.0), "B": (0.0, 0.0, 0.0)}
+    def geometry(self) -> Geometry:
+        tip = (self.crank, 0.0, 0.0)
+        return Geometry(
+            points={"A": tip, "B": ORIGIN},
+            joints={
+                "A": (tip, ORIGIN),
+                "B": ((self.rod, 0.0, 0.0), ORIGIN),
+                "slide": ((0.0, self.offset, 0.0), ORIGIN),
+            },
+        )
 
     def discriminant(self, angles: ArrayLike) -> Array:
         """rod2 - h2 for the height h of the slide above A."""

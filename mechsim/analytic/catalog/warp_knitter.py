@@ -5,12 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.formulas import Declaration
 from mechsim.analytic.catalog.parameter_checks import angle, length, number, position
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.link_frames import LinkFrame
@@ -59,9 +60,7 @@ class WarpKnitter(ClosedForm):
     Source: paper 003; defaults from papers.md section 3.
     """
 
-    name: ClassVar[str] = "warp_knitter"
-    theories: ClassVar[frozenset[str]] = frozenset({"velocity plan"})
-    gear: ClassVar[str] = "gear_ratio"
+    declaration = Declaration("warp_knitter", theories=frozenset({"velocity plan"}), gear="gear_ratio")
 
     crank1: float = length(0.009, "length O1A")
     crank2: float = length(0.006, "length O2D")
@@ -189,12 +188,18 @@ class WarpKnitter(ClosedForm):
 
     def assemblies(self, angle: float) -> Sequence[Self]:
         """Return the mechanism in each assembly that is carried from crank angle 0 to this one."""
-        return [member for member in self._all_assemblies if member._reaches(angle)]
+        at_angle = np.array([angle])
+        return [
+            member
+            for member in self._all_assemblies
+            if member._path is not None and np.isfinite(member._path.poses(at_angle)[0][0])
+        ]
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
         """Return every real assembly at a crank angle; its number is None if none at angle 0 leads to it."""
         numbered = [(member.assembly, member.positions([angle])) for member in self.assemblies(angle)]
         numbered_points = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
+        longest = max(*self.sides, *(abs(point) for point in self.platform))
         listed: list[tuple[dict[str, int | None], dict[str, Array]]] = []
         for pose in self._assemblies_at(self.pivots.at(angle)):
             points = {name: xyz(point) for name, point in self._points(angle, *pose).items()}
@@ -203,7 +208,7 @@ class WarpKnitter(ClosedForm):
                 for _, other in numbered_points
             ]
             nearest = int(np.argmin(gaps)) if gaps else None
-            matched = nearest is not None and gaps[nearest] < 1e-6 * self._longest
+            matched = nearest is not None and gaps[nearest] < 1e-6 * longest
             listed.append(
                 (
                     {"assembly": numbered_points[nearest][0] if matched and nearest is not None else None},
@@ -294,13 +299,6 @@ class WarpKnitter(ClosedForm):
         origin, direction = self._at_zero[self.assembly - 1] if self._at_zero else (0j, 1.0 + 0j)
         vectors = leg_vectors(origin, direction, self.pivots.at(0.0), self.platform)
         return determinant(vectors, moments(vectors, direction, self.platform))
-
-    @property
-    def _longest(self) -> float:
-        return max(*self.sides, *(abs(point) for point in self.platform))
-
-    def _reaches(self, angle: float) -> bool:
-        return self._path is not None and bool(np.isfinite(self._path.poses(np.array([angle]))[0][0]))
 
 
 def period_of(ratio: float) -> float | None:

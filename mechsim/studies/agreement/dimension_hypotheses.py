@@ -7,7 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import SELECTORS, ClosedForm
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.formulas import SELECTORS
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, placed_family
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.constraints import tree_loops
@@ -54,7 +55,7 @@ def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
         for k, gear in enumerate(solver.mechanism.gears):
             label = f"the ratio of {gear.name}"
             geared.append((gear.name, label, gear.ratio, partial(_gear_changed, solver, k, "ratio")))
-    elif isinstance(solver, ClosedForm) and (own := solver.gear):
+    elif isinstance(solver, ClosedForm) and (own := solver.declaration.gear):
         ratio = misfit.designs.dimensions[own].value
         geared.append((own, own, ratio, lambda by: misfit.designs.make({own: ratio + by})))
     for name, label, ratio, changed in geared:

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
 from mechsim.model.joint_kinds import KINDS
@@ -124,7 +125,7 @@ def drift(solver: ClosedForm, turns: float) -> Drift:
 
 def gears(solver: ClosedForm, value: float) -> Trial:
     """A second crank geared `value` times faster, with as many times more steps."""
-    geared = replace(solver, **{solver.gear: float(round(value))})
+    geared = replace(solver, **{solver.declaration.gear: float(round(value))})
     settings = Settings(steps_per_turn=500 * max(1, round(value)))
     return attempt("gear ratio", geared, value, speed=LONG_RUN_SPEED, settings=settings, samples=720)
 

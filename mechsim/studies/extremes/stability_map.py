@@ -133,7 +133,7 @@ def study(
             for which in special_designs(solver.name).change_points
             for swing_only in (True, False)
         ]
-        if solver.gear:
+        if solver.declaration.gear:
             exponents = range(MAX_EXPONENT[0 if quick else 1] + 1)
             result.trials += [axes.gears(solver, 2.0**exponent) for exponent in exponents]
         if special_designs(solver.name).long_runs:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import Bools, allowed, can_be_many, closed_at, solved
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.errors import InputError, MechsimError
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.expansion import EVERY, Advance, Block, Solved, first_order, second_order

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm, TwoBranchForm
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import (
     CrankRanges,
     allowed,
@@ -15,6 +15,7 @@ from mechsim.analytic.catalog.many_designs import (
     solved,
     swing_arcs,
 )
+from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form, closed_form

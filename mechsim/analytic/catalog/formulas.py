@@ -1,0 +1,197 @@
+"""What the file of a catalogue mechanism states: its dimensions, its description and its formulas."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.catalog.parameter_checks import checked
+from mechsim.analytic.vector_method import link_frames
+from mechsim.analytic.vector_method.link_frames import LinkFrame
+from mechsim.analytic.vector_method.trig_polynomial import Arcs
+from mechsim.errors import AssemblyError
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import no_crank_range_error
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values
+
+# parameters that select the assembly
+SELECTORS = ("branch", "side", "assembly")
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """What a catalogue mechanism is called and which studies apply to it.
+
+    Attributes:
+        name: in the catalogue.
+        theories: studies that know this mechanism alone: "coupler line", "velocity plan".
+        gear: the parameter that is a gear ratio; empty if there is none.
+        array_parameters: parameters that may be arrays, one number per design.
+        discriminant_degree: of the trigonometric polynomial whose sign changes are the dead centres.
+    """
+
+    name: str
+    theories: frozenset[str] = frozenset()
+    gear: str = ""
+    array_parameters: frozenset[str] = frozenset()
+    discriminant_degree: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """Points and frames fixed in links; components may be (n,) of many designs.
+
+    Attributes:
+        points: tracked point -> its position in its link, in [m].
+        joints: joint -> its points on links a and b, in [m]; a joint that is missing has them at the origins.
+        frames: joint -> frame of its side a, (3, 3) or (3, 3, n), where it depends on parameters.
+    """
+
+    points: Mapping[str, Sequence[Any]]
+    joints: Mapping[str, tuple[Any, Any]]
+    frames: Mapping[str, Array] = field(default_factory=dict[str, Array])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Formulas(ABC):
+    """Dimensions of a mechanism with a driven crank, and formulas of its crank angle.
+
+    A subclass is a frozen dataclass of parameters, checked at construction.
+    """
+
+    declaration: ClassVar[Declaration]
+
+    def __post_init__(self) -> None:
+        for parameter in fields(self):
+            value, rule = getattr(self, parameter.name), parameter.metadata
+            kept = checked(self.name, parameter.name, value, parameter.default, rule)
+            object.__setattr__(self, parameter.name, kept)
+
+    @property
+    def name(self) -> str:
+        """Name in the catalogue."""
+        return self.declaration.name
+
+    @property
+    @abstractmethod
+    def description(self) -> Mechanism:
+        """Links, joints, crank and tracked points, without a guess."""
+
+    @abstractmethod
+    def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
+        """Yield links and their frames at crank angles, those that carry tracked points first.
+
+        Args:
+            angle: (n,) in [rad], as an array, which gives places, or as a jet, which gives the motion.
+
+        Frames are NaN where the loop does not close.
+        """
+
+    @property
+    def array_parameters(self) -> frozenset[str]:
+        """Parameters that may be arrays, one number per design."""
+        return self.declaration.array_parameters
+
+    def geometry(self) -> Geometry:
+        """Return points and frames fixed in links, of many designs where parameters are arrays."""
+        points = {name: local for name, (_, local) in self.described.points.items()}
+        return Geometry(
+            points, {joint.name: (joint.a.point, joint.b.point) for joint in self.described.joints}
+        )
+
+    def start_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]] | None:
+        """Return links and frames of designs with cranks at 0; None if that does not determine the assembly.
+
+        Frames are NaN where the loop does not close.
+        """
+        return self.frames(np.zeros(count)) if self.array_parameters else None
+
+    @abstractmethod
+    def assembly_sign(self, points: Mapping[str, Array]) -> Array:
+        """Return the signed geometry that distinguishes the assemblies, (n,); positive for this one.
+
+        Args:
+            points: tracked point -> (n, 3) in [m], by any method.
+        """
+
+    @abstractmethod
+    def transmission_angle(self, angles: ArrayLike) -> Array:
+        """Return the angle between coupler force and the output's motion, (n,) in [rad], 0 to pi/2.
+
+        90 degrees is best; zero is a pose in which the output locks.
+        """
+
+    @abstractmethod
+    def crank_range(self) -> Arcs:
+        """Return the arcs of crank angle over which the loops close in this assembly."""
+
+    @abstractmethod
+    def assemblies(self, angle: float) -> Sequence[Self]:
+        """Return the mechanism in each real assembly it has at a crank angle; empty if it has none."""
+
+    @property
+    def spinning(self) -> frozenset[str]:
+        """Links whose spin about their own line nothing determines."""
+        return frozenset()
+
+    def variants(self) -> Mapping[str, Self]:
+        """Return what is validated besides this mechanism itself: name -> the same with something changed."""
+        return {}
+
+    def change_points(self) -> tuple[float, ...]:
+        """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
+
+        There bars lie on each other, as in a parallelogram laid flat, and the linkage could go on in either
+        assembly.
+        """
+        return ()
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The description, with a guess that selects the assembly."""
+        return self._assembled
+
+    @cached_property
+    def _assembled(self) -> Mechanism:
+        return self.described.with_guess(*self.guess())
+
+    @cached_property
+    def described(self) -> Mechanism:
+        """The description, made once."""
+        return self.description
+
+    def guess(self) -> tuple[dict[str, Pose], float]:
+        """Return link poses at a crank angle well inside the range, and that angle in [rad]."""
+        start = self._start_angle
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            frames = dict(self.frames(np.array([start])))
+        guess = {
+            link.name: Pose(
+                link_frames.place(frames[link.name].origin, 1)[0], frames[link.name].rotation(1)[0]
+            )
+            for link in self.described.links
+        }
+        for name, pose in guess.items():
+            if not np.isfinite(pose.rotation).all():
+                raise AssemblyError(
+                    f"{self.name}: nothing can hold link {name!r} at crank angle {start:.6g} rad"
+                )
+        return guess, start
+
+    def _start(self) -> float:
+        """Return the crank angle of the guess in [rad]."""
+        arcs = self.crank_range()
+        if not arcs.arcs:
+            raise no_crank_range_error(self.name)
+        return arcs.start()
+
+    @cached_property
+    def _start_angle(self) -> float:
+        """The crank angle of the guess in [rad], at which the sign of the assembly applies."""
+        return self._start()

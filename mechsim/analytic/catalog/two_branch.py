@@ -1,0 +1,198 @@
+"""Mechanisms whose loop closes in two ways."""
+
+import copy
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.frame_motion import checked_angles
+from mechsim.analytic.catalog.parameter_checks import choice
+from mechsim.analytic.vector_method.trig_polynomial import (
+    Arcs,
+    SignedRoot,
+    reachable_arcs,
+    sampled,
+    signed_root,
+)
+from mechsim.analytic.vector_method.vectors import Sign
+from mechsim.model.motion import ChangePointPolicy
+from mechsim.model.motion_laws import interval_around
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import Values, values
+
+# smallest discriminant of a start, relative to the largest: closer to a dead centre assemblies coincide
+MIN_START_DISCRIMINANT = 1e-3
+# crank angles within this of a change point, in [rad], are that change point
+AT_POINT = 1e-9
+# distance in [rad] from a change point to the configuration that counts as right after it
+AFTER = 1e-6
+
+
+def first_sign_angle(angles: Array, change_points: Sequence[float], direction: float) -> float:
+    """Return the crank angle at which a sign applies: the first, or right after it at a change point.
+
+    Args:
+        angles: crank angles in the order of the motion, (n,) in [rad].
+        change_points: in [rad], of any revolution.
+        direction: sign of the crank's motion, where the angles are all one.
+    """
+    first = float(angles[0])
+    distance = first - np.asarray(change_points)
+    if np.abs(distance - REVOLUTION * np.round(distance / REVOLUTION)).min() > AT_POINT:
+        return first
+    displacement = angles - first
+    moved = displacement[np.abs(displacement) > AT_POINT]
+    ahead = float(moved[0]) if len(moved) else direction
+    return first + (-AFTER if ahead < 0.0 else AFTER)
+
+
+def segment(
+    angle: float, change_points: Sequence[float], arc: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Return the interval of crank angles around one angle that is free of change points, in [rad].
+
+    Args:
+        angle: in [rad], not a change point.
+        change_points: in [rad], of any revolution.
+        arc: reachable interval that bounds it; None for a crank that turns fully.
+    """
+    points = np.asarray(change_points)
+    below = points + REVOLUTION * np.floor((angle - points) / REVOLUTION)
+    low, high = float(below.max()), float((below + REVOLUTION).min())
+    return (low, high) if arc is None else (max(low, arc[0]), min(high, arc[1]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoBranchForm(ClosedForm):
+    """A mechanism whose loop closes in two ways, selected by the parameter `branch`.
+
+    A subclass gives `discriminant`, whose sign changes are the dead centres.
+    """
+
+    if TYPE_CHECKING:
+        # every subclass declares it where its own parameters say
+        branch: Sign
+
+    change_point: ChangePointPolicy = choice(  # pyright: ignore[reportIncompatibleMethodOverride]
+        "smooth", ("smooth", "branch"), "how it goes on where both assemblies meet"
+    )
+
+    @abstractmethod
+    def discriminant(self, angles: ArrayLike) -> Array:
+        """Return how far each crank angle is from a dead centre, (n,); negative where the loop cannot close.
+
+        A trigonometric polynomial of the crank angle, of degree `declaration.discriminant_degree`, so that
+        its roots, the dead centres, are exact.
+        """
+
+    def crank_range(self) -> Arcs:
+        return self._arcs
+
+    def change_points(self) -> tuple[float, ...]:
+        return self._root.touching
+
+    @property
+    def period(self) -> float:
+        return (
+            2.0 * REVOLUTION
+            if len(self.change_points()) % 2 and self.change_point == "smooth"
+            else REVOLUTION
+        )
+
+    def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
+        if change_point in (None, self.change_point):
+            return self
+        made = replace(self, change_point=change_point)
+        if self._keeps_assembly:
+            vars(made).update(_keeps_assembly=True, _start_angle=self._start_angle)
+        return made
+
+    def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
+        angles = checked_angles(self.name, angles)
+        if self._keeps_assembly or not self._root.touching:
+            return self
+        sign_angle = first_sign_angle(self.counted(angles), self._root.touching, direction)
+        made = copy.copy(self)
+        vars(made)["_keeps_assembly"] = True
+        vars(made).pop("_all_assemblies", None)
+        if self._root.sign(sign_angle) != self._root.sign(self._start_angle):
+            vars(made).pop("_assembled", None)
+            vars(made)["_start_angle"] = self._clear_angle(sign_angle)
+        return made
+
+    def across(self, angle: Values) -> Any:
+        """Return the square root of the discriminant that passes change points as `change_point` says, (n,).
+
+        At the first configuration, see `starting_at`, it has the sign of `branch`. None where there are
+        no change points, and the sign never changes.
+        """
+        if not self._root.touching:
+            return None
+        angle = self.counted(angle)
+        if self.change_point == "branch":
+            return self.branch * self._root.folded(angle)
+        return self.branch * self._root.sign(self._start_angle) * self._root.over(angle)
+
+    def counted(self, angle: Values) -> Any:
+        """Return crank angles on the lap of the range, (n,): one that only swings does the same on each."""
+        if self._arcs.full or not self._arcs.arcs:
+            return angle
+        return angle - REVOLUTION * np.floor((values(angle) - self._arcs.arcs[0][0]) / REVOLUTION)
+
+    @cached_property
+    def _arcs(self) -> Arcs:
+        return reachable_arcs(self.discriminant, self.declaration.discriminant_degree)
+
+    @cached_property
+    def _root(self) -> SignedRoot:
+        return signed_root(sampled(self.discriminant, self.declaration.discriminant_degree))
+
+    @cached_property
+    def _keeps_assembly(self) -> bool:
+        """Whether the first crank angle is known, so that others do not select another assembly."""
+        return False
+
+    def _start(self) -> float:
+        start, arcs = super()._start(), self.crank_range()
+        if self._root.touching:
+            return self._clear_angle(first_sign_angle(np.array([start]), self._root.touching, 1.0))
+        spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
+        discriminants = self.discriminant(spread)
+        # near a dead centre no guess distinguishes the assemblies
+        if self.discriminant(np.array([start]))[0] > MIN_START_DISCRIMINANT * discriminants.max():
+            return start
+        return float(spread[np.argmax(discriminants)])
+
+    def _clear_angle(self, angle: float) -> float:
+        """Return a crank angle, in [rad], with well separated assemblies and no change point between."""
+        full, turns = self._arcs.full, round(self.period / REVOLUTION)
+        angle -= turns * REVOLUTION * np.round(angle / (turns * REVOLUTION)) if full else 0.0
+        low, high = segment(angle, self._root.touching, None if full else interval_around(self._arcs, angle))
+        spread = np.concatenate([[angle], np.linspace(low, high, 25)])
+        discriminants = self.discriminant(spread)
+        return (
+            angle
+            if discriminants[0] > MIN_START_DISCRIMINANT * discriminants.max()
+            else float(spread[np.argmax(discriminants)])
+        )
+
+    def assemblies(self, angle: float) -> Sequence[Self]:
+        discriminant = (
+            self._root.rest.value(angle) if self._root.touching else self.discriminant(np.array([angle]))[0]
+        )
+        if not discriminant >= 0.0:
+            return []
+        return self._all_assemblies
+
+    @cached_property
+    def _all_assemblies(self) -> list[Self]:
+        """This mechanism in both assemblies; kept, for each finds its own dead centres."""
+        own = None if self._keeps_assembly else self.branch
+        return [self if branch == own else replace(self, branch=branch) for branch in (1, -1)]
