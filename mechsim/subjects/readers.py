@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechsim import units
 from mechsim.analytic import catalog
@@ -24,7 +24,9 @@ from mechsim.subjects.prescription import Prescription, apply_prescription, star
 from mechsim.subjects.python_object import GivenObject
 
 if TYPE_CHECKING:
-    Model = str | PathLike[str] | Form | Mechanism | "mujoco.MjSpec" | "mujoco.MjModel" | ModelSource
+    import mujoco
+
+    Model: TypeAlias = str | PathLike[str] | Form | Mechanism | mujoco.MjSpec | mujoco.MjModel | ModelSource
 
 
 @dataclass(frozen=True)

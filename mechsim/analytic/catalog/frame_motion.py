@@ -1,6 +1,6 @@
 """Motion of a catalogue mechanism from the frames of its links, at one chunk of crank angles."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
