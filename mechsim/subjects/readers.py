@@ -24,9 +24,9 @@ from mechsim.subjects.prescription import Prescription, apply_prescription, star
 from mechsim.subjects.python_object import GivenObject
 
 if TYPE_CHECKING:
-    import mujoco
+    from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
-    Model: TypeAlias = str | PathLike[str] | Form | Mechanism | mujoco.MjSpec | mujoco.MjModel | ModelSource
+    Model: TypeAlias = PathLike[str] | Form | Mechanism | MujocoInput | ModelSource
 
 
 @dataclass(frozen=True)

@@ -90,10 +90,11 @@ def _joints(formulas: Formulas, angle: Jet, frames: Mapping[str, LinkFrame]) -> 
     counted = {mechanism.crank.name: angle, **geared}
     motions: dict[str, JointMotion] = {}
     for joint in mechanism.joints:
-        if joint.name in counted:
-            coordinates = [counted[joint.name]]
-        else:
-            coordinates = link_frames.joint_coordinates(joint, frame_of[joint.a.link], frame_of[joint.b.link])
+        coordinates: Sequence[Values] = (
+            [counted[joint.name]]
+            if joint.name in counted
+            else link_frames.joint_coordinates(joint, frame_of[joint.a.link], frame_of[joint.b.link])
+        )
         motions |= link_frames.joint_motions(joint, coordinates, len(angle.value))
     return motions
 
