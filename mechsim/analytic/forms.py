@@ -87,10 +87,6 @@ class KinematicSolver(Protocol):
         """Return the motion where the drivers of another motion were."""
         ...
 
-    def within_ranges(self, motion: Motion) -> Motion:
-        """Return a motion in which every joint stays in its range; raise AssemblyError for any other."""
-        ...
-
     def positions(
         self, angles: ArrayLike | None = None, *, t: ArrayLike | None = None, speed: float | None = None
     ) -> dict[str, Array]:
@@ -109,20 +105,12 @@ class KinematicSolver(Protocol):
         """Return the crank angles at which two assemblies meet, in [-pi, pi) rad."""
         ...
 
-    def conditioning(self, motion: Motion) -> Array:
-        """Return the distance of each configuration of a motion from a singular one, (n,)."""
-        ...
-
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
         """Return the selectors and tracked points of each assembly at a crank angle."""
         ...
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Return the signed geometry that is positive in this assembly, (n,)."""
-        ...
-
-    def variants(self) -> "Mapping[str, KinematicSolver]":
-        """Return the variants that are validated too, by name."""
         ...
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0, /) -> Self:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.errors import MobilityError
 from mechsim.model.motion import Motion, select_instants
@@ -57,8 +58,7 @@ def few_digits(solver: Form, motion: Motion) -> FewDigits | None:
     if not len(rows):
         return None
     examined = select_instants(motion, rows)
-    conditioning = examined.conditioning
-    conditioning = solver.conditioning(examined) if conditioning is None else conditioning
+    conditioning = conditioning_of(solver.mechanism, examined)
     worst = int(np.argmin(conditioning))
     digits = int(max(-np.log10(RATES.widened(conditioning[worst : worst + 1], 1)[0]), 0.0))
     if digits >= ENOUGH_DIGITS:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, free_run, prescribed
 from mechsim.analytic.dynamics.initial_state import InitialValues
+from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.forward_run import stepped_run
@@ -54,7 +55,7 @@ def crosscheck_driven(
         method=run.method,
         tolerance=tolerance,
         bounds=bounds,
-        conditioning=model.drive.conditioning(motion),
+        conditioning=conditioning_of(model.drive.mechanism, motion),
     )
 
 

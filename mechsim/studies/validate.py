@@ -12,6 +12,7 @@ from mechsim.analytic import loops
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives import DesignFamily
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError, BudgetError
 from mechsim.model.finding import most_severe
 from mechsim.model.links import Pose
@@ -133,7 +134,7 @@ def case_of(
     solver = designs.make({})
     work = _Work(quick, tolerance, ProcessorBudget(budget), watch)
     case = _validated(solver, designs, speed, work)
-    for name, variant in solver.variants().items():
+    for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
         # a variant that cannot stand says nothing against the mechanism
         with suppress(AssemblyError):
             other = _validated(variant, dimension_family(variant), speed, work)
@@ -331,5 +332,5 @@ def against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
     for kind in ("velocity", "acceleration"):
         rows = (QUANTITIES[kind],)
         allowed = tolerances_of(rows, "closed form", scales, Requested())
-        checks += checks_of(rows, loop_rates, exact, allowed, drive.conditioning(exact))
+        checks += checks_of(rows, loop_rates, exact, allowed, conditioning_of(drive.mechanism, exact))
     return concluded(checks)

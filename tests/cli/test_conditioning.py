@@ -6,6 +6,7 @@ from exact import four_bar_b
 
 from mechsim import catalog, simulate, simulation
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.cli.motion_warnings import few_digits
 from mechsim.verdict.tolerances import RATES
 
@@ -26,7 +27,7 @@ def test_digits_told_are_those_that_are_left(loops):
             continue
         angles = max(ends) - 10.0 ** np.array([-8.0, -10.0, -11.0])
         motion = (LoopForm(drive.mechanism) if loops else drive).solve(angles, 1.0)
-        far = motion.conditioning if loops else drive.conditioning(motion)
+        far = motion.conditioning if loops else conditioning_of(drive.mechanism, motion)
         for row, angle in enumerate(angles):
             exact = four_bar_b(drive, float(angle))[2]
             error = np.linalg.norm(motion.points["B"].acceleration[row] - exact) / np.linalg.norm(exact)

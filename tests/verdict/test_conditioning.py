@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, closure
+from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.model.motion_laws import swing
 from mechsim.simulation import Settings, simulate
 from mechsim.studies import validate
@@ -69,7 +70,7 @@ def test_a_link_a_thousandth_long_is_refused_near_a_dead_centre_too(name, method
     verdict = crosscheck(run.motion, drive)
     assert not verdict.passed
     # nor at the instants alone where the loops are worst conditioned
-    conditioning = drive.conditioning(drive.solve(run.motion.angle))
+    conditioning = conditioning_of(drive.mechanism, drive.solve(run.motion.angle))
     assert conditioning.min() < WELL_CONDITIONED
 
 
@@ -98,7 +99,10 @@ def test_both_roads_tell_the_conditioning_of_the_loops(name):
     """They write the loops in other coordinates: it is alike, not the same, and falls to a dead centre."""
     drive, profile = near_a_dead_centre(name, 0.9999)
     run = simulate(drive.mechanism, profile=profile, method="pose", samples=40)
-    simulated, exact = run.motion.conditioning, drive.conditioning(drive.solve(run.motion.angle))
+    simulated, exact = (
+        run.motion.conditioning,
+        conditioning_of(drive.mechanism, drive.solve(run.motion.angle)),
+    )
     own = closure.solve(drive.mechanism, run.motion.angle).conditioning
     for one in (simulated, own):
         assert 0.05 < (one / exact).min() <= (one / exact).max() < 20.0

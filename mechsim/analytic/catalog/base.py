@@ -16,10 +16,8 @@ from mechsim.analytic.catalog.frame_motion import (
     require_finite,
 )
 from mechsim.analytic.catalog.parameter_checks import checked_rate
-from mechsim.analytic.loops.oracle import conditioning
 from mechsim.analytic.path_instants import path_instants
 from mechsim.model.limits import NO_RANGES
-from mechsim.model.links import Pose
 from mechsim.model.motion import ChangePointPolicy, Motion, join
 from mechsim.model.motion_laws import CRANK
 from mechsim.numerics.angles import REVOLUTION
@@ -132,15 +130,6 @@ class ClosedForm(Formulas):
     def solve_as(self, driven: Motion) -> Motion:
         """Return the motion where the crank of another motion was."""
         return self.solve(driven.angle, driven.speed, driven.acceleration)
-
-    def within_ranges(self, motion: Motion) -> Motion:
-        """Return a motion; no joint of the catalogue has a range."""
-        return motion
-
-    def conditioning(self, motion: Motion) -> Array:
-        """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
-        poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-        return conditioning(self.mechanism, poses)
 
     def dead_centres(self) -> tuple[float, ...]:
         """Return the crank angles at which the assemblies meet, in [rad]; empty if the crank turns fully."""

@@ -3,32 +3,30 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.analytic.loops.joint_ranges import JointRanges
 from mechsim.analytic.loops.motion import (
     driven_path,
     solve_along,
     solve_prescribed,
 )
-from mechsim.analytic.loops.oracle import conditioning
 from mechsim.analytic.loops.path import ContinuationPath
 from mechsim.analytic.loops.path_rates import Instants
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.model.forces import Forces
-from mechsim.model.limits import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
-from mechsim.model.links import Pose
+from mechsim.model.limits import Ranges
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import root
 from mechsim.units import WrittenUnits
 
 # two crank angles nearer than this are one
@@ -89,7 +87,7 @@ class LoopForm:
         displacements = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
         return max(*displacements, *(np.ptp(link.rotation, axis=0).max() for link in links)) < SAME_POSE
 
-    def with_change_point(self, policy: ChangePointPolicy) -> "LoopForm":
+    def with_change_point(self, policy: ChangePointPolicy) -> Self:
         """Return the mechanism that goes on so where assemblies meet."""
         return self if policy == self.change_point else replace(self, change_point=policy)
 
@@ -160,40 +158,14 @@ class LoopForm:
         """
         if not self.ranges:
             return motion
-        if motion.speed.any() and np.ptp(motion.angle) > 0.0:
-            # instants at which the loops do not close are no part of what was requested
-            dense = None
-            with suppress(AssemblyError):
-                dense = self._ranged(check_instants(motion.angle.min(), motion.angle.max()))
-            if dense is not None:
-                self._require_within(*dense)
-        self._require_within(motion.angle, {name: joint.value for name, joint in motion.joints.items()})
+        self._joint_ranges.require(motion)
         return motion
 
-    def _ranged(self, instants: Array) -> tuple[Array, dict[str, Array]]:
-        """Return path parameters (n,) with those of extremes between, and the values of ranged joints."""
-        values = self._joint_values(instants)
-        between = extremes(instants, values.values())
-        if not len(between):
-            return instants, values
-        more = self._joint_values(between)
-        order = np.argsort(whole := np.concatenate([instants, between]), kind="stable")
-        return whole[order], {name: np.concatenate([values[name], more[name]])[order] for name in values}
-
-    def _joint_values(self, parameter: Array) -> dict[str, Array]:
-        """Return the values of the joints with a range at path parameters (n,)."""
-        joints = LoopForm.solve_along(self, parameter).joints
-        return {name: joints[name].value for name in self.ranges if name in joints}
-
-    def _require_within(self, parameter: Array, values: Mapping[str, Array]) -> None:
-        require_within(
-            self.name,
-            self.ranges,
-            values,
-            {name: self.mechanism.unit(name) for name in self.ranges},
-            lambda index: self.motion_laws.instant_label(float(parameter[index])),
-            "move the drivers less",
-        )
+    @property
+    def _joint_ranges(self) -> JointRanges:
+        # the solver of a user's file leaves out links of its record
+        solve = partial(LoopForm.solve_along, self)
+        return JointRanges(self.mechanism, self.ranges, solve, self.motion_laws.instant_label)
 
     def positions(
         self, angles: ArrayLike | None = None, *, t: ArrayLike | None = None, speed: float | None = None
@@ -211,8 +183,8 @@ class LoopForm:
     def crank_range(self) -> Arcs:
         """Return the arc of crank angle over which this assembly can be followed from its start.
 
-        It ends at dead centres, and where a joint reaches the end of its own range. Under programs, of their
-        clock.
+        It ends at dead centres, and where a joint reaches the end of its range. Under motion laws it is the
+        interval of their path parameter.
         """
         return self._range
 
@@ -244,13 +216,6 @@ class LoopForm:
             within = [point for point in within if around[0] <= point <= around[1]]
         return tuple(sorted({float((point + np.pi) % REVOLUTION - np.pi) for point in within}))
 
-    def conditioning(self, motion: Motion) -> Array:
-        """Return how far each pose of a motion is from a singular one, (n,), by the loop equations."""
-        if motion.conditioning is not None:
-            return motion.conditioning
-        poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-        return conditioning(self.mechanism, poses)
-
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
         """Return the one assembly that is known: tracked points, (3,) in [m]; empty where it cannot stand."""
         with suppress(AssemblyError):
@@ -261,10 +226,6 @@ class LoopForm:
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Return 1 for each pose, (n,): no sign distinguishes its assemblies."""
         return np.ones(len(next(iter(points.values()))))
-
-    def variants(self) -> Mapping[str, "LoopForm"]:
-        """Return nothing: what could be made otherwise the description does not say."""
-        return {}
 
     @cached_property
     def _path(self) -> ContinuationPath:
@@ -290,33 +251,11 @@ class LoopForm:
 
     def _range_end(self, start: float, end: float) -> float | None:
         """Return how far the crank can go from its start towards an angle, in [rad]; None if not at all."""
-
-        def excess(values: Mapping[str, Array]) -> Array:
-            beyond = [np.maximum(low - values[name], values[name] - high) for name, (low, high) in ranged]
-            return np.max(beyond, axis=0)
-
         inner = start + (end - start) * (1.0 - SAME_ANGLE)
         if abs(inner - start) < SAME_ANGLE:
             return end
-        parameters, values = self._ranged(np.linspace(min(start, inner), max(start, inner), INSTANTS + 1))
-        ranged = [(name, ends) for name, ends in self.ranges.items() if name in values]
-        if not ranged:
-            return end
-        if end < start:
-            parameters, values = parameters[::-1], {name: value[::-1] for name, value in values.items()}
-        over = excess(values)
-        slack = ROUNDED * max(1.0, *(high - low for _, (low, high) in ranged))
-        first = int(np.argmax(over > slack)) if (over > slack).any() else None
-        if first is None:
-            return end
-        if first == 0:
-            return None
-
-        def excess_at(angle: float) -> float:
-            return float(excess(self._joint_values(np.array([angle])))[0])
-
-        inside, outside = float(parameters[first - 1]), float(parameters[first])
-        return root(excess_at, *sorted((inside, outside))) if over[first - 1] < 0.0 else inside
+        reached = self._joint_ranges.reach(start, inner)
+        return end if reached == inner else reached
 
     @cached_property
     def _closing_range(self) -> Arcs:

@@ -188,6 +188,14 @@ def conditioning(mechanism: Mechanism, poses: Poses) -> Array:
     return values[:, rank - 1]
 
 
+def conditioning_of(mechanism: Mechanism, motion: Motion) -> Array:
+    """Return the distance of each configuration of a motion from a singular one, (n,)."""
+    if motion.conditioning is not None:
+        return motion.conditioning
+    poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
+    return conditioning(mechanism, poses)
+
+
 def rates(
     mechanism: Mechanism, poses: Poses, angle: ArrayLike, speed: ArrayLike, acceleration: ArrayLike = 0.0
 ) -> Motion:

@@ -14,6 +14,7 @@ from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
@@ -113,7 +114,7 @@ class EvaluationPoints:
     def conditioning(self) -> Array:
         """How far the loops are from a singular pose, (n,), as verdicts have it."""
         motion = self.motion
-        return self.solver.conditioning(motion) if motion.conditioning is None else motion.conditioning
+        return conditioning_of(self.solver.mechanism, motion)
 
     @cached_property
     def _of_loops(self) -> Motion:

@@ -200,7 +200,7 @@ def _variants(solver: Form, angles: Array) -> dict[str, Mechanism]:
     """Return the variants of a mechanism whose tracked points have the same positions at crank angles."""
     positions = solver.positions(angles)
     variants: dict[str, Mechanism] = {}
-    for name, variant in solver.variants().items():
+    for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
         others = variant.positions(angles)
         distance = max(worst(others[point] - position) for point, position in positions.items())
         if distance <= POSITION_TOLERANCE * solver.mechanism.size:
