@@ -134,6 +134,18 @@ def inertia_fields(model: mujoco.MjModel, designs: Sequence[Mechanism]) -> Field
     return fields
 
 
+# what MuJoCo's mj_setConst derives from these fields for stepping
+CONSTANTS = (
+    "body_invweight0",
+    "body_subtreemass",
+    "dof_M0",
+    "dof_invweight0",
+    "dof_length",
+    "tendon_invweight0",
+    "tendon_length0",
+)
+
+
 def with_constants(model: mujoco.MjModel, fields: Mapping[str, Array], qpos0: Array) -> Fields:
     """Return fields of designs and the constants that MuJoCo's compiler derives from them."""
     sims = batch.Batch(model, len(qpos0), 1)
@@ -141,12 +153,7 @@ def with_constants(model: mujoco.MjModel, fields: Mapping[str, Array], qpos0: Ar
     for name, values in inputs.items():
         sims.expand(name)[:] = values
     sims.set_const()
-    constants: Fields = {}
-    for name in sorted(batch.MODEL_FIELDS):
-        values = sims.expanded(name)
-        if values is not None:
-            constants[name] = np.array(values)
-    return constants
+    return {name: np.array(sims.expand(name)) for name in (*inputs, *CONSTANTS)}
 
 
 def clear_same_frame(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None:
