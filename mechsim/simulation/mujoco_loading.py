@@ -51,7 +51,7 @@ def _unusable(error: Exception) -> MissingToolError:
     try:
         installed = version("mujoco")
     except PackageNotFoundError:
-        return MissingToolError("MuJoCo is not installed; pip install 'mujoco>=4.0.0' installs it")
+        return MissingToolError("MuJoCo is not installed; pip install 'mujoco>=3.17.0' installs it")
     pins = " ".join(
         f"{name}=={installed}" for name in DISTRIBUTIONS[: 3 if int(installed.split(".")[0]) >= 4 else 1]
     )

@@ -147,26 +147,15 @@ def simulate(
     speed, tolerance = si(speed, "rad/s", "the crank speed"), si(tolerance, "m", "the tolerance")
     timestep = si(timestep, "s", "the time step")
     _check(tolerance, method, samples, timestep)
-    for name, value, kind in (
-        ("scene", scene, Scene),
-        ("settings", settings, Settings),
-        ("profile", profile, CrankProfile),
-        ("motion_laws", motion_laws, MotionLaws),
-    ):
-        if value is not None:
-            require(name, value, kind)
-    motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
-    require_motion_laws(source, motion_laws, speed if profile is None else profile)
+    _require_kinds(scene=scene, settings=settings, profile=profile, motion_laws=motion_laws)
+    crank_motion = speed if profile is None else profile
+    motion_laws = laws_of(source, motion_laws, crank_motion)
+    require_motion_laws(source, motion_laws, crank_motion)
     if profile is not None:
         source = starting_at(source, profile.angles)
     drivers = drive if motion_laws.crank else motion_laws.drivers
     closed = from_source(source, scene, drivers=drivers, lock=lock, key=key)
-    if not motion_laws.crank:
-        profile = parameter_profile(motion_laws)
-    elif profile is None:
-        if speed is None:
-            raise InputError("neither a crank speed nor a profile was given; give one of them")
-        profile = constant(speed, turns, closed.angle)
+    profile = profile or _profile(closed, motion_laws, speed, turns)
     samples = None if samples is None else int(samples)
     check_records(closed, profile, samples)
     if method is None and (tolerance is not None or settings is not None or timestep is not None):
@@ -184,6 +173,26 @@ def simulate(
     if timestep is not None:
         run, settings = with_timestep(run, settings, timestep)
     return run.stepped(settings) if tolerance is None else run_within(run, settings, tolerance)
+
+
+def _profile(closed: ClosedModel, motion_laws: MotionLaws, speed: float | None, turns: float) -> CrankProfile:
+    """Return the profile of the path parameter under motion laws, or of a crank at constant speed."""
+    if not motion_laws.crank:
+        return parameter_profile(motion_laws)
+    if speed is None:
+        raise InputError("neither a crank speed nor a profile was given; give one of them")
+    return constant(speed, turns, closed.angle)
+
+
+# argument of `simulate` -> its type
+KINDS = {"scene": Scene, "settings": Settings, "profile": CrankProfile, "motion_laws": MotionLaws}
+
+
+def _require_kinds(**options: object) -> None:
+    """Reject arguments of another type than theirs."""
+    for name, value in options.items():
+        if value is not None:
+            require(name, value, KINDS[name])
 
 
 def _check(

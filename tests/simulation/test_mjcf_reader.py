@@ -8,8 +8,8 @@ from mechsim.errors import InputError
 from mechsim.model.joints import joint_coordinate
 from mechsim.model.links import GROUND, IDENTITY, VIRTUAL_PREFIX
 from mechsim.simulation.mjcf_reader import read_model
+from mechsim.simulation.mjcf_reader.file_errors import MAX_DEPTH
 from mechsim.simulation.mjcf_reader.kinematic_tree import kinematic_tree, poses
-from mechsim.simulation.mjcf_reader.parsed_file import MAX_DEPTH
 
 # every kind of joint, several of them on a body, ref, points off the origin, jointless bodies, frames,
 # defaults, degrees, and a body called as the frame is

@@ -18,7 +18,6 @@ from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import (
     BodyPoint,
     actuated_joints,
-    did_you_mean,
     driven,
     listed,
     require_coordinate,
@@ -43,16 +42,17 @@ from mechsim.simulation.mjcf_reader.kinematic_tree import (
     link_name,
     poses,
 )
+from mechsim.simulation.mjcf_reader.number_checks import require_numbers
 from mechsim.simulation.mjcf_reader.parsed_file import (
     MujocoInput,
     compile_repaired,
-    minimum_mass,
+    initial_qpos,
     model_label,
     name_elements,
     parse_file,
-    require_numbers,
 )
 from mechsim.simulation.mjcf_reader.pose_chains import with_pose_chains
+from mechsim.simulation.mjcf_reader.repairs import minimum_mass
 
 
 def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
@@ -204,62 +204,95 @@ def read_model(
     Raises:
         InputError: for a file, joint, keyframe or point that cannot be read; names it.
     """
-    path = model_label(source)
-    spec, _, remarks = parse_file(source)
-    name_elements(spec)
-    model, _ = compile_repaired(path, spec)
-    remarks += ignored_ranges(spec)
-    start = _start(path, model, key)
-    _delete_keyframes(spec)
-    if fix_base and not free_bodies(model):
-        raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
-    stilled, lock = _fixed_joints(model, lock or {}, fix_base=fix_base)
-    if stilled:
-        remarks += _fixed_remarks(model, stilled)
-        start = fix_bodies(spec, model, stilled, start)
-        model, _ = compile_repaired(path, spec)
-    model, start = with_pose_chains(spec, model, start, drivers)
-    require_numbers(path, spec, model, start)
+    compiled_file = _compiled(source, key, lock or {}, drivers, fix_base=fix_base)
+    spec, model, start = compiled_file.spec, compiled_file.model, compiled_file.start
     tree = kinematic_tree(model)
-    carriers = tree.carriers
-    loops = equalities(model, carriers)
+    loops, points = equalities(model, tree.carriers), tracked(model, tree.carriers, track)
     values = coordinate_values(model, start)
-    locked = _locked_values(model, lock, values)
-    driven_names, raised_to = driven(model, drivers, list(locked), describe_only), minimum_mass(remarks)
-    points = tracked(model, carriers, track)
+    locked = _locked_values(model, compiled_file.lock, values)
+    driven_names = driven(model, drivers, list(locked), describe_only)
     mechanism = Mechanism(
         name=spec.modelname or "model",
         links=with_outlines(model, tree),
         joints=(*tree.joints, *loops.joints),
         driver=driven_names[0] if len(driven_names) == 1 else driven_names,
-        points=_link_points(model, carriers, points),
+        points=_link_points(model, tree.carriers, points),
         guess=poses(model, tree, start),
         couplings=tuple(loops.couplings),
         locked=locked,
         counted=values,
     )
-    links = with_inertias(model, mechanism.links, carriers, mechanism.size, raised_to)
-    start_angle = values[driven_names[0]] if mechanism.has_crank else mechanism.start
-    mechanism = replace(mechanism, links=links, start=start_angle)
+    raised = minimum_mass(compiled_file.remarks)
+    mechanism = replace(
+        mechanism,
+        links=with_inertias(model, mechanism.links, tree.carriers, mechanism.size, raised),
+        start=values[driven_names[0]] if mechanism.has_crank else mechanism.start,
+    )
     _add_sites(spec, points)
     return MjcfModel(
-        path,
-        mechanism,
-        spec,
-        start,
-        largest_gap(loops.joints, mechanism.guess),
-        limits(model),
-        actuators(model),
-        (*remarks, *loops.remarks),
-        forces_of_model(model),
-        stilled,
+        path=compiled_file.path,
+        mechanism=mechanism,
+        spec=spec,
+        qpos=start,
+        gap=largest_gap(loops.joints, mechanism.guess),
+        limits=limits(model),
+        actuators=actuators(model),
+        remarks=(*compiled_file.remarks, *loops.remarks),
+        forces=forces_of_model(model),
+        stilled=compiled_file.fixed,
     )
 
 
-def _delete_keyframes(spec: mujoco.MjSpec) -> None:
-    """Delete the keyframes, which fit no model to which anything is added."""
-    for keyframe in list(spec.keys):
-        spec.delete(keyframe)
+@dataclass(frozen=True)
+class _CompiledFile:
+    """A specification with names and fixed bodies, its model and its initial state.
+
+    Attributes:
+        path: of the file, or the label of the object in messages.
+        spec: without keyframes.
+        model: compiled from it.
+        start: initial state, (nq,).
+        remarks: on what was changed.
+        fixed: indices of the file's ball and free joints that were removed.
+        lock: the other locked joints and their values.
+    """
+
+    path: str
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    start: Array
+    remarks: list[str]
+    fixed: tuple[int, ...]
+    lock: Mapping[str, LockedAt]
+
+
+def _compiled(
+    source: MujocoInput,
+    key: str | None,
+    lock: Mapping[str, LockedAt],
+    drivers: Sequence[str],
+    *,
+    fix_base: bool,
+) -> _CompiledFile:
+    """Return a file or an object compiled, with names for all elements and bodies fixed as requested."""
+    path = model_label(source)
+    spec, _, remarks = parse_file(source)
+    name_elements(spec)
+    model, _ = compile_repaired(path, spec)
+    remarks += ignored_ranges(spec)
+    start = initial_qpos(path, model, key)
+    for key_ in list(spec.keys):  # they fit no model to which anything is added
+        spec.delete(key_)
+    if fix_base and not free_bodies(model):
+        raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
+    fixed, lock = _fixed_joints(model, lock, fix_base=fix_base)
+    if fixed:
+        remarks += _fixed_remarks(model, fixed)
+        start = fix_bodies(spec, model, fixed, start)
+        model, _ = compile_repaired(path, spec)
+    model, start = with_pose_chains(spec, model, start, drivers)
+    require_numbers(path, spec, model, start)
+    return _CompiledFile(path, spec, model, start, remarks, fixed, lock)
 
 
 def _link_points(
@@ -291,18 +324,6 @@ def _fixed_remarks(model: mujoco.MjModel, joints: tuple[int, ...]) -> list[str]:
     return [
         f"held where the model starts, without {what}: {listed(names)}" for what, names in groups if names
     ]
-
-
-def _start(path: str, model: mujoco.MjModel, key: str | None) -> Array:
-    """Return the coordinates of a keyframe, or of the reference configuration, (nq,)."""
-    if key is None:
-        return model.qpos0.copy()
-    names = [model.key(k).name for k in range(model.nkey)]
-    if key not in names:
-        raise InputError(
-            f"{path}: there is no keyframe {key!r}{did_you_mean(key, names)}; there are {listed(names)}"
-        )
-    return model.key_qpos[names.index(key)].copy()
 
 
 def _locked_values(

@@ -1,0 +1,80 @@
+"""Numbers in a model that no run can take: not finite, beyond sense, or no rotation."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
+
+# no mechanism is farther across, in [m], and no joint's coordinate means anything beyond it, in [m] or [rad]
+MAX_LENGTH = 1e12
+
+
+def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
+    """Refuse a model with NaN, with numbers beyond sense, quaternions that are no turn, or no time step.
+
+    Args:
+        path: of the file.
+        spec: what it says.
+        model: what that compiles to.
+        start: coordinates, (nq,).
+
+    Raises:
+        InputError: names file, line, the part and what it holds.
+    """
+    for what, element, values, limit in _numbers(spec, model):
+        invalid = values[~(np.abs(values) <= limit)]
+        if len(invalid) and not np.isfinite(invalid).all():
+            raise _error(path, what, element, "numbers that are not finite")
+        if len(invalid):
+            raise _error(path, what, element, f"{invalid[0]:g}; give {limit:g} in SI at most")
+    for what, elements, quaternions in (
+        ("body", spec.bodies, model.body_quat),
+        ("site", spec.sites, model.site_quat),
+    ):
+        for element in elements:
+            if not np.linalg.norm(quaternions[element.id]) > 0.0:
+                raise _error(path, what, element, "a quat that is no turn")
+    if not np.isfinite(start).all():
+        raise InputError(f"{path}: where it starts is not finite; correct ref or the keyframe")
+    if not 0.0 < model.opt.timestep <= HUGE:
+        raise InputError(
+            f"{path}: the timestep of <option> is {model.opt.timestep:g} s, by which no run goes on; "
+            "give one above 0, or leave it out for 0.002"
+        )
+    if not np.abs(model.opt.gravity).max() <= HUGE:
+        raise InputError(f"{path}: gravity is {model.opt.gravity.tolist()}; give {HUGE:g} m/s^2 at most")
+
+
+def _error(path: str, what: str, element: Any, content: str) -> InputError:
+    location = ", ".join([path, *filter(None, [element.info])])
+    label = f" {element.name!r}" if element.name else ""
+    return InputError(f"{location}: {what}{label} holds {content}; correct the file")
+
+
+def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:
+    """Yield what holds numbers: its kind, the part, the numbers and how large they may be."""
+    coordinates = np.append(model.jnt_qposadr, model.nq)
+    for body in spec.bodies:
+        i = body.id
+        yield "body", body, np.concatenate([model.body_pos[i], model.body_ipos[i]]), MAX_LENGTH
+        yield "body", body, np.array([*model.body_quat[i], model.body_mass[i], *model.body_inertia[i]]), HUGE
+    for joint in spec.joints:
+        i, dofs = joint.id, model.dof_jntid == joint.id
+        own = slice(coordinates[i], coordinates[i + 1])
+        positions = [model.jnt_pos[i], model.qpos0[own], model.qpos_spring[own]]
+        yield "joint", joint, np.concatenate(positions), MAX_LENGTH
+        rates = [model.dof_damping[dofs], model.dof_armature[dofs], model.dof_frictionloss[dofs]]
+        limit = [model.jnt_range[i], model.jnt_solref[i], model.jnt_solimp[i]]
+        single = [model.jnt_axis[i], *limit, model.jnt_stiffness[[i]].ravel()]
+        yield "joint", joint, np.concatenate([values_.ravel() for values_ in (*single, *rates)]), HUGE
+    for site in spec.sites:
+        yield "site", site, model.site_pos[site.id], MAX_LENGTH
+        yield "site", site, model.site_quat[site.id], HUGE
+    for equality in spec.equalities:
+        own = [model.eq_data[equality.id], model.eq_solref[equality.id], model.eq_solimp[equality.id]]
+        yield "equality", equality, np.concatenate(own), HUGE

@@ -1,0 +1,116 @@
+"""Repairs of specifications that MuJoCo does not compile: impossible inertias and missing assets."""
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+# a mesh that bounds no volume
+_FLAT = re.compile(r"mesh volume is too small: (\S+)")
+# minimum mass and moment of inertia of a moving body, in [kg] and [kg m2]
+MIN_MASS, MIN_INERTIA = 1e-6, 1e-12
+
+
+def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
+    """Let MuJoCo repair inertias that break the triangle inequality, and raise those that are zero.
+
+    Meshes that bound no volume weigh as shells.
+
+    Args:
+        spec: changed in place.
+        message: of MuJoCo.
+
+    Returns:
+        The change, as text; empty where the error has another cause.
+    """
+    text = " ".join(message.split())
+    if "A + B >= C" in text and not spec.compiler.balanceinertia:
+        spec.compiler.balanceinertia = 1
+        return (
+            "moments of inertia break the triangle inequality and MuJoCo refuses the file: read as with "
+            '<compiler balanceinertia="true"/>, which evens them out'
+        )
+    if "must be larger than mjMINVAL" in text and spec.compiler.boundmass < MIN_MASS:
+        spec.compiler.boundmass, spec.compiler.boundinertia = MIN_MASS, MIN_INERTIA
+        return (
+            "a moving body has no mass or no inertia and MuJoCo refuses the file: read as with "
+            f'<compiler boundmass="{MIN_MASS:g}" boundinertia="{MIN_INERTIA:g}"/>'
+        )
+    flat = _FLAT.search(text)
+    if flat and (mesh := spec.mesh(flat[1])) and mesh.inertia != mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        return f'mesh {flat[1]!r} bounds no volume and MuJoCo refuses it: read as with inertia="shell"'
+    return ""
+
+
+def minimum_mass(remarks: Iterable[str]) -> float:
+    """Return the mass in [kg] to which bodies without any were raised, by the remarks; 0 where none was."""
+    return MIN_MASS if any("boundmass" in remark for remark in remarks) else 0.0
+
+
+_FILE = re.compile(r"(?:opening|open|find|load|read)\w* (?:file |resource )?'([^']+)'", re.IGNORECASE)
+# inertia of a body whose meshes are missing, in [kg] and [kg m2]
+PLACEHOLDER_MASS, PLACEHOLDER_INERTIA = 1.0, 1e-3
+# kinds of assets: name in messages -> list of the specification
+ASSETS = {"meshes": "meshes", "textures": "textures", "height fields": "hfields", "skins": "skins"}
+
+
+def without_missing(spec: mujoco.MjSpec, message: str) -> str:
+    """Leave out the assets of the kind whose file MuJoCo did not find.
+
+    Args:
+        spec: changed in place.
+        message: of MuJoCo.
+
+    Returns:
+        What was left out, as text; empty where the error names no file of an asset.
+    """
+    match = _FILE.search(message)
+    if not match:
+        return ""
+    missing = match[1]
+    for kind, attribute in ASSETS.items():
+        assets = list(getattr(spec, attribute))
+        if any(_same_file(missing, name) for asset in assets for name in _files(asset)):
+            _detach(spec, kind)
+            for asset in assets:
+                spec.delete(asset)
+            return f"file {missing} is missing: read without its {kind}"
+    return ""
+
+
+def _files(asset: Any) -> list[str]:
+    return [name for name in (asset.file, *getattr(asset, "cubefiles", ())) if name]
+
+
+def _same_file(missing: str, name: str) -> bool:
+    return missing == name or missing.replace("\\", "/").endswith(name.replace("\\", "/").lstrip("./"))
+
+
+def _detach(spec: mujoco.MjSpec, kind: str) -> None:
+    """Remove the references to a kind of assets."""
+    if kind == "meshes":
+        _no_shapes(spec, [geom for geom in spec.geoms if geom.meshname])
+    elif kind == "height fields":
+        _no_shapes(spec, [geom for geom in spec.geoms if geom.hfieldname])
+    elif kind == "textures":
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+
+
+def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
+    """Make geoms points that touch nothing, and give bodies that had their mass from them a stand-in."""
+    for geom in geoms:
+        body = geom.parent
+        geom.type = mujoco.mjtGeom.mjGEOM_SPHERE
+        geom.size = np.array([1e-3, 0.0, 0.0])
+        geom.meshname = geom.hfieldname = geom.material = ""
+        geom.contype = geom.conaffinity = 0
+        if body.id and not body.explicitinertial:
+            body.explicitinertial = True
+            body.mass, body.inertia = PLACEHOLDER_MASS, np.full(3, PLACEHOLDER_INERTIA)
+            body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    if spec.compiler.inertiafromgeom == int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE):
+        spec.compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
