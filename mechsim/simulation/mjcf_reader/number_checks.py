@@ -76,5 +76,10 @@ def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, 
         yield "site", site, model.site_pos[site.id], MAX_LENGTH
         yield "site", site, model.site_quat[site.id], HUGE
     for equality in spec.equalities:
-        own = [model.eq_data[equality.id], model.eq_solref[equality.id], model.eq_solimp[equality.id]]
-        yield "equality", equality, np.concatenate(own), HUGE
+        i = equality.id
+        yield (
+            "equality",
+            equality,
+            np.concatenate([model.eq_data[i], model.eq_solref[i], model.eq_solimp[i]]),
+            HUGE,
+        )
