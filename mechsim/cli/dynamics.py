@@ -1,6 +1,6 @@
 """Command `mechsim dynamics`: drive torque, joint reactions, energy, speed fluctuation, free motion."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
@@ -9,7 +9,14 @@ import numpy as np
 import typer
 
 from mechsim import files
-from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, fluctuation, flywheel_for, free_run
+from mechsim.analytic.dynamics import (
+    DynamicModel,
+    InverseDynamics,
+    actuator_forces,
+    fluctuation,
+    flywheel_for,
+    free_run,
+)
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
 from mechsim.cli.forward_dynamics import ForwardOptions, Output, forward_dynamics
@@ -29,6 +36,7 @@ from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import LEAST_TURNS
 from mechsim.model.quantities import quantity
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
@@ -38,7 +46,7 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.motion_source import driven_as, profile_of
-from mechsim.units import crank_speed, option
+from mechsim.units import crank_speed, option, parse
 from mechsim.verdict.checks import Verdict
 
 # numbers of an instant besides those of its joints, and bytes of memory for each
@@ -156,6 +164,7 @@ class DynamicsJson(TypedDict):
     checks: list[CheckJson]
     torque: NotRequired[Effort]
     drives: NotRequired[dict[str, Effort]]
+    actuators: NotRequired[dict[str, Effort]]
     routes: NotRequired[float]
     reactions: NotRequired[dict[str, ReactionJson]]
     couplings: NotRequired[dict[str, CouplingJson]]
@@ -194,6 +203,12 @@ class DynamicsOptions:
         "MuJoCo by pose or step; none omits it. Default: pose, with --tolerance step. A free run is stepped.",
         metavar="pose|step|none",
     )
+    actuators: str | None = option(
+        None,
+        "Joints of more actuators than degrees of freedom, with weights: the torques of least weighted norm "
+        "that drive the motion.",
+        metavar="J[=WEIGHT],...",
+    )
     csv: str | None = option(None, "Write all columns: .csv or .npz.", metavar="FILE")
     plot: str | None = option(None, "Draw everything on a sheet: .svg, .pdf, .png.", metavar="FILE")
 
@@ -212,6 +227,13 @@ class DynamicsOptions:
             writable(self.csv, ".csv", ".npz")
         if self.plot is not None:
             writable(self.plot, ".svg", ".pdf", ".png")
+
+    def actuator_weights(self) -> dict[str, float]:
+        """Return the actuators and the weights of their squared torques."""
+        named = [text.partition("=") for text in self.actuators.split(",")] if self.actuators else []
+        return {
+            name: parse(weight, "1", f"the weight of {name}") if sign else 1.0 for name, sign, weight in named
+        }
 
     @property
     def mujoco_method(self) -> Any:
@@ -285,6 +307,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
         names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
         steps = iter(_sections(report, names))
         study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
+        actuators = actuator_forces(study, weights) if (weights := options.actuator_weights()) else {}
         steady, even = _steady_turns(model, options)
         run, verdict = None, None
         if method != "none":
@@ -305,7 +328,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
     note, tolerance = "" if run is None else run.note, _driven_tolerance(run)
 
     def text() -> None:
-        _print_peaks(model.mechanism.name, study, shown)
+        _print_peaks(model.mechanism.name, study, actuators, shown)
         for name, cycle in (("speed fluctuation", steady), ("with the flywheel", even)):
             if cycle is not None:
                 print_text(
@@ -315,7 +338,11 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
                 )
         _print_comparison(verdict, tolerance, note)
 
-    data = {**study_facts(study), "fluctuation": turn_facts(steady), "with_flywheel": turn_facts(even)}
+    data = {
+        **study_facts(study, actuators),
+        "fluctuation": turn_facts(steady),
+        "with_flywheel": turn_facts(even),
+    }
     data |= {"tolerance_report": tolerance, "note": note, **_verdict_data(verdict, method)}
     return data, text, _passed(verdict, tolerance)
 
@@ -473,11 +500,14 @@ def _print_comparison(verdict: Verdict | None, tolerance: dict[str, Any] | None,
         )
 
 
-def _print_peaks(name: str, study: InverseDynamics, shown: OutputUnits) -> None:
+def _print_peaks(
+    name: str, study: InverseDynamics, actuators: Mapping[str, Array], shown: OutputUnits
+) -> None:
     """Print peaks of torques, reactions, coupling efforts and shaking forces."""
-    facts = study_facts(study)
+    facts = study_facts(study, actuators)
     drives = {f"drive of {joint}": effort for joint, effort in facts["drives"].items()}
     drives = drives or {"drive torque": facts["torque"] | {"unit": "N m"}}
+    drives |= {f"actuator {joint}": effort for joint, effort in facts["actuators"].items()}
     peaks: list[tuple[str, dict[str, Any], str]] = [
         (what, peak, peak["unit"]) for what, peak in drives.items()
     ]

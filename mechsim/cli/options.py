@@ -107,9 +107,10 @@ class DriveOptions:
     fix_base: bool = option(False, "Fix floating bases at their initial pose.", name="--fix-base")
     drive: tuple[tuple[str, str], ...] = pairs(
         "--drive left=30deg*sin(2*pi*t)",
-        "Motion law of a joint: 600rpm or 20mm/s (constant), 30deg*sin(2*pi*0.6*t) (t in s; bare numbers are "
-        "SI), FILE.csv (columns t, value). Other drivers than the file's own replace them.",
-        "JOINT=LAW",
+        "Motion law of a joint, a point (P.x) or a link (plate.x, plate.rz): 600rpm or 20mm/s (constant), "
+        "30deg*sin(2*pi*0.6*t) (t in s; bare numbers are SI), FILE.csv (columns t, value). Other drivers "
+        "than the file's own replace them.",
+        "COORDINATE=LAW",
     )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     track: tuple[str, ...] = option(

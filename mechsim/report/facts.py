@@ -1,6 +1,6 @@
 """What `mechsim show` and the report say about a mechanism."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -184,8 +184,20 @@ def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 
 
-def study_facts(study: InverseDynamics) -> dict[str, Any]:
-    """Return what a prescribed crank comes to; all in SI."""
+def _effort_facts(study: InverseDynamics, forces: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
+    """Return peak, mean and root mean square of the torques or forces at joint coordinates."""
+    result, mechanism = study.efforts, study.model.mechanism
+    angle, time = result.angle, result.time if result.drives else None
+    return {
+        name: _peak(effort, angle, time)
+        | {"mean": _mean(effort, angle), "rms": _mean(effort**2, angle) ** 0.5}
+        | {"unit": "N" if mechanism.unit(name) == "m" else "N m"}
+        for name, effort in forces.items()
+    }
+
+
+def study_facts(study: InverseDynamics, actuators: Mapping[str, Array] | None = None) -> dict[str, Any]:
+    """Return peaks and means of a prescribed motion, and of the forces of its actuators; all in SI."""
     result, angle = study.efforts, study.efforts.angle
     timed = result.time if result.drives else None
 
@@ -204,15 +216,8 @@ def study_facts(study: InverseDynamics) -> dict[str, Any]:
     return {
         "torque": peak(result.torque)
         | {"mean": _mean(result.torque, angle), "rms": _mean(result.torque**2, angle) ** 0.5},
-        "drives": {
-            name: peak(effort)
-            | {
-                "mean": _mean(effort, angle),
-                "rms": _mean(effort**2, angle) ** 0.5,
-                "unit": "N" if name in result.straight else "N m",
-            }
-            for name, effort in result.drives.items()
-        },
+        "drives": _effort_facts(study, result.drives),
+        "actuators": _effort_facts(study, actuators or {}),
         "routes": float(np.abs(np.where(free, 0.0, study.second_torque - result.torque)).max())
         / torque_scale,
         "reactions": {

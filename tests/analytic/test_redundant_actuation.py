@@ -1,0 +1,71 @@
+"""Forces of redundant actuators: the power of the drivers, the least norm, and wrong requests rejected."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+
+TIMES = np.linspace(0.0, 1.0, 11)
+WEIGHT = ms.Forces(gravity=(0.0, -9.81, 0.0))
+
+
+@pytest.fixture(scope="module")
+def study():
+    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(ms.load("five_bar"), WEIGHT), t=TIMES)
+
+
+@pytest.fixture(scope="module")
+def joints():
+    return ms.load("five_bar").solve(t=TIMES).joints
+
+
+def power(forces, joints):
+    return sum(force * joints[name].rate for name, force in forces.items())
+
+
+def test_as_many_actuators_as_drivers_have_the_drivers_forces(study):
+    forces = ms.dynamics.actuator_forces(study, ("left", "right"))
+    for name, force in forces.items():
+        np.testing.assert_allclose(force, study.efforts.drives[name], atol=1e-14)
+
+
+def test_a_third_actuator_takes_its_share(study, joints):
+    forces = ms.dynamics.actuator_forces(study, {"left": 1.0, "right": 1.0, "elbow_l": 4.0})
+    expected = power(study.efforts.drives, joints)
+    np.testing.assert_allclose(power(forces, joints), expected, atol=1e-13)
+    weighted = forces["left"] ** 2 + forces["right"] ** 2 + 4.0 * forces["elbow_l"] ** 2
+    drivers_alone = sum(force**2 for force in study.efforts.drives.values())
+    assert (weighted <= drivers_alone * (1 + 1e-12)).all()
+    assert weighted.sum() < 0.99 * drivers_alone.sum()
+
+
+def test_no_other_balanced_forces_have_a_smaller_norm(study):
+    names = ("left", "right", "elbow_l")
+    forces = np.stack(list(ms.dynamics.actuator_forces(study, names).values()), 1)
+    only = np.stack(list(ms.dynamics.actuator_forces(study, ("left", "elbow_l")).values()), 1)
+    difference = np.stack([only[:, 0], np.zeros(len(TIMES)), only[:, 1]], 1) - forces
+    # forces of least norm are orthogonal to every self-stress
+    assert np.abs((difference * forces).sum(1)).max() < 1e-12
+    assert np.abs(difference).max() > 1e-4
+
+
+def test_a_crank_shares_its_torque():
+    model = ms.dynamics.dynamic_model(ms.load("four_bar"), WEIGHT)
+    study = ms.dynamics.prescribed(model, "0:360:30deg", speed=10.0)
+    motion = ms.load("four_bar").solve("0:360:30deg", 10.0)
+    forces = ms.dynamics.actuator_forces(study, ("crank", "rocker"))
+    np.testing.assert_allclose(power(forces, motion.joints), study.efforts.torque * 10.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("actuators", "message"),
+    [
+        (("left", "wheel"), "wheel"),
+        (("left",), "do not determine"),
+        ({"left": 1.0, "right": 0.0}, "above 0"),
+        ({"left": 1.0, "right": float("nan")}, "above 0"),
+    ],
+)
+def test_wrong_actuators_end_in_one_sentence(study, actuators, message):
+    with pytest.raises(ms.InputError, match=message):
+        ms.dynamics.actuator_forces(study, actuators)
