@@ -27,11 +27,7 @@ from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.model.quantities import (
-    Quantity,
-    numeric_quantity,
     quantity_names,
-    record_columns,
-    unwrapped,
 )
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
@@ -103,28 +99,21 @@ def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Outpu
         return _modes(model, initial, output.plot)
     if forward.response is not None:
         return _response(model, forward.response, initial, output)
-    quantities = tuple(numeric_quantity(name, model.mechanism) for name in forward.quantities)
-    result = forward.release(model, output.duration).run(output.samples)
-    columns = record_columns(result.motion, quantities) | dict(result.columns())
-    values = {quantity.name: _values(quantity, columns) for quantity in quantities}
+    release = forward.release(model, output.duration)
+    result = release.run(output.samples)
+    values = release.values(result, forward.quantities)
     if output.csv is not None:
-        files.write_table(output.csv, dict(result.columns()) | values)
+        more = {quantity.name: column for quantity, column in values.items()}
+        files.write_table(output.csv, dict(result.columns()) | more)
     if output.plot is not None:
-        shown = {f"{quantity.name} [{quantity.unit}]": values[quantity.name] for quantity in quantities}
+        shown = {f"{quantity.name} [{quantity.unit}]": column for quantity, column in values.items()}
         plots.write(output.plot, plots.history_plot(result, shown))
     verdict = _verdict(model, result, initial, output.method)
     extents = {
-        quantity.name: QuantityJson(**_extent(values[quantity.name]), unit=quantity.unit)
-        for quantity in quantities
+        quantity.name: QuantityJson(**_extent(column), unit=quantity.unit)
+        for quantity, column in values.items()
     }
     return _run(model, result, extents, verdict, output.verbose)
-
-
-def _values(quantity: Quantity, columns: Mapping[str, Array]) -> Array:
-    """Return a quantity over a run; forces are known to `mechsim dynamics` of a prescribed motion."""
-    if not {column.name for column in quantity.columns} <= columns.keys():
-        raise InputError(f"{quantity.name} needs forces in joints, which a run from an initial state lacks")
-    return unwrapped(quantity.number(columns)) if quantity.angle else quantity.number(columns)
 
 
 def _verdict(

@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
+from mechsim.cli.initial_options import InitialOptions
 from mechsim.cli.load_options import masses_in_json, print_masses
 from mechsim.cli.options import File, ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
@@ -19,6 +20,7 @@ from mechsim.files import resolved_path
 from mechsim.model.masses import masses_of, with_inertia
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.designs import declared_units, parsed_range
+from mechsim.studies.sweep.measures import RELEASED
 from mechsim.studies.sweep.subject import SweptSubject
 from mechsim.studies.sweep.sweeping import (
     CheckedDesigns,
@@ -58,8 +60,10 @@ Measure = Annotated[
         metavar="M",
         help="range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
         "(at:TIME:QUANTITY under motion laws), crank_range, "
-        "dead_centres, assemblies, FILE.py:FUNC of a Motion; quantities are J, J.v, J.a, P.x, P.vx, "
-        "P.ax, speed:P, acceleration:P, torque, force:J, moment:J, transmission.",
+        "dead_centres, assemblies, frequency:N and damping_ratio:N of mode N, settling:QUANTITY and "
+        "peak:QUANTITY of a run from an initial state, FILE.py:FUNC of a Motion; quantities are J, J.v, J.a, "
+        "P.x, P.vx, P.ax, speed:P, acceleration:P, distance:P,Q, angle:LINK,LINK, expr:EXPRESSION, torque, "
+        "force:J, moment:J, transmission.",
     ),
 ]
 Samples = Annotated[int | None, typer.Option(help="Poses a turn, or over the motion laws. [default: 72]")]
@@ -109,19 +113,23 @@ def sweep(
     check: Check = 0,
     resume: Resume = False,
     scheduler: Scheduler = None,
+    release: InitialOptions,
 ) -> Result[SweepJson]:
     """Measure many designs of a mechanism; write .nc, .zarr, .parquet or .csv, chunk by chunk.
 
     Examples:
     mechsim sweep four_bar --vary crank=3cm:5cm:9 --measure range:rocker -o s.csv
     mechsim sweep rssr --vary crank=9mm:14mm --sample sobol:9 -o s.nc
+    mechsim sweep four_bar --vary crank=3cm:4cm:9 --measure frequency:1 --initial crank.q=-95deg -o f.csv
     """
     start = time.perf_counter()
     _require_writable(output)
     require_libraries(output)
-    subject, dimensions = swept_designs(
-        source.model, changed_parameters(source.sets), **source.as_arguments()
-    )
+    arguments = source.as_arguments()
+    released = any(text.partition(":")[0] in RELEASED for text in measure or ())
+    # --duration is that of the runs
+    duration = arguments.pop("duration") if released else None
+    subject, dimensions = swept_designs(source.model, changed_parameters(source.sets), **arguments)
     if method not in (None, "step"):
         raise InputError(f"there is no method {method!r} of a sweep; known is step, formulas without it")
     task = swept_task(
@@ -133,6 +141,9 @@ def sweep(
         samples=samples,
         speed=crank_speed(speed),
         settings=Settings(**settings) if method == "step" or settings else None,
+        initial=dict(release.initial),
+        until=release.until,
+        **({"duration": duration} if released else {}),
     )
     with progress("sweep", None) as report:
         result = run_sweep(task, output, resume=resume, scheduler=scheduler, progress=report)

@@ -18,7 +18,7 @@ from mechsim.analytic.forms import KinematicSolver, closed_form
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
-from mechsim.model.quantities import numeric_quantity, quantity_names, record_columns, unwrapped
+from mechsim.model.quantities import Quantity, numeric_quantity, quantity_names, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
@@ -237,9 +237,9 @@ def _release(source: PlotSource) -> Release:
 
 
 def _history(source: PlotSource) -> "Figure":
-    run = _release(source).shown_run(SAMPLES)
-    names = source.options.coordinates or ()
-    return plots.history_plot(run, _quantity_curves(source, names, run.motion, dict(run.columns())))
+    release = _release(source)
+    run = release.shown_run(SAMPLES)
+    return plots.history_plot(run, _labelled(release.values(run, source.options.coordinates or ())))
 
 
 def _quantities(source: PlotSource) -> "Figure":
@@ -247,30 +247,25 @@ def _quantities(source: PlotSource) -> "Figure":
     if not names:
         raise InputError("no quantity is named; give --of, as in --of distance:P,Q,rocker.v")
     if source.release is not None:
-        motion = _release(source).shown_run(SAMPLES).motion
-        return plots.quantity_plot(motion, _quantity_curves(source, names, motion, dict(motion.columns())))
+        run = _release(source).shown_run(SAMPLES)
+        return plots.quantity_plot(run.motion, _labelled(source.release.values(run, names)))
     motion = source.motion(source.options.method, SAMPLES)
-    columns = dict(motion.columns())
-    if any(numeric_quantity(name, source.solver.mechanism).loaded for name in names):
+    quantities = [numeric_quantity(name, source.solver.mechanism) for name in names]
+    columns = record_columns(motion, quantities)
+    if any(quantity.loaded for quantity in quantities):
         if source.options.method != "closed":
             raise InputError("forces are plotted of the closed form; leave out --from, or take --kind torque")
         columns |= dict(source.study().columns())
-    return plots.quantity_plot(motion, _quantity_curves(source, names, motion, columns))
+    values = {quantity: quantity.number(columns) for quantity in quantities}
+    return plots.quantity_plot(motion, _labelled(values))
 
 
-def _quantity_curves(
-    source: PlotSource, names: Sequence[str], motion: Motion, columns: Mapping[str, Array]
-) -> dict[str, Array]:
-    """Return label with unit -> values of quantities over a motion."""
-    curves: dict[str, Array] = {}
-    for name in names:
-        quantity = numeric_quantity(name, source.solver.mechanism)
-        all_columns = record_columns(motion, [quantity]) | dict(columns)
-        if not {column.name for column in quantity.columns} <= all_columns.keys():
-            raise InputError(f"{name} is not known of this motion; leave it out")
-        values = quantity.number(all_columns)
-        curves[f"{name} [{quantity.unit}]"] = unwrapped(values) if quantity.angle else values
-    return curves
+def _labelled(values: Mapping[Quantity, Array]) -> dict[str, Array]:
+    """Return label with unit -> values, angles without jumps of revolutions."""
+    return {
+        f"{quantity.name} [{quantity.unit}]": unwrapped(column) if quantity.angle else column
+        for quantity, column in values.items()
+    }
 
 
 def _phase(source: PlotSource) -> "Figure":

@@ -1,11 +1,14 @@
 """A mechanism released from an initial state: what pictures draw of its run and of its vibrations."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, nearest_equilibrium, run
+from mechsim.analytic.dynamics.joint_forces import joint_forces
 from mechsim.analytic.dynamics.mode_motion import ModeMotion, mode_motion, mode_motions
 from mechsim.errors import InputError
+from mechsim.model.quantities import Quantity, numeric_quantity, record_columns, unwrapped
+from mechsim.numerics.arrays import Array
 from mechsim.studies.frequency_response import FrequencyResponse, frequency_response
 
 # [s] of a run of which no duration is given
@@ -42,6 +45,26 @@ class Release:
             samples=samples,
             restitution=self.restitution,
         )
+
+    def columns(self, result: DynamicRun, quantities: Sequence[Quantity]) -> dict[str, Array]:
+        """Return the columns of a run, with those of forces in joints where quantities need them.
+
+        Raises:
+            InputError: for forces where the drivers do not determine the motion.
+        """
+        columns = record_columns(result.motion, quantities) | dict(result.columns())
+        if any(column.name not in columns for quantity in quantities for column in quantity.columns):
+            columns |= dict(joint_forces(self.model, result).columns())
+        return columns
+
+    def values(self, result: DynamicRun, names: Sequence[str]) -> dict[Quantity, Array]:
+        """Return quantities over a run, (n,) each; of vectors the length."""
+        quantities = [numeric_quantity(name, self.model.mechanism) for name in names]
+        columns = self.columns(result, quantities)
+        if missing := [q.name for q in quantities if any(c.name not in columns for c in q.columns)]:
+            raise InputError(f"{missing[0]} is not known of a run from an initial state; leave it out")
+        numbers = {quantity: quantity.number(columns) for quantity in quantities}
+        return {quantity: unwrapped(n) if quantity.angle else n for quantity, n in numbers.items()}
 
     def shown_run(self, samples: int) -> DynamicRun:
         """Return the run to be drawn.

@@ -89,7 +89,7 @@ def test_a_frequency_response_is_tabulated(facts):
         (["--until", "distance:A,B=1kg"], "kg"),
         (["--until", "force:A=1"], "needs accelerations or forces"),
         (["--until", "expr:A.x*B.y=1mm"], "give a number in m2"),
-        (["--of", "force:A", "--until", "crank.q=0", "--method", "none"], "needs forces in joints"),
+        (["--of", "transmission", "--until", "crank.q=0", "--method", "none"], "is not known of a run"),
         (["--of", "crank", "--modes"], "--of is of a run"),
         (["--response", "crank.v:B.x", "--initial", "crank.q=-95deg"], "is no displacement"),
         (["--response", "crank:speed:B", "--initial", "crank.q=-95deg"], "has no linear response"),

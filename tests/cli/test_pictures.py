@@ -97,7 +97,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
         (("--kind", "quantities"), "no quantity is named; give --of"),
         (("--kind", "phase", "--speed", "5rpm"), "--speed is of a driven crank"),
         (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
-        (("--kind", "quantities", "--of", "force:A", "--initial", "crank.q=1"), "force:A is not known"),
+        (("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"), "is not known of a run"),
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
@@ -164,7 +164,7 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch
         (("--kind", "quantities"), "no quantity is named; give --of"),
         (("--kind", "phase", "--speed", "5rpm"), "--speed is of a driven crank"),
         (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
-        (("--kind", "quantities", "--of", "force:A", "--initial", "crank.q=1"), "force:A is not known"),
+        (("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"), "is not known of a run"),
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )

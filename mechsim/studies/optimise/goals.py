@@ -12,7 +12,7 @@ from mechsim.model.quantities import AXES, TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.moved_family import MovedFamily
-from mechsim.studies.sweep.measures import FACTS, TurnMeasure, Turns, measure
+from mechsim.studies.sweep.measures import TurnMeasure, Turns, measure
 
 Quantities = Mapping[str, Any]
 Function = Callable[[Quantities], Any]
@@ -177,7 +177,7 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
     solver, angles = moved.solver, moved.angles
     measured = measure(text, solver.mechanism, solver.motion_laws)
     if (
-        measured.kind in FACTS
+        not measured.turns
         or measured.kind == "function"
         or (measured.quantity and measured.quantity.kind == TRANSMISSION)
     ):

@@ -19,6 +19,7 @@ from mechsim.errors import InputError, OutputError
 from mechsim.files import atomic_path
 from mechsim.numerics.resources import size_text
 from mechsim.simulation.mjcf import quiet
+from mechsim.studies.release import Release
 from mechsim.studies.sweep.methods import by_one_formula, measured
 from mechsim.studies.sweep.subject import OfCatalog, OfPython, OfToml
 from mechsim.studies.sweep.table import library
@@ -38,8 +39,13 @@ def identity(task: SweepTask) -> str:
         "samples": task.samples,
         "speed": repr(task.path_speed),
         "settings": repr(task.settings),
+        "release": None if task.release is None else _release(task.release),
     }
     return _hash(json.dumps(description, sort_keys=True).encode())
+
+
+def _release(release: Release) -> list[Any]:
+    return [sorted(release.initial.items()), release.duration, release.until, release.restitution]
 
 
 def _subject(task: SweepTask) -> str:

@@ -34,7 +34,10 @@ STATISTICS: dict[str, Callable[[Array], Array]] = {
 }
 # name -> unit of properties of a design without a motion
 FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
-WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in STATISTICS), "at:ANGLE:Q", *FACTS, "FILE.py:FUNC")
+# name -> unit of vibrations and runs from an initial state; of peaks that of the quantity
+RELEASED = {"frequency": "Hz", "damping_ratio": "1", "settling": "s", "peak": ""}
+WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in STATISTICS), "at:ANGLE:Q", *FACTS)
+WORDS += ("frequency:N", "damping_ratio:N", "settling:Q", "peak:Q", "FILE.py:FUNC")
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,11 @@ class TurnMeasure:
 
     Attributes:
         name: as requested.
-        kind: "range", "stroke", "at", "function", or one of `STATISTICS` or `FACTS`.
+        kind: "range", "stroke", "at", "function", or one of `STATISTICS`, `FACTS` or `RELEASED`.
         unit: in SI.
         quantity: the quantity; None for strokes, facts and functions.
-        subject: the point of a stroke, or FILE.py:FUNC.
+        subject: the point of a stroke, FILE.py:FUNC, or the quantity of a run from an initial state.
+        number: of a mode, from 1; 0 for none.
         angle: path parameter at which it is taken, in [rad]: of the crank, or the time
             multiplied by `pace` of the motion laws; None over the turn.
     """
@@ -94,11 +98,17 @@ class TurnMeasure:
     quantity: Quantity | None = None
     subject: str = ""
     angle: float | None = None
+    number: int = 0
 
     @property
     def turns(self) -> bool:
         """Whether it needs a motion, not the design alone."""
-        return self.kind not in FACTS
+        return self.kind not in FACTS and not self.released
+
+    @property
+    def released(self) -> bool:
+        """Whether it is of a vibration or of a run from an initial state."""
+        return self.kind in RELEASED
 
     @property
     def rated(self) -> bool:
@@ -122,8 +132,8 @@ class TurnMeasure:
             turns: their motions over the turn and, where `index` says, beyond.
             index: of the poses, the one at the measure's angle; None for measures over the turn.
         """
-        if self.kind in FACTS:
-            return turns.facts[self.kind]
+        if not self.turns:
+            return turns.facts[self.name]
         if self.kind == "function":
             return _function_values(self.subject, turns)
         if self.kind == "stroke":
@@ -144,7 +154,9 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
     Args:
         text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean) with
             quantities as `model.quantities` has them, at:ANGLE:Q or under motion laws at:TIME:Q,
-            crank_range, dead_centres, assemblies, or FILE.py:FUNC of a Motion.
+            crank_range, dead_centres, assemblies; of the equilibrium next to the initial configuration
+            frequency:N and damping_ratio:N of a mode; of a run from there settling:Q, after which Q stays
+            within 2 % of its change, and peak:Q, the largest size of Q; or FILE.py:FUNC of a Motion.
         mechanism: whose.
         motion_laws: its motion laws.
 
@@ -154,6 +166,8 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
     word, colon, rest = text.partition(":")
     if text in FACTS:
         return TurnMeasure(text, text, FACTS[text])
+    if colon and word in RELEASED:
+        return _released(text, word, rest, mechanism)
     if ".py:" in text:
         run_object(text)
         return TurnMeasure(text, "function", "", subject=text)
@@ -172,6 +186,16 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
         return TurnMeasure(text, word, of.unit, of, angle=_parameter(text, index, motion_laws))
     description = f"{word}:" if colon else text
     raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
+
+
+def _released(text: str, word: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
+    """Return a measure of a vibration or of a run from an initial state."""
+    if word in ("settling", "peak"):
+        quantity = numeric_quantity(rest, mechanism)
+        return TurnMeasure(text, word, RELEASED[word] or quantity.unit, subject=rest)
+    if not (rest.isdecimal() and int(rest) > 0):
+        raise InputError(f"{text} names no mode; write {word}:N with the number of the mode, from 1")
+    return TurnMeasure(text, word, RELEASED[word], number=int(rest))
 
 
 def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:

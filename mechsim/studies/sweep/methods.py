@@ -32,6 +32,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.sweep.assembled_designs import assembled_designs
 from mechsim.studies.sweep.measures import FACTS, Turns, table_of
+from mechsim.studies.sweep.released_measures import released_alone
 from mechsim.studies.sweep.stepped_runs import stepped_alone, stepped_together
 from mechsim.studies.sweep.task import CrankRows, Measured, SweepTask, nothing_measured, swings_between
 
@@ -258,7 +259,7 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         row = np.array([i])
         try:
             solver = task.subject.make({name: float(values[i]) for name, values in rows.items()})
-            facts = facts_alone(task, solver)
+            facts = facts_alone(task, solver) | released_alone(task, solver)
             for name, value in facts.items():
                 result.values[name][i] = value
             values, outcome, reason = measured_alone(task, solver, facts)
@@ -305,9 +306,9 @@ def measured_alone(
     """
     angles = task.angles
     if not len(angles):
-        if not solver.crank_range().arcs:
+        if any(measure.kind in FACTS for measure in task.measures) and not solver.crank_range().arcs:
             raise no_crank_range_error(solver.name)
-        return {measure.name: facts[measure.kind] for measure in task.measures}, "passed", ""
+        return {measure.name: facts[measure.name] for measure in task.measures}, "passed", ""
     arc = swing_arc(solver)
     if task.settings is not None:
         values, outcome, reason = stepped_alone(task, solver)
@@ -383,7 +384,8 @@ def require_measurable(task: SweepTask) -> None:
             )
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
             closed_form(solver, "a transmission angle")
-    solver.motion_laws.require_drivers(solver.mechanism)
+    if any(not measure.released for measure in task.measures):
+        solver.motion_laws.require_drivers(solver.mechanism)
 
 
 def _require_stepped(task: SweepTask) -> None:
@@ -391,7 +393,7 @@ def _require_stepped(task: SweepTask) -> None:
     mechanism = task.subject.solver.mechanism
     cut = [name for joint in cut_loops(mechanism, splits=True).cuts for name in joint.coordinates]
     for measure in task.measures:
-        if measure.kind in FACTS or (measure.quantity is not None and measure.quantity.uses("formula")):
+        if not measure.turns or (measure.quantity is not None and measure.quantity.uses("formula")):
             raise InputError(f"{measure.name} is known by formulas; leave out --method step, or that measure")
         missing = [] if measure.quantity is None else [*{*measure.quantity.subjects("joint")} & {*cut}]
         if missing:

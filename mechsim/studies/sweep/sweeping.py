@@ -17,6 +17,8 @@ from mechsim.numerics.resources import require_memory
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.run import simulate
 from mechsim.simulation.settings import Settings
+from mechsim.studies.motion_source import weighing
+from mechsim.studies.release import DURATION, Release
 from mechsim.studies.sweep.chunks import (
     EXTRA_BYTES,
     ChunkFolder,
@@ -35,8 +37,9 @@ from mechsim.studies.sweep.designs import (
     read_designs,
     sampled,
 )
-from mechsim.studies.sweep.measures import measures
+from mechsim.studies.sweep.measures import RELEASED, measures
 from mechsim.studies.sweep.methods import facts_alone, measured_alone, require_measurable
+from mechsim.studies.sweep.released_measures import released_alone
 from mechsim.studies.sweep.stepped_runs import prescribed_motion, with_closed_start
 from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept
 from mechsim.studies.sweep.table import (
@@ -77,6 +80,8 @@ def sweep(
     resume: bool = False,
     scheduler: Any = None,
     progress: Progress = lambda _, __: None,
+    initial: Mapping[str, float | str] | None = None,
+    until: str | None = None,
     **options: Any,
 ) -> "Dataset":
     """Measure many designs of a mechanism.
@@ -100,7 +105,9 @@ def sweep(
         resume: whether to continue a stopped sweep.
         scheduler: of Dask: None for its own in this process, an address tcp://..., or a Client.
         progress: called with a description and the finished fraction, 0 to 1.
-        options: what else `load` takes.
+        initial: initial state of measures of runs and vibrations, as `mechsim.dynamics.run` takes it.
+        until: event that ends these runs.
+        options: what else `load` takes; `duration` is that of the runs where there are any.
 
     Returns:
         Measures over the parameters, with units, and for each design `outcome`, "passed" where it was built,
@@ -123,6 +130,8 @@ def sweep(
         samples=samples,
         speed=speed,
         settings=settings,
+        initial=initial,
+        until=until,
         **options,
     )
     return run_sweep(task, output, resume=resume, scheduler=scheduler, progress=progress)
@@ -149,6 +158,8 @@ def swept_task(
     samples: int | None = None,
     speed: float | str = 1.0,
     settings: Settings | None = None,
+    initial: Mapping[str, float | str] | None = None,
+    until: str | None = None,
     **options: Any,
 ) -> SweepTask:
     """Return a checked sweep that has not started; arguments as of `sweep`."""
@@ -158,14 +169,26 @@ def swept_task(
         samples = -(-steps // max(1, steps // SAMPLES))
     if not least <= samples <= MAX_SAMPLES:
         raise InputError(f"{samples} samples a turn; give {least} to {MAX_SAMPLES:,}")
+    texts = [measure] if isinstance(measure, str) else list(measure)
+    released = any(text.partition(":")[0] in RELEASED for text in texts)
+    if (initial or until) and not released:
+        raise InputError(
+            "an initial state or event is of runs and vibrations; measure frequency:N, damping_ratio:N, "
+            "settling:Q or peak:Q"
+        )
+    duration = options.pop("duration", None) if released else None
     subject, parameters = swept_designs(model, set, **options)
     designs = _designs(subject, vary or {}, design, sample, parameters)
     rate = float(units.si(speed, "rad/s", "the speed"))
-    texts = [measure] if isinstance(measure, str) else list(measure)
     measures_read = measures(texts, subject.solver.mechanism, subject.solver.motion_laws)
     if settings is not None and settings.jacobian == "auto":
         settings = replace(settings, jacobian="dense")
-    task = _hard_enough(SweepTask(subject, designs, measures_read, int(samples), rate, settings))
+    release = None
+    if released:
+        seconds = units.si(DURATION if duration is None else duration, "s", "the duration")
+        acting = weighing(subject.solver)
+        release = Release(model=acting, initial=initial or {}, duration=float(seconds), until=until)
+    task = _hard_enough(SweepTask(subject, designs, measures_read, int(samples), rate, settings, release))
     require_measurable(task)
     return task
 
@@ -360,7 +383,8 @@ def _compared(task: SweepTask, solver: Form) -> tuple[float, str]:
 
 def _measured_differently(task: SweepTask, solver: Form, result: "Dataset", i: int) -> str:
     """Return which measure of a single design differs from the table, or ""."""
-    values, outcome, _ = measured_alone(task, solver, facts_alone(task, solver))
+    facts = facts_alone(task, solver) | released_alone(task, solver)
+    values, outcome, _ = measured_alone(task, solver, facts)
     tolerance = RELATIVE_TOLERANCE_AT_ENDS if outcome == "swings" else RELATIVE_TOLERANCE
     scales = {"rad": 1.0, "m": solver.mechanism.size, "rad/s": task.path_speed, "rad/s2": task.path_speed**2}
     scales |= {

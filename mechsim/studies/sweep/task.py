@@ -19,6 +19,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import SharedModel, shared_model
 from mechsim.simulation.recording import CHUNK
 from mechsim.simulation.settings import Settings
+from mechsim.studies.release import Release
 from mechsim.studies.sweep.designs import Designs
 from mechsim.studies.sweep.measures import FACTS, TurnMeasure
 from mechsim.studies.sweep.subject import SweptSubject
@@ -68,6 +69,7 @@ class SweepTask:
         samples: poses a turn, or over motion laws.
         speed: of the crank in [rad/s]; motion laws have their own.
         settings: how designs are stepped in MuJoCo; None for motions by formulas and loop equations.
+        release: initial state of measures of runs and vibrations; None where there is none.
     """
 
     subject: SweptSubject
@@ -76,6 +78,7 @@ class SweepTask:
     samples: int
     speed: float
     settings: Settings | None = None
+    release: Release | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         # cached properties are computed again
@@ -138,6 +141,11 @@ class SweepTask:
         return any(measure.loaded for measure in self.measures)
 
     @property
+    def released(self) -> bool:
+        """Whether a measure is of a vibration or of a run from an initial state."""
+        return any(measure.released for measure in self.measures)
+
+    @property
     def quantities(self) -> list[Quantity]:
         """The quantities that are measured."""
         return [measure.quantity for measure in self.measures if measure.quantity is not None]
@@ -149,7 +157,8 @@ class SweepTask:
     @property
     def single_only(self) -> bool:
         """Whether each design is solved by itself, as for forces and orientations of links."""
-        return self.loaded or self.wants("function") or self.wants(TRANSMISSION) or self.uses("link")
+        special = self.wants("function") or self.wants(TRANSMISSION) or self.uses("link")
+        return self.loaded or self.released or special
 
     @property
     def joints(self) -> list[str]:

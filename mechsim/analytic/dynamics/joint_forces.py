@@ -1,0 +1,39 @@
+"""Forces in the joints over a run of forward dynamics, by the inverse dynamics of its motion."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.analytic.dynamics.dynamic_run import DynamicRun
+from mechsim.analytic.dynamics.model import DynamicModel
+from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
+from mechsim.errors import InputError
+
+# difference of the kinetic energies, relative to the largest, above which drivers do not determine the motion
+SAME_MOTION = 1e-6
+
+
+def joint_forces(model: DynamicModel, run: DynamicRun) -> InverseDynamics:
+    """Return the forces in joints, and the efforts of the drivers' motors, at the instants of a run.
+
+    Raises:
+        InputError: where the drivers do not determine the motion of all links.
+        AssemblyError: where the loops do not close at the instants.
+
+    Accuracy: without motor and load torque the efforts of drivers are zero to rounding.
+    """
+    motion = run.motion
+    if not model.drive.motion_laws.crank:
+        # drivers are prescribed over time, which goes on at rate 1
+        zero = np.zeros_like(run.time)
+        motion = replace(motion, angle=run.time, speed=zero + 1.0, acceleration=zero)
+    state = motion.angle, motion.speed, motion.acceleration
+    with np.errstate(all="ignore"):
+        study = prescribed(model, *state, time=run.time, as_run=motion)
+    change = np.abs(study.efforts.kinetic - run.kinetic).max(initial=0.0)
+    if not change <= SAME_MOTION * max(float(run.kinetic.max(initial=0.0)), np.finfo(float).tiny):
+        raise InputError(
+            f"{model.mechanism.name}: forces in the joints over a run are known where its drivers determine "
+            "the motion of all links; name a quantity of positions, velocities or energies"
+        )
+    return study

@@ -1,0 +1,111 @@
+"""Measures of vibrations and runs from an initial state over designs, against closed solutions."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.errors import InputError
+
+# a block on a spring and a damper along x; 2 kg and 200 N/m give 10 rad/s
+OSCILLATOR = """
+name = "oscillator"
+drivers = ["s"]
+
+[parameters]
+stiffness = 200.0
+viscous = 8.0
+
+[links.block.inertia]
+mass = 2.0
+centre = [0, 0, 0]
+moments = [0.01, 0.01, 0.01]
+
+[joints.s]
+kind = "prismatic"
+a = { link = "ground", axis = [1, 0, 0] }
+b = { link = "block", axis = [1, 0, 0] }
+
+[points]
+P = { link = "block", at = [0.1, 0, 0] }
+
+[forces]
+gravity = [0, 0, 0]
+joint_springs.s = { stiffness = "stiffness" }
+friction.s = { viscous = "viscous" }
+"""
+START = {"s.q": 0.05}
+
+
+@pytest.fixture
+def oscillator(tmp_path):
+    path = tmp_path / "oscillator.toml"
+    path.write_text(OSCILLATOR)
+    return str(path)
+
+
+def test_frequency_and_damping_ratio_of_an_oscillator_over_its_stiffness(oscillator):
+    stiffness = np.array([100.0, 200.0, 400.0])
+    table = ms.sweep(oscillator, {"stiffness": stiffness}, ["frequency:1", "damping_ratio:1"])
+    natural = np.sqrt(stiffness / 2.0)
+    np.testing.assert_allclose(table["frequency:1"], natural / (2.0 * np.pi), rtol=1e-10)
+    np.testing.assert_allclose(table["damping_ratio:1"], 8.0 / (4.0 * natural), rtol=1e-9)
+    assert table["frequency:1"].attrs["units"] == "Hz"
+
+
+def test_settling_time_and_peak_of_an_oscillator(oscillator):
+    measures = ["settling:P.x", "peak:s.v", "peak:kinetic", "peak:expr:P.x - 0.1"]
+    table = ms.sweep(
+        oscillator, {"viscous": np.array([8.0, 16.0])}, measures, initial=START, duration="4s", samples=500
+    )
+    for i, ratio in enumerate((0.2, 0.4)):
+        time = np.linspace(0.0, 4.0, 500_001)
+        damped = 10.0 * np.sqrt(1.0 - ratio**2)
+        decay = 0.05 * np.exp(-10.0 * ratio * time)
+        value = decay * (np.cos(damped * time) + 10.0 * ratio / damped * np.sin(damped * time))
+        rate = -decay * 100.0 / damped * np.sin(damped * time)
+        outside = np.abs(value) > 0.02 * np.ptp(value)
+        settled = time[np.flatnonzero(outside)[-1]]
+        # to the interval between the instants of the run
+        assert table["settling:P.x"][i] == pytest.approx(settled, abs=4.0 / 500)
+        assert table["peak:s.v"][i] == pytest.approx(np.abs(rate).max(), rel=1e-3)
+        assert table["peak:kinetic"][i] == pytest.approx((rate**2).max(), rel=2e-3)
+        assert table["peak:expr:P.x - 0.1"][i] == pytest.approx(0.05, rel=1e-12)
+
+
+def test_the_peak_of_a_force_in_a_joint_is_that_of_the_run():
+    start = {"crank.q": "-85deg"}
+    measures = ["peak:force:A", "range:rocker"]
+    table = ms.sweep("four_bar", {"crank": [0.03]}, measures, initial=start, duration="0.3s", samples=36)
+    model = ms.dynamics.dynamic_model(ms.load("four_bar", {"crank": 0.03}), ms.Forces(gravity=(0, -9.81, 0)))
+    run = ms.dynamics.run(model, initial=start, duration=0.3, samples=500)
+    state = run.motion.angle, run.motion.speed, run.motion.acceleration
+    forces = ms.dynamics.prescribed(model, *state, time=run.time).efforts
+    assert np.abs(forces.torque).max() < 1e-10
+    largest = np.linalg.norm(forces.reactions["A"].force, axis=1).max()
+    assert table["peak:force:A"][0] == pytest.approx(largest, rel=1e-9)
+    # of the whole turn, as without a run
+    assert (
+        table["range:rocker"][0]
+        == ms.sweep("four_bar", {"crank": [0.03]}, "range:rocker", samples=36)["range:rocker"][0]
+    )
+
+
+def test_what_does_not_settle_and_modes_that_are_missing_are_outcomes(oscillator):
+    table = ms.sweep(oscillator, {"viscous": [1.0]}, "settling:s", initial=START, duration="1s")
+    assert "s does not settle within 1 s" in str(table["reason"].values)
+    table = ms.sweep(oscillator, {"viscous": [1.0]}, "frequency:2")
+    assert "there is no mode 2, but 1 in all" in str(table["reason"].values)
+
+
+@pytest.mark.parametrize(
+    ("measure", "more", "message"),
+    [
+        ("frequency:0", {}, "names no mode"),
+        ("frequency:x", {}, "names no mode"),
+        ("peak:Z.x", {}, "has no quantity 'Z.x'"),
+        ("range:s", {"initial": START}, "an initial state or event is of runs and vibrations"),
+    ],
+)
+def test_measures_that_say_nothing_are_rejected(oscillator, measure, more, message):
+    with pytest.raises(InputError, match=message):
+        ms.sweep(oscillator, {"viscous": [1.0]}, measure, **more)
