@@ -43,7 +43,7 @@ from mechsim.simulation.stepping import (
     Steps,
     interval_count,
     no_progress,
-    record_stride,
+    record_interval,
     step,
 )
 
@@ -194,8 +194,8 @@ class DrivenRun:
             what = f"a motion of {self.profile.turns:g} turns with the given time step"
         require_steps(what, self.total or steps, "take fewer turns or a shorter duration, or longer steps")
         total = self.total or interval_count(self.profile, settings.steps_per_turn)
-        stride = record_stride(self.profile, total, self.samples)
-        return (total if self.samples is None else stride * self.samples), stride
+        interval = record_interval(self.profile, total, self.samples)
+        return (total if self.samples is None else interval * self.samples), interval
 
     def _cause(self, steps: Steps) -> str:
         """Return the cause of a divergence: a singular pose, a limit, a contact, else stiffness."""

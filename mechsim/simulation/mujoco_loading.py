@@ -4,19 +4,32 @@ import os
 import sys
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 
 from mechsim.errors import MissingToolError
 
+# the first release with mujoco.batch
+REQUIRED = "mujoco>=3.17.0"
 # the distributions of MuJoCo 4, which write into one folder and must have one version
 DISTRIBUTIONS = ("mujoco", "mujoco-core", "mujoco-studio")
 
 
 def load() -> str:
-    """Import MuJoCo, without a back end where that of MUJOCO_GL fails; say which one.
+    """Import MuJoCo, without a back end where that of MUJOCO_GL fails; return a sentence about that.
 
     Raises:
-        MissingToolError: where MuJoCo is not installed, or damaged; names the command that repairs it.
+        MissingToolError: where MuJoCo is not installed, too old or damaged; with the command that repairs it.
     """
+    problem = _import_without_back_end()
+    if find_spec("mujoco.batch") is None:
+        raise MissingToolError(
+            f"MuJoCo {version('mujoco')} is too old; pip install -U '{REQUIRED}' updates it"
+        )
+    return problem
+
+
+def _import_without_back_end() -> str:
+    """Import MuJoCo, without a back end where that of MUJOCO_GL fails; return a sentence about that."""
     platform = os.environ.get("PYOPENGL_PLATFORM")
     back_end = os.environ.get("MUJOCO_GL")
     try:
@@ -51,7 +64,7 @@ def _unusable(error: Exception) -> MissingToolError:
     try:
         installed = version("mujoco")
     except PackageNotFoundError:
-        return MissingToolError("MuJoCo is not installed; pip install 'mujoco>=3.17.0' installs it")
+        return MissingToolError(f"MuJoCo is not installed; pip install '{REQUIRED}' installs it")
     pins = " ".join(
         f"{name}=={installed}" for name in DISTRIBUTIONS[: 3 if int(installed.split(".")[0]) >= 4 else 1]
     )

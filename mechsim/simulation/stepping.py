@@ -64,7 +64,7 @@ def interval_count(profile: CrankProfile, per_turn: float = SAMPLES) -> int:
     return max(profile.min_instants, int(np.ceil(profile.turns * per_turn - 1e-9)))
 
 
-def record_stride(profile: CrankProfile, total: int, samples: int | None) -> int:
+def record_interval(profile: CrankProfile, total: int, samples: int | None) -> int:
     """Return the number of steps between two records of a motion of `total` steps.
 
     Args:

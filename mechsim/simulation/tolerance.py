@@ -52,7 +52,7 @@ class ToleranceReport:
         return self.estimate <= self.tolerance
 
     @property
-    def margin(self) -> float:
+    def safety_factor(self) -> float:
         """The tolerance over the estimate."""
         return self.tolerance / self.estimate if self.estimate > 0.0 else np.inf
 
@@ -111,13 +111,13 @@ class _NextSteps:
     def __call__(self, steps: int, current: Attempt[Any]) -> int | None:
         diverged = current.diverged and steps < MAX_STEPS_AFTER_DIVERGENCE
         gained = self.remaining is None or current.remaining < MIN_GAIN * self.remaining
-        wanted = max(steps_for(steps, current.estimate, self.goal, current.order), MIN_STEP_FACTOR * steps)
-        limit = self.max_steps if MAX_STEPS < wanted <= self.max_steps else MAX_STEPS
+        predicted = max(steps_for(steps, current.estimate, self.goal, current.order), MIN_STEP_FACTOR * steps)
+        limit = self.max_steps if MAX_STEPS < predicted <= self.max_steps else MAX_STEPS
         if current.final or not (gained or diverged) or steps >= limit:
             return None
         self.remaining = current.remaining
         most = self.trial_steps if steps < self.trial_steps else MAX_STEP_FACTOR * steps
-        return rounded(min(wanted, most), self.multiple, limit)
+        return rounded(min(predicted, most), self.multiple, limit)
 
 
 def run_within_tolerance(

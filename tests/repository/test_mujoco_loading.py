@@ -64,6 +64,12 @@ def broken(tmp_path, files, *names):
     )
 
 
+def test_a_release_of_mujoco_that_is_too_old_is_one_sentence_with_the_command_that_updates_it(tmp_path):
+    done = broken(tmp_path, {"__init__.py": "MjModel = object"}, "mujoco")
+    assert done.returncode == 2
+    assert done.stderr == "mechsim: MuJoCo 4.0.0 is too old; pip install -U 'mujoco>=3.17.0' updates it\n"
+
+
 @pytest.mark.parametrize(
     ("files", "cause"),
     [

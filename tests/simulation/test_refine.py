@@ -34,14 +34,14 @@ def test_a_tolerance_is_kept_by_few_more_steps_than_it_needs(order):
     assert promise.reason == ""
     assert needed <= run <= 2.1 * needed
     assert promise.trials == sum(asked) - run
-    assert promise.margin >= 1.0
+    assert promise.safety_factor >= 1.0
 
 
 def test_a_first_attempt_that_is_good_is_the_only_one():
     attempt, asked = attempts(lambda _: 0.0, trials=7)
     run, promise = tolerance.run_within_tolerance(attempt, 1e-9, 50, why, trials=3)
     assert (run, asked, promise.trials) == (50, [50], 10)
-    assert promise.margin == np.inf
+    assert promise.safety_factor == np.inf
 
 
 def test_where_more_steps_do_not_help_the_best_is_given_with_the_reason():

@@ -28,7 +28,7 @@ from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
-from mechsim.simulation.stepping import Progress, interval_count, no_progress, record_stride, step
+from mechsim.simulation.stepping import Progress, interval_count, no_progress, record_interval, step
 from mechsim.simulation.tolerance import ToleranceReport
 from mechsim.units import si
 
@@ -130,7 +130,7 @@ def driven(
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
     """Return how many instants are recorded after the first and how many steps lie between two of them."""
     total = interval_count(profile, settings.steps_per_turn)
-    stride = record_stride(profile, total, samples)
+    stride = record_interval(profile, total, samples)
     return samples or -(-total // stride), stride
 
 

@@ -105,8 +105,8 @@ def _coupling(model: mujoco.MjModel, i: int, name: str) -> Coupling:
     sides = [
         (_tendon if tendons else _one_joint)(model, int(ids[i])) for ids in (model.eq_obj1id, model.eq_obj2id)
     ]
-    (left, first), (right, second) = sides
-    return Coupling(name, left, right, coefficients(model.eq_data[i, :5]), (first, second))
+    (dependent, first), (independent, second) = sides
+    return Coupling(name, dependent, independent, coefficients(model.eq_data[i, :5]), (first, second))
 
 
 def coefficients(polynomial: Array) -> tuple[float, ...]:
