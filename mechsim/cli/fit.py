@@ -118,7 +118,7 @@ def _write(path: Path, result: Fit, measured: MeasuredMotion, data: FitJson) -> 
 def _as_dict(result: Fit, measured: MeasuredMotion, output: str | None) -> FitJson:
     within = result.within()
     return {
-        "mechanism": result.moved.family.name,
+        "mechanism": result.moved.designs.name,
         "outcome": result.outcome,
         "dimensions": {
             name: {
@@ -164,7 +164,7 @@ def _print(result: Fit, measured: MeasuredMotion) -> None:
         for name, value in result.values.items()
     ]
     head = ("dimension", "value", "± (1 sigma)", "± (95 %)", "start", "unit")
-    print_table(f"{result.moved.family.name}: {result.outcome}", head, rows)
+    print_table(f"{result.moved.designs.name}: {result.outcome}", head, rows)
     strongest = max(result.correlations.items(), key=lambda pair: abs(pair[1]), default=None)
     if strongest is not None:
         (a, b), value = strongest

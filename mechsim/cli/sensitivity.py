@@ -252,7 +252,7 @@ def _print_derivatives(table: Sensitivity) -> None:
     rows = [
         (quantity, name, float(values[i]), table.unit(quantity, name), float(instants[i]))
         for quantity in table.values
-        for name, values in table.of(quantity).items()
+        for name, values in table.derivatives(quantity).items()
         for i in (int(np.argmax(np.abs(values))),)
     ]
     print_table(f"{table.name}: derivatives", ("of", "by", "largest", "unit", _instant_head(table)), rows)
@@ -296,7 +296,7 @@ def _print_tolerances(study: ToleranceStudy) -> None:
 def _drawn(table: Sensitivity, study: ToleranceStudy | None) -> Any:
     over, instants = table.moved.over
     if study is None:
-        curves: Mapping[str, Any] = {quantity: table.of(quantity) for quantity in table.values}
+        curves: Mapping[str, Any] = {quantity: table.derivatives(quantity) for quantity in table.values}
         dimension_units = {name: dimension.unit for name, dimension in table.dimensions.items()}
         return plots.sensitivity_plot(over, instants, curves, table.units, dimension_units)
     bands = {

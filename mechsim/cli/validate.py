@@ -261,7 +261,7 @@ def _validated(
                 quick=task.quick,
                 tolerance=task.tolerance,
                 budget=task.budget,
-                watch=report,
+                progress=report,
             )
     except (AssemblyError, MobilityError) as error:
         if as_json:
@@ -296,7 +296,7 @@ def _validated(
 
 def _findings(case: Case) -> tuple[Finding, ...] | None:
     """Return the findings in an MJCF file, and the result with its own settings; None for others."""
-    findings = scene_findings(case.drive)
+    findings = scene_findings(case.solver)
     if findings is None or case.published is None:
         return findings
     return (*findings, case.published.finding())

@@ -324,20 +324,20 @@ def _print_summary(cases: Mapping[str, "Case"]) -> None:
 
 def _description(case: "Case") -> str:
     """Return a mechanism in words: planar or spatial, links, degrees of freedom, range of the crank."""
-    mechanism = case.drive.mechanism
+    mechanism = case.solver.mechanism
     facts = [
         "spatial" if hinged_normals(mechanism) is None else "planar",
         f"{len(mechanism.links) + 1} links",
         f"{len(mechanism.drivers)} DOF",
     ]
-    if case.drive.motion_laws.crank and mechanism.has_crank:
-        facts.append("full rotation" if case.drive.crank_range().full else "limited rotation")
+    if case.solver.motion_laws.crank and mechanism.has_crank:
+        facts.append("full rotation" if case.solver.crank_range().full else "limited rotation")
     return ", ".join(facts)
 
 
 def _stepped(case: "Case", speed: str) -> str:
     """Return how a stepped run was made."""
-    if not case.drive.motion_laws.crank:
+    if not case.solver.motion_laws.crank:
         speed = "motion laws"
     settings = case.run.settings
     integrator = "" if settings is None else f", {settings.integrator}"

@@ -61,8 +61,10 @@ def write_validation_report(
     notes: list[str] = []
     sections: list[Section] = []
     for name, case in cases.items():
-        picture = _picture(case.drive, case.run.motion, notes)
-        about = (type(case.drive).__doc__ or "").splitlines()[0] if isinstance(case.drive, ClosedForm) else ""
+        picture = _picture(case.solver, case.run.motion, notes)
+        about = (
+            (type(case.solver).__doc__ or "").splitlines()[0] if isinstance(case.solver, ClosedForm) else ""
+        )
         sections.append(
             Section(
                 name=name,
@@ -104,8 +106,8 @@ def _write_video(folder: Path, name: str, case: Case, notes: list[str]) -> str:
 
     if case.quick:
         return ""
-    mechanism, motion = case.drive.mechanism, case.run.motion
-    look, path = Look(size=RESOLUTION, **drawn_as(case.drive)), folder / f"{stem_of(name)}.mp4"
+    mechanism, motion = case.solver.mechanism, case.run.motion
+    look, path = Look(size=RESOLUTION, **drawn_as(case.solver)), folder / f"{stem_of(name)}.mp4"
     try:
         angles = turn_angles(mechanism, motion, FRAMES_PER_TURN)
         write_video(path, mechanism, motion, look, angles=angles, fps=FRAMES_PER_SECOND, paths="tail")
@@ -148,7 +150,7 @@ def _webp(picture: bytes | NDArray[np.uint8]) -> bytes:
 def _plots(case: Case) -> list[tuple[str, bytes]]:
     """Return captions and plots of a case."""
     source = PlotSource(
-        solver=case.drive,
+        solver=case.solver,
         speed=float(np.abs(case.exact.speed).max()),
         motions={"closed": case.exact, "simulated": case.run.motion, "posed": case.poses.motion},
         bounds={"simulated": _position_tolerance(case, "step"), "posed": _position_tolerance(case, "pose")},
@@ -158,7 +160,7 @@ def _plots(case: Case) -> list[tuple[str, bytes]]:
         for name, kind in PLOTS.items()
         if kind.on_page
         and (name in UNSTEPPED_PLOTS or not case.quick)
-        and (isinstance(case.drive, ClosedForm) or not kind.closed)
+        and (isinstance(case.solver, ClosedForm) or not kind.closed)
     ]
     return [(kind.about, _webp(plots.drawn(kind.figure(source), "png"))) for kind in kinds]
 
@@ -169,7 +171,7 @@ def _position_tolerance(case: Case, method: Literal["step", "pose"]) -> float:
 
 
 def _facts(case: Case) -> dict[str, Any]:
-    known_facts = facts(case.drive)
+    known_facts = facts(case.solver)
     joints = known_facts["joints"]
     rows: dict[str, Any] = {
         "mobility": known_facts["mobility_explained"],
@@ -182,7 +184,7 @@ def _facts(case: Case) -> dict[str, Any]:
     ]
     rows["crank range"] = "full turn" if known_facts["crank_range"] == "full turn" else arcs
     # loop equations follow one assembly; only a closed form has all of them
-    if isinstance(case.drive, ClosedForm):
+    if isinstance(case.solver, ClosedForm):
         count, angle = len(known_facts["assemblies"]), math.degrees(known_facts["angle"])
         rows["assemblies"] = f"{count} at crank angle {angle:g}°"
     if known_facts["dead_centres"]:

@@ -273,7 +273,7 @@ def _view(solver: KinematicSolver, grids: list[PoseGrid], facts: list[str]) -> V
 
 def case_view(case: Case) -> View | None:
     """Return what a page shows of a validation; None of a motion without links."""
-    solver, motion = case.drive, case.exact
+    solver, motion = case.solver, case.exact
     if not motion.links:
         return None
     rising = slice(None) if motion.drivers else slice(0, 1 + int(np.argmax(motion.angle)))
@@ -299,12 +299,12 @@ def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:
     run = case.run.motion
     if case.quick or run.broken:
         return grid
-    exact = case.drive.solve_as(run)
+    exact = case.solver.solve_as(run)
     rows = slice(None) if run.drivers else slice(0, 1 + int(np.argmax(run.angle)))
-    return replace(grid, ghost=ghost_of("MuJoCo, stepped", case.drive.mechanism, exact, run, rows))
+    return replace(grid, ghost=ghost_of("MuJoCo, stepped", case.solver.mechanism, exact, run, rows))
 
 
 def _error(case: Case, grid: PoseGrid, angles: Array) -> float:
     """Return the largest position error in the middle between poses, in [m]."""
     middles, nodes = 0.5 * (angles[1:] + angles[:-1]), grid.sliders[0].nodes
-    return between(grid, case.drive.solve_along(middles), 0.5 * (nodes[1:] + nodes[:-1]))
+    return between(grid, case.solver.solve_along(middles), 0.5 * (nodes[1:] + nodes[:-1]))

@@ -39,7 +39,7 @@ def crosscheck_driven(
         run: from `simulation.dynamics.prescribed_motion.driven`.
         model: the analytic side.
         bounds: as in `crosscheck_forces`.
-        progress: told now and then how far it has come, in words and as a part of the whole.
+        progress: called with a text and the finished fraction.
     """
     motion = run.motion
     if run.outcome == "diverged" or motion.broken:

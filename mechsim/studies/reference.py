@@ -115,7 +115,7 @@ def _profile(solver: Form, reference: ReferenceData) -> CrankProfile:
 
 
 def _checked(
-    motion: Motion, reference: ReferenceData, method: str, efforts: ForceRecord | None = None
+    motion: Motion, reference: ReferenceData, method: str, forces: ForceRecord | None = None
 ) -> Verdict:
     """Return the verdict over a motion, and its forces, at the instants of the data."""
     exact = replace(motion, points=reference.points, links={}, joints={})
@@ -127,8 +127,8 @@ def _checked(
         COMPARED, method, scales, Requested()
     )
     checks = list(checks_of(COMPARED, motion, exact, allowed, motion.conditioning))
-    if efforts is not None:
-        checks += _effort_checks(motion, reference, efforts)
+    if forces is not None:
+        checks += _effort_checks(motion, reference, forces)
     return concluded(checks)
 
 
@@ -145,13 +145,13 @@ def _quickest(motion: Motion) -> float:
     return max((value / extent for value, extent in zip(largest, extents, strict=True)), default=0.0)
 
 
-def _effort_checks(motion: Motion, reference: ReferenceData, efforts: ForceRecord) -> Iterator[Check]:
+def _effort_checks(motion: Motion, reference: ReferenceData, forces: ForceRecord) -> Iterator[Check]:
     """Yield checks of drive forces, relative to the largest root mean square."""
     largest = max(float(np.sqrt(np.mean(values**2))) for values in reference.drive_forces.values())
     for name, exact in reference.drive_forces.items():
-        kind = "driver effort" if efforts.drives else "drive torque"
-        mine = efforts.drives[name] if efforts.drives else efforts.torque
-        unit = "N" if name in efforts.straight else QUANTITIES[kind].unit
+        kind = "driver effort" if forces.drives else "drive torque"
+        mine = forces.drives[name] if forces.drives else forces.torque
+        unit = "N" if name in forces.straight else QUANTITIES[kind].unit
         scale = f"{largest:.3g} {unit}, the largest root mean square"
         reason = f"{RELATIVE_TOLERANCE:.0e} of {scale}; rounding, no integration"
         tolerance = Tolerance(RELATIVE_TOLERANCE * largest, unit, reason)

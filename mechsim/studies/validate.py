@@ -1,9 +1,9 @@
 """The main job: a mechanism by every road, compared and judged."""
 
-import time as clock
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Container, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -51,7 +51,7 @@ class Case:
     """A mechanism's validation: what was compared, how it came out, and the motions for pictures.
 
     Attributes:
-        drive: the mechanism.
+        solver: the mechanism.
         verdict: over all roads and variants.
         exact: closed form over the range, evenly spread.
         poses: the run by solved poses.
@@ -62,7 +62,7 @@ class Case:
         published: an MJCF file's run with its own settings; None of anything else, or where not stepped.
     """
 
-    drive: Form
+    solver: Form
     verdict: Verdict
     exact: Motion
     poses: Run
@@ -98,7 +98,7 @@ class _Work:
     quick: bool
     tolerance: float | None
     budget: ProcessorBudget
-    watch: Progress
+    progress: Progress
 
 
 def case_of(
@@ -108,7 +108,7 @@ def case_of(
     quick: bool = False,
     tolerance: float | None = None,
     budget: float = BUDGET,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> Case:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
@@ -124,7 +124,7 @@ def case_of(
             reports what the file's own settings do.
         budget: processor time in [s] for stepped runs; where they do not converge within it the verdict
             is "failed", and its reason states the budget and the error that was reached.
-        watch: called with a text and the finished fraction, 0 until the end.
+        progress: called with a text and the finished fraction, 0 until the end.
 
     Raises:
         AssemblyError: if the loops close nowhere.
@@ -132,7 +132,7 @@ def case_of(
     """
     designs = model if isinstance(model, DesignFamily) else dimension_family(model)
     solver = designs.make({})
-    work = _Work(quick, tolerance, ProcessorBudget(budget), watch)
+    work = _Work(quick, tolerance, ProcessorBudget(budget), progress)
     case = _validated(solver, designs, speed, work)
     for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
         # a variant that cannot stand says nothing against the mechanism
@@ -154,43 +154,43 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
-def _validated(drive: Form, designs: DesignFamily, speed: float, work: _Work) -> Case:
-    begin, quick, tolerance, watch = clock.perf_counter(), work.quick, work.tolerance, work.watch
-    profile = profile_of(drive, speed, drive.period / REVOLUTION)
-    drive = drive.starting_at(profile.angles)
-    speed = drive.motion_laws.path_speed(speed)
+def _validated(solver: Form, designs: DesignFamily, speed: float, work: _Work) -> Case:
+    begin, quick, tolerance, progress = perf_counter(), work.quick, work.tolerance, work.progress
+    profile = profile_of(solver, speed, solver.period / REVOLUTION)
+    solver = solver.starting_at(profile.angles)
+    speed = solver.motion_laws.path_speed(speed)
     angles = profile.state(np.linspace(0.0, profile.duration, 73))[0]
-    exact = drive.solve_along(angles, speed)
+    exact = solver.solve_along(angles, speed)
     verdicts: dict[str, Verdict] = {}
-    if isinstance(drive, ClosedForm):
-        verdicts["closed form"] = against_loops(drive, exact)
+    if isinstance(solver, ClosedForm):
+        verdicts["closed form"] = against_loops(solver, exact)
     formula = None
-    if drive.formula:
+    if solver.formula:
         formula = compare_model(designs, speed=speed, tolerance=tolerance, attribute=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
-    crank_speed = speed if profile.steady and drive.motion_laws.crank else None
+    crank_speed = speed if profile.steady and solver.motion_laws.crank else None
     published = None
-    watch("poses", 0.0)
-    poses = run = simulated(drive, profile, method="pose", progress=lambda text, _: watch(text, 0.0))
-    verdicts["pose"] = crosscheck(poses.motion, drive, speed=crank_speed)
+    progress("poses", 0.0)
+    poses = run = simulated(solver, profile, method="pose", progress=lambda text, _: progress(text, 0.0))
+    verdicts["pose"] = crosscheck(poses.motion, solver, speed=crank_speed)
     if not quick:
-        place = position_tolerance(exact, drive.mechanism, tolerance)
+        position = position_tolerance(exact, solver.mechanism, tolerance)
         try:
-            run, verdicts["step"] = _stepped(drive, profile, speed, place, work)
+            run, verdicts["step"] = _stepped(solver, profile, speed, position, work)
         except BudgetError as error:
             verdicts["step"] = Verdict("failed", (), str(error))
-        if isinstance(drive, MjcfForm) and drive.source is not None:
-            published = published_run(drive, profile)
+        if isinstance(solver, MjcfForm) and solver.source is not None:
+            published = published_run(solver, profile)
             if tolerance is not None:
-                verdicts["as published"] = _of_published(published, place)
+                verdicts["as published"] = _of_published(published, position)
     return Case(
-        drive=drive,
+        solver=solver,
         verdict=combined(verdicts),
         exact=exact,
         poses=poses,
         run=run,
-        seconds=clock.perf_counter() - begin,
+        seconds=perf_counter() - begin,
         quick=quick,
         formula=formula,
         published=published,
@@ -212,13 +212,13 @@ def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | N
     return Tolerance(relative * stroke, "m", f"{relative:.0e} of the stroke of {stroke:.4g} m")
 
 
-def _of_published(published: PublishedRun, place: Tolerance) -> Verdict:
+def _of_published(published: PublishedRun, position: Tolerance) -> Verdict:
     """Return the verdict on a file's own settings."""
     if not published.run:
         return Verdict("failed", (), f"not run: {published.note}")
     if published.note:
         return Verdict("diverged", (), published.note)
-    allowed = replace(place, reason=f"{place.reason}; the file's own settings: {published.label}")
+    allowed = replace(position, reason=f"{position.reason}; the file's own settings: {published.label}")
     compared = {("loop residual", ""): published.gaps, ("position", "all points"): published.errors}
     return concluded(
         check_of(kind, subject, error, RecordInstants(published.instants, published.instants_unit), allowed)
@@ -227,26 +227,26 @@ def _of_published(published: PublishedRun, place: Tolerance) -> Verdict:
 
 
 def _stepped(
-    drive: Form, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
+    solver: Form, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
 ) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
     limit = allowed.value
-    programmed = not drive.motion_laws.crank
-    decided = profile if programmed else _decided(drive, profile, speed)
+    programmed = not solver.motion_laws.crank
+    decided = profile if programmed else _decided(solver, profile, speed)
     runs = 0
 
     def counted(text: str, fraction: float) -> None:
         nonlocal runs
         runs += fraction == 1.0
-        work.watch(f"stepped run {runs + (fraction < 1.0)}: {text}", 0.0)
+        work.progress(f"stepped run {runs + (fraction < 1.0)}: {text}", 0.0)
 
     with_budget: dict[str, Any] = {"budget": work.budget, "progress": counted}
-    run = simulated(drive, decided, settings=Settings(steps_per_turn=STEPS), **with_budget)
+    run = simulated(solver, decided, settings=Settings(steps_per_turn=STEPS), **with_budget)
     # of a run that went bad the estimate is infinite
     if not run.estimate <= limit:
-        run = simulated(drive, decided, tolerance=limit, **with_budget)
+        run = simulated(solver, decided, tolerance=limit, **with_budget)
     crank_speed = speed if decided.steady and not programmed else None
-    verdict = crosscheck(run.motion, drive, tolerance=limit, speed=crank_speed, bounds={"position": allowed})
+    verdict = crosscheck(run.motion, solver, tolerance=limit, speed=crank_speed, bounds={"position": allowed})
     if run.outcome == "diverged":
         verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")
     elif not verdict.passed and run.tolerance_report is not None and run.tolerance_report.reason:
@@ -254,13 +254,13 @@ def _stepped(
     return run, verdict
 
 
-def _decided(drive: Form, profile: CrankProfile, speed: float) -> CrankProfile:
+def _decided(solver: Form, profile: CrankProfile, speed: float) -> CrankProfile:
     """Return the motion that can be stepped: a swing between change points, which dynamics do not decide."""
-    start, points = drive.mechanism.start, np.array(drive.change_points())
+    start, points = solver.mechanism.start, np.array(solver.change_points())
     if not len(points):
         return profile
-    arc = interval_around(drive.crank_range(), start)
-    low, high = (start - REVOLUTION, start + REVOLUTION) if arc is None or drive.crank_range().full else arc
+    arc = interval_around(solver.crank_range(), start)
+    low, high = (start - REVOLUTION, start + REVOLUTION) if arc is None or solver.crank_range().full else arc
     around = (
         points
         + REVOLUTION * np.round((start - points) / REVOLUTION)
@@ -278,8 +278,7 @@ def validate_all(
     quick: Container[str] = (),
     tolerance: float | None = None,
     budget: float = BUDGET,
-    done: Callable[[str], None] = lambda _: None,
-    watch: Progress = no_progress,
+    progress: Progress = no_progress,
 ) -> dict[str, Case]:
     """Validate several mechanisms.
 
@@ -289,20 +288,18 @@ def validate_all(
         quick: names of those whose runs are not stepped.
         tolerance: as in `case_of`.
         budget: as in `case_of`.
-        done: called with each name.
-        watch: called with a text and the finished fraction of all mechanisms.
+        progress: called with a text and the finished fraction of all mechanisms.
     """
     cases: dict[str, Case] = {}
     for i, (name, model) in enumerate(models.items()):
 
-        def watched(what: str, _: float, i: int = i, name: str = name) -> None:
-            watch(f"{i + 1} of {len(models)}, {name}: {what}", i / len(models))
+        def reported(what: str, _: float, i: int = i, name: str = name) -> None:
+            progress(f"{i + 1} of {len(models)}, {name}: {what}", i / len(models))
 
         cases[name] = case_of(
-            model, speed=speed, quick=name in quick, tolerance=tolerance, budget=budget, watch=watched
+            model, speed=speed, quick=name in quick, tolerance=tolerance, budget=budget, progress=reported
         )
-        watch(f"{i + 1} of {len(models)}, {name}", (i + 1) / len(models))
-        done(name)
+        progress(f"{i + 1} of {len(models)}, {name}", (i + 1) / len(models))
     return cases
 
 
@@ -310,27 +307,27 @@ def validate_all(
 KEPT_OFF = 0.05
 
 
-def against_loops(drive: ClosedForm, exact: Motion) -> Verdict:
+def against_loops(solver: ClosedForm, exact: Motion) -> Verdict:
     """Check the closed form by the loop equations, which know nothing of it."""
-    mechanism = drive.mechanism
+    mechanism = solver.mechanism
     poses = {name: Pose(link.position, link.rotation) for name, link in exact.links.items()}
-    points = np.array(drive.change_points())
+    points = np.array(solver.change_points())
     if len(points):
         # at a change point the loops give no rates; there the poses' road is asked
         off = np.abs(np.exp(1j * exact.angle[:, None]) - np.exp(1j * points)).min(1) > KEPT_OFF
         exact = select_instants(exact, off)
         poses = {name: pose.select(off) for name, pose in poses.items()}
-    open_by, turned_by = loops.residual_norms(mechanism, poses, exact.angle)
+    open_by, rotated_by = loops.residual_norms(mechanism, poses, exact.angle)
     loop_rates = loops.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
     closed = Tolerance(8 * EPS * mechanism.size, "m", "8 ulp of the longest link")
-    turned = Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
+    rotated = Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
     checks = [
         check_of("loop", "", open_by, exact.angle, closed),
-        check_of("axes and gears", "", turned_by, exact.angle, turned),
+        check_of("axes and gears", "", rotated_by, exact.angle, rotated),
     ]
     scales = motion_scales(stroke_of(exact), float(np.abs(exact.speed).max()), reach_of(exact))
     for kind in ("velocity", "acceleration"):
         rows = (QUANTITIES[kind],)
         allowed = tolerances_of(rows, "closed form", scales, Requested())
-        checks += checks_of(rows, loop_rates, exact, allowed, conditioning_of(drive.mechanism, exact))
+        checks += checks_of(rows, loop_rates, exact, allowed, conditioning_of(mechanism, exact))
     return concluded(checks)

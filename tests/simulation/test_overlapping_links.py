@@ -47,7 +47,7 @@ def test_links_that_overlap_where_they_are_joined_brake_no_driver(form):
     assert case.passed, case.verdict.reason
     # contacts as hard as the loops, and accelerations taken anew from forces, left far more
     assert case.run.estimate < 1e-12
-    follows(case.run, case.drive.motion_laws)
+    follows(case.run, case.solver.motion_laws)
     assert "contacts do not act" in case.run.note
 
 

@@ -78,7 +78,7 @@ def test_a_dimension_that_nothing_measured_depends_on_is_named_alone():
 
 def test_a_file_of_the_gallery_is_fitted_under_its_programs():
     of = ms.moved("five_bar")
-    motion = of.family.make({"arm": 0.061}).solve(t=of.over[1][::12])
+    motion = of.designs.make({"arm": 0.061}).solve(t=of.over[1][::12])
     columns = dict(motion.columns())
     (point,) = motion.points
     table = {"t": columns["t"], f"{point}.x": columns[f"{point}.x"], f"{point}.y": columns[f"{point}.y"]}
@@ -98,8 +98,8 @@ def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, 
     wanted = ["angle" if "angle" in whole else "t", *(one for one in whole if "v" in one), effort]
     table = {one: whole[one][::9] for one in wanted}
     of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
-    true = {one: of.family.dimensions[one].value for one in vary}
-    begun = replace(of, family=family_at(of.family, {one: 0.99 * value for one, value in true.items()}))
+    true = {one: of.designs.dimensions[one].value for one in vary}
+    begun = replace(of, designs=family_at(of.designs, {one: 0.99 * value for one, value in true.items()}))
     found = ms.fit(begun, table, vary)
     assert found.outcome == "fitted"
     assert all(found.values[one] == pytest.approx(value, rel=1e-10) for one, value in true.items())

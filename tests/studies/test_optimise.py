@@ -102,7 +102,11 @@ def test_a_search_goes_back_from_where_no_crank_turns():
         ({"crank": (0.01, 0.04)}, "rms:rockr", "has no quantity 'rockr'; did you mean 'rocker'"),
         ({"crank": (0.01, 0.04)}, "crank_range", "crank_range has no derivative by dimensions"),
         ({"crank": (0.01, 0.04)}, "min:transmission", "min:transmission has no derivative by dimensions"),
-        ({"crank": (0.01, 0.04)}, "at:10deg:rocker", "at 0.174533 rad, where the motion is not solved"),
+        (
+            {"crank": (0.01, 0.04)},
+            "at:10deg:rocker",
+            "at crank angle 0.174533 rad, where the motion is not solved",
+        ),
         ({}, "rms:torque", "no dimension may vary"),
     ],
 )
@@ -140,7 +144,7 @@ WORDS = [
 def test_a_measure_is_the_one_of_a_sweep_and_its_slope_that_of_two_sweeps(word):
     start, step = ms.moved("four_bar", angles=TURN, speed=10.0), 2.0**-14
     goal, name = goal_of(word, start), "coupler"
-    found = start.derivatives(start.quantities(goal.of), [name])
+    found = start.derivatives(start.quantities(goal.quantities), [name])
     alike = {one: stepped(values, found.by[name][one]) for one, values in found.values.items()}
     value = limit_of(MeasureLimit(word, low=0.0), start).function(alike)
     beside = 0.091 + step * np.array([-1.0, 0.0, 1.0])

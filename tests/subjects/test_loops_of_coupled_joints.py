@@ -58,7 +58,7 @@ def test_a_loop_of_driven_and_coupled_joints_alone_moves_alike_on_both_roads(bou
 
 
 def test_dimensions_of_such_a_loop_have_derivatives(bound: str) -> None:
-    table = ms.sensitivity(bound, of="tip.x", to=["left"], angles=[0.2])
+    table = ms.sensitivity(bound, quantities="tip.x", to=["left"], angles=[0.2])
     step = 1e-5
     there = [ms.load(bound, set={"left": 0.1 + one}).positions([0.2])["tip"][0, 0] for one in (step, -step)]
     assert dict(table.columns())["tip.x/left"][0] == pytest.approx(

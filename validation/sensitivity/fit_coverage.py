@@ -31,7 +31,7 @@ def covered(name, columns, vary, offset, told, tables):
     """How many of all fitted dimensions lie within what is stated, and the mean of squares beside one."""
     subject = ms.moved(name, angles=ANGLES)
     exact = subject.values(columns, {subject.offset: ZERO if offset else 0.0})
-    true = {one: subject.family.dimensions[one].value for one in vary}
+    true = {one: subject.designs.dimensions[one].value for one in vary}
     true |= {subject.offset: ZERO} if offset else {}
     random, hits, squares = np.random.default_rng(7), [], []
     for _ in range(tables):

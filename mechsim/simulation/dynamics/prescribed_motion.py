@@ -130,8 +130,8 @@ def driven(
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
     """Return how many instants are recorded after the first and how many steps lie between two of them."""
     total = interval_count(profile, settings.steps_per_turn)
-    stride = record_interval(profile, total, samples)
-    return samples or -(-total // stride), stride
+    interval = record_interval(profile, total, samples)
+    return samples or -(-total // interval), interval
 
 
 def _one_turn(profile: CrankProfile) -> CrankProfile:

@@ -94,7 +94,7 @@ class Agreement:
         return noise_report(self.measured)
 
     @property
-    def why(self) -> str:
+    def explanation(self) -> str:
         """One or two sentences: what is off, and what explains it."""
         noise = [self.noise_report] if self.measured else []
         if self.passed:
@@ -113,7 +113,11 @@ class Agreement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
-        return Verdict(self.outcome, self.checks, self.reason).as_dict() | {"why": self.why} | self.explained
+        return (
+            Verdict(self.outcome, self.checks, self.reason).as_dict()
+            | {"why": self.explanation}
+            | self.explained
+        )
 
     @property
     def explained(self) -> dict[str, Any]:
@@ -127,7 +131,7 @@ class Agreement:
         }
 
     def __str__(self) -> str:
-        return "\n".join([f"{self.outcome}: {self.why}", *(f"  {check}" for check in self.checks)])
+        return "\n".join([f"{self.outcome}: {self.explanation}", *(f"  {check}" for check in self.checks)])
 
     __repr__ = __str__
 

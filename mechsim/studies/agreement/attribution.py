@@ -11,6 +11,7 @@ import numpy as np
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.model.quantities import Quantity
+from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import Settings
 from mechsim.studies.agreement.candidate import Candidate
@@ -25,7 +26,6 @@ from mechsim.subjects.mjcf_source import MjcfForm
 
 # steps a turn of a mechanism's own model, and how much finer the second run is
 STEPS, FINER = 1000, 4
-TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class RunAtInstants:
     """A run, and what is exact where its drivers were.
 
     Attributes:
-        there: the exact motion at the run's own drivers.
+        exact: the exact motion at the run's own drivers.
         values: what the run had of each quantity, (n, k) each.
     """
 
-    there: EvaluationPoints
+    exact: EvaluationPoints
     values: tuple[Array, ...]
 
 
@@ -48,13 +48,13 @@ class TwoRuns:
     Attributes:
         plain: the run.
         fine: with the finer step.
-        asked: the exact motion where the drivers were asked to be.
+        requested: the exact motion at the motion laws of the drivers.
         how: what was run, in words.
     """
 
     plain: RunAtInstants
     fine: RunAtInstants
-    asked: EvaluationPoints
+    requested: EvaluationPoints
     how: str
 
 
@@ -98,7 +98,7 @@ def _profile(evaluation: EvaluationPoints) -> CrankProfile:
         return profile_of(solver, 1.0, 1.0)
     assert evaluation.time is not None
     fastest = float(np.abs(evaluation.speed).max()) * float(np.sign(speed or 1.0))
-    return profile_of(solver, fastest, solver.period / TURN)
+    return profile_of(solver, fastest, solver.period / REVOLUTION)
 
 
 def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
@@ -176,7 +176,7 @@ def _coordinates(scene: UserScene, model: mujoco.MjModel, qpos: Array) -> Mappin
 
 
 def _nearest_revolution(value: Array, reference: Array) -> Array:
-    return value + TURN * np.round((reference - value) / TURN)
+    return reference + wrapped(value - reference)
 
 
 COMPONENTS = ("formula", "compliance", "time step", "drive", "rest")
@@ -192,34 +192,35 @@ class Attribution:
 
     Attributes:
         name: of the quantity.
-        unit: of all parts.
-        at: crank angle in [rad], or time of motion laws in [s], where the distance is largest.
+        unit: of all components.
+        instant: crank angle in [rad], or time of motion laws in [s], where the distance is largest.
         at_unit: of it; "row" where a table has no times.
         whole: the largest distance between run and claim.
-        parts: part -> how far it moves the run from the claim there, along the distance: they add up to it.
-        largest: part -> the most that it is anywhere, by itself.
+        components: component -> its displacement of the run from the candidate there, along the
+            distance: they add up to it.
+        largest: component -> the most that it is anywhere, by itself.
         how: what was run.
     """
 
     name: str
     unit: str
-    at: float
+    instant: float
     at_unit: str
     whole: float
-    parts: dict[str, float]
+    components: dict[str, float]
     largest: dict[str, float]
     how: str
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
-        attribution_data = {"unit": self.unit, "whole": self.whole, "quantity": self.name, "at": self.at}
+        attribution_data = {"unit": self.unit, "whole": self.whole, "quantity": self.name, "at": self.instant}
         attribution_data["at_unit"] = self.at_unit
-        return {**self.parts, **attribution_data, "largest": self.largest, "run": self.how}
+        return {**self.components, **attribution_data, "largest": self.largest, "run": self.how}
 
     @property
     def text(self) -> str:
         """The parts in one line."""
-        components = ", ".join(f"{name} {self.parts[name]:.2g}" for name in COMPONENTS)
+        components = ", ".join(f"{name} {self.components[name]:.2g}" for name in COMPONENTS)
         return f"run against {self.name}: {self.whole:.2g} {self.unit} = {components}"
 
 
@@ -244,11 +245,11 @@ def attributions(
     if not positions:
         return []
     runs = runs_of(evaluation, [candidate.quantity for candidate in positions])
-    asked_values = None
+    at_run = None
     if ask is not None:
-        asked_values = {candidate.quantity.name: candidate for candidate in ask(runs.plain.there)}
+        at_run = {candidate.quantity.name: candidate for candidate in ask(runs.plain.exact)}
     results = [
-        _of_one(runs, i, candidate, None if asked_values is None else asked_values[candidate.quantity.name])
+        _of_one(runs, i, candidate, None if at_run is None else at_run[candidate.quantity.name])
         for i, candidate in enumerate(positions)
     ]
     return sorted(
@@ -266,8 +267,8 @@ def _of_one(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | Non
     def gap(first: Array, other: Array) -> Array:
         return errors(quantity, first, other)
 
-    requested = runs.asked.exact(quantity)
-    plain, fine = (run.there.exact(quantity) for run in (runs.plain, runs.fine))
+    requested = runs.requested.exact(quantity)
+    plain, fine = (run.exact.exact(quantity) for run in (runs.plain, runs.fine))
     run, finer = runs.plain.values[i], runs.fine.values[i]
     whole = gap(run, candidate.values)
     soft = gap(finer, fine)
@@ -281,14 +282,14 @@ def _of_one(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | Non
     lengths = np.linalg.norm(whole, axis=1)
     index = int(np.argmax(lengths))
     along = whole[index] / lengths[index] if lengths[index] > 0.0 else np.zeros(whole.shape[1])
-    instants = runs.asked.instants
+    instants = runs.requested.instants
     return Attribution(
         name=quantity.name,
         unit=quantity.unit,
-        at=float(instants.value[index]),
+        instant=float(instants.value[index]),
         at_unit=instants.unit,
         whole=float(lengths[index]),
-        parts={name: float(difference[index] @ along) for name, difference in components.items()},
+        components={name: float(difference[index] @ along) for name, difference in components.items()},
         largest={
             name: float(np.linalg.norm(difference, axis=1).max()) for name, difference in components.items()
         },

@@ -257,7 +257,7 @@ def _under_gravity(misfit: Misfit, vector: Array) -> Values:
 
 
 def _gravity(misfit: Misfit) -> tuple[Array, float]:
-    """Return the gravity of the model, (3,), and its size in [m/s2]."""
+    """Return the gravity of the model, (3,), and its magnitude in [m/s2]."""
     own = np.asarray(misfit.evaluation.loaded_model.forces.gravity)
     return own, float(np.linalg.norm(own))
 
@@ -266,8 +266,8 @@ def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity left out, reversed or along another axis."""
     if not misfit.needs_forces:
         return
-    own, size = _gravity(misfit)
-    others = [sign * (size or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
+    own, magnitude = _gravity(misfit)
+    others = [sign * (magnitude or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
     was = ", ".join(f"{component:g}" for component in own)
     for vector in [np.zeros(3), *others]:
         if not np.allclose(vector, own):
@@ -279,13 +279,13 @@ def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
 
 def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
     """Gravity of another size."""
-    own, size = _gravity(misfit) if misfit.needs_forces else (np.zeros(3), 0.0)
-    if size:
+    own, magnitude = _gravity(misfit) if misfit.needs_forces else (np.zeros(3), 0.0)
+    if magnitude:
         yield sized(
             "gravity",
             "",
             lambda change: _under_gravity(misfit, (1.0 + change) * own),
-            lambda change: f"gravity is {(1 + change) * size:.6g} m/s2 instead of {size:.6g}",
+            lambda change: f"gravity is {(1 + change) * magnitude:.6g} m/s2 instead of {magnitude:.6g}",
             1e-3,
         )
 

@@ -134,7 +134,7 @@ class EvaluationPoints:
         return self.loaded_model.masses
 
     @cached_property
-    def efforts(self) -> ForceRecord:
+    def forces(self) -> ForceRecord:
         """What drives and joints carry."""
         run = prescribed_along(self.loaded_model, self.angle, self.speed, self.acceleration, time=self.time)
         return run.efforts
@@ -168,9 +168,9 @@ class EvaluationPoints:
                 if column.source == "joint" and column.name not in columns
             }
         if quantity.loaded:
-            columns |= dict(self.efforts.columns())
+            columns |= dict(self.forces.columns())
             driver_column = f"drive {self.solver.mechanism.drivers[0]}"
-            columns.setdefault("torque", columns.get(driver_column, self.efforts.torque))
+            columns.setdefault("torque", columns.get(driver_column, self.forces.torque))
         missing = [column.name for column in quantity.columns if column.name not in columns]
         if missing:
             raise InputError(f"{quantity.name}: nothing determines {missing[0]} of {self.solver.name}")

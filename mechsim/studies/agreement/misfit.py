@@ -105,7 +105,7 @@ def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> 
     rate = float(np.abs(evaluation.speed).max())
     if not any(candidate.quantity.loaded for candidate in candidates):
         return Scales(length, stroke, rate)
-    scales = force_scales(evaluation.efforts)
+    scales = force_scales(evaluation.forces)
     return Scales(length, stroke, rate, scales["force"] or 1.0, scales["torque"] or 1.0)
 
 

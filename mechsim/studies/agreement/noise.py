@@ -66,14 +66,14 @@ class Noise:
     """Residuals of one measured quantity tested for what is not noise.
 
     Attributes:
-        size: chi squared of all residuals.
+        total: chi squared of all residuals.
         smooth: chi squared of their smooth part.
         largest: the largest residual.
         row: where that is, from 0.
         deviation: root mean square of the stated standard deviations, in the unit of the quantity.
     """
 
-    size: Statistic
+    total: Statistic
     smooth: Statistic
     largest: Statistic
     row: int
@@ -87,7 +87,7 @@ class Noise:
     @property
     def statistics(self) -> tuple[Statistic, Statistic, Statistic]:
         """All statistics."""
-        return self.size, self.smooth, self.largest
+        return self.total, self.smooth, self.largest
 
     @property
     def decisive(self) -> Statistic:
@@ -111,7 +111,7 @@ class Noise:
             key: {name: getattr(statistic, name) for name in names}
             for key, statistic in zip(("chi_squared", "smooth", "largest"), self.statistics, strict=True)
         }
-        return {"passed": self.passed, "sigma": self.size.worst, "deviation": self.deviation, **tests}
+        return {"passed": self.passed, "sigma": self.total.worst, "deviation": self.deviation, **tests}
 
 
 def noise_of(error: Array, deviation: Array, phase: Array, *, allowed: float, quantities: int) -> Noise:
@@ -133,7 +133,7 @@ def noise_of(error: Array, deviation: Array, phase: Array, *, allowed: float, qu
     shift = float(np.sqrt((systematic**2).sum()))
     row = int(np.argmax(np.abs(residual).max(1)))
     return Noise(
-        size=_chi_squared("root mean square of the errors", residual, shift, tail),
+        total=_chi_squared("root mean square of the errors", residual, shift, tail),
         smooth=_chi_squared("smooth part of the errors", smooth, shift, tail),
         largest=_largest(residual, float(systematic.max()), tail),
         row=row,
@@ -189,7 +189,7 @@ def noise_report(tested: Sequence[tuple[str, Noise]]) -> str:
     """
     if not tested:
         return ""
-    squares, degrees, probability = totals([noise for _, noise in tested], "size")
+    squares, degrees, probability = totals([noise for _, noise in tested], "total")
     sigma = float(np.sqrt(squares / degrees))
     counts = (
         f"chi squared {squares:.4g} with {degrees} degrees of freedom, probability {probable(probability)}"
@@ -208,7 +208,7 @@ def noise_report(tested: Sequence[tuple[str, Noise]]) -> str:
 
 def noise_data(tested: Sequence[tuple[str, Noise]]) -> dict[str, Any]:
     """Return what measured quantities come to together, and each one's tests, as plain data."""
-    squares, degrees, probability = totals([noise for _, noise in tested], "size")
+    squares, degrees, probability = totals([noise for _, noise in tested], "total")
     return {
         "sigma": float(np.sqrt(squares / degrees)),
         "systematic": not all(noise.passed for _, noise in tested),

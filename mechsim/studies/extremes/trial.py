@@ -50,7 +50,7 @@ class Trial:
         """Return the trial as `mechsim extremes --json` prints it."""
         values = asdict(self)
         expected = values.pop("expected")
-        return values | {"foretold": expected, "passed": self.passed}
+        return values | {"expected": expected, "passed": self.passed}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -71,14 +71,14 @@ class Fit:
 
     __repr__ = short_repr
 
-    def within(self, part: float = 0.95) -> dict[str, float]:
+    def within(self, fraction: float = 0.95) -> dict[str, float]:
         """Return how far to either side of what was found a dimension lies with so much certainty, in SI.
 
         By the normal distribution where deviations were given, else by Student's t.
         """
         from scipy.stats import norm, t
 
-        share = 0.5 * (1.0 + part)
+        share = 0.5 * (1.0 + fraction)
         factor = norm.ppf(share) if self.weighed else t.ppf(share, self.free) if self.free > 0 else np.inf
         return {name: float(factor) * deviation for name, deviation in self.deviations.items()}
 
@@ -121,19 +121,19 @@ def fit_dimensions(
     """
     from scipy.optimize import least_squares
 
-    family = replace(moved, angles=measured.angles)
-    named = single(measured.values, family)
-    names = dimension_names(family, vary)
-    family.family.require_independent(names)
+    subject = replace(moved, angles=measured.angles)
+    named = single(measured.values, subject)
+    names = dimension_names(subject, vary)
+    subject.designs.require_independent(names)
     if offset:
-        _require_offset(family, named.values())
-        names.append(family.offset)
+        _require_offset(subject, named.values())
+        names.append(subject.offset)
     if measured.count < len(names):
         raise InputError(
             f"{measured.count} numbers are measured and {len(names)} dimensions wanted; "
             "measure more, or vary fewer"
         )
-    problem = _Problem(family, measured, named, names, progress)
+    problem = _Problem(subject, measured, named, names, progress)
     problem.residuals(np.zeros(len(names)))
     derivatives: Any = problem.derivatives
     solution: Any = least_squares(
@@ -146,12 +146,12 @@ def fit_dimensions(
         gtol=REST,
         max_nfev=MAX_MECHANISMS,
     )
-    return problem.told(solution.x, solution.status > 0)
+    return problem.result(solution.x, solution.status > 0)
 
 
 def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
     """Refuse an unknown zero where none can be found."""
-    name = moved.family.name
+    name = moved.designs.name
     if not moved.offset:
         raise InputError(
             f"{name} has no lone crank without a program whose zero could be unknown; leave it out"
@@ -165,7 +165,7 @@ def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
 
 
 class _Problem:
-    """What least squares asks for, in parts of each dimension's scale."""
+    """What least squares asks for, dimensions relative to their scales."""
 
     def __init__(
         self,
@@ -176,37 +176,34 @@ class _Problem:
         progress: Callable[[str, float], None],
     ):
         self.moved, self.measured, self.named, self.names = moved, measured, named, names
-        self.watch = progress
+        self.progress, self.count = progress, 0
         self.columns = [*dict.fromkeys(named.values())]
-        mechanism = moved.solver.mechanism
-        known = {**moved.family.dimensions, moved.offset: Dimension(moved.offset, 0.0, "rad")}
-        self.start = {name: known[name].value for name in names}
-        self.dimension_units = units = {name: known[name].unit for name in names}
-        lengths = {name: mechanism.size if units[name] == "m" else 1.0 for name in names}
-        own = {
-            name: abs(value) or 1.0 if units[name] == "1" else lengths[name]
-            for name, value in self.start.items()
-        }
-        self.scale = np.array([own[name] for name in names])
-        self.units = {column: moved.quantity(of).unit for column, of in named.items()}
+        length = moved.solver.mechanism.size
+        dimensions = {**moved.designs.dimensions, moved.offset: Dimension(moved.offset, 0.0, "rad")}
+        self.start = {name: dimensions[name].value for name in names}
+        self.dimension_units = {name: dimensions[name].unit for name in names}
+        scales = {"m": lambda _: length, "1": lambda value: abs(value) or 1.0}
+        self.scale = np.array(
+            [scales.get(dimensions[name].unit, lambda _: 1.0)(self.start[name]) for name in names]
+        )
+        self.units = {column: moved.quantity(name).unit for column, name in named.items()}
         self.weighed = bool(measured.deviations)
-        self.weights = {column: self._weight(column, mechanism.size) for column in named}
-        self.count = 0
+        self.weights = {column: self._weight(column, length) for column in named}
 
-    def _weight(self, column: str, size: float) -> Array:
-        """Return what a number of a column counts in, (n,)."""
-        given = self.measured.deviations.get(column)
-        if given is not None:
-            return given
+    def _weight(self, column: str, length: float) -> Array:
+        """Return the scale of a column's residuals, (n,)."""
+        deviations = self.measured.deviations
+        if column in deviations:
+            return deviations[column]
         if self.weighed:
-            known = ", ".join(self.measured.deviations)
             raise InputError(
-                f"it is said how well {known} is known, but not how well {column} is; add a column {column}±"
+                f"it is said how well {', '.join(deviations)} is known, but not how well {column} is; add a "
+                f"column {column}±"
             )
         unit, values = self.units[column], self.measured.values
-        alike = [float(np.abs(values[column]).max()) for column in values if self.units[column] == unit]
-        counts = {"m": size, "rad": 1.0}.get(unit) or max(alike) or 1.0
-        return np.full(len(self.measured.angles), counts)
+        alike = [float(np.abs(values[name]).max()) for name in values if self.units[name] == unit]
+        scale = {"m": length, "rad": 1.0}.get(unit) or max(alike) or 1.0
+        return np.full(len(self.measured.angles), scale)
 
     def dimensions(self, x: Array) -> dict[str, float]:
         """Return dimensions from parts of their scales."""
@@ -222,9 +219,9 @@ class _Problem:
             MechsimError: for dimensions that leave no assembly.
         """
         self.count += 1
-        self.watch(f"{self.count} mechanisms", 0.0)
+        self.progress(f"{self.count} mechanisms", 0.0)
         values = self.moved.values(self.columns, self.dimensions(x))
-        off = [self._off(column, values[of]) / self.weights[column] for column, of in self.named.items()]
+        off = [self._off(column, values[name]) / self.weights[column] for column, name in self.named.items()]
         return np.concatenate(off)
 
     def _off(self, column: str, values: Array) -> Array:
@@ -243,12 +240,14 @@ class _Problem:
         """Return exact derivatives of what is left, (m, p)."""
         by = self.moved.derivatives(self.columns, self.names, self.dimensions(x)).by
         rows = [
-            np.concatenate([by[name][of] / self.weights[column] for column, of in self.named.items()])
+            np.concatenate(
+                [by[name][quantity] / self.weights[column] for column, quantity in self.named.items()]
+            )
             for name in self.names
         ]
         return np.array(rows).T * self.scale
 
-    def told(self, x: Array, rested: bool) -> Fit:
+    def result(self, x: Array, rested: bool) -> Fit:
         """Return what came of it."""
         residuals, derivatives = self.residuals(x), self.derivatives(x)
         _, singular, right = np.linalg.svd(derivatives, full_matrices=True)
@@ -275,7 +274,7 @@ class _Problem:
         own = {name: value for name, value in values.items() if name != self.moved.offset}
         angles = self.moved.angles + values.get(self.moved.offset, 0.0)
         return Fit(
-            moved=replace(self.moved, family=family_at(self.moved.family, own), angles=angles),
+            moved=replace(self.moved, designs=family_at(self.moved.designs, own), angles=angles),
             outcome=outcome,
             start=self.start,
             values=values,

@@ -23,11 +23,11 @@ class Goal:
     """What is to be small: the sum of squares of a function's values.
 
     Attributes:
-        of: quantities that it needs, named as `model.quantities` has them.
+        quantities: that it needs, named as `model.quantities` has them.
         function: quantities and dimensions -> a number or numbers, in any unit.
     """
 
-    of: tuple[str, ...]
+    quantities: tuple[str, ...]
     function: Function
 
 
@@ -36,14 +36,14 @@ class Limit:
     """What must be kept: low <= function <= high, at each of its values.
 
     Attributes:
-        of: quantities that it needs; none where dimensions are enough.
+        quantities: that it needs; none where dimensions are enough.
         function: quantities and dimensions -> a number or numbers.
         low: bound from below; None for none.
         high: bound from above.
         name: for messages.
     """
 
-    of: tuple[str, ...]
+    quantities: tuple[str, ...]
     function: Function
     low: float | None = None
     high: float | None = None
@@ -83,7 +83,10 @@ def bounded(limits: Sequence[Limit]) -> list[tuple[Limit, float, float]]:
 
 
 # words whose measure is a root mean square -> what it is of, instant by instant
-SQUARES: dict[str, Callable[[Array], Array]] = {"rms": lambda of: of, "ripple": lambda of: of - of.mean()}
+SQUARES: dict[str, Callable[[Array], Array]] = {
+    "rms": lambda values: values,
+    "ripple": lambda values: values - values.mean(),
+}
 # how near two angles are one, in [rad]
 ANGLE_TOLERANCE = 1e-9
 
@@ -115,14 +118,14 @@ def goal_of(text: str, moved: MovedFamily) -> Goal:
     measured = _measured(text, moved)
     if measured.measure.kind in SQUARES:
         alike = SQUARES[measured.measure.kind]
-        return Goal(measured.of, lambda values: alike(measured.over(values)))
-    return Goal(measured.of, measured.value)
+        return Goal(measured.quantities, lambda values: alike(measured.over(values)))
+    return Goal(measured.quantities, measured.value)
 
 
 def limit_of(limit: MeasureLimit, moved: MovedFamily) -> Limit:
     """Return a limit of a measure; as `goal_of`."""
     measured = _measured(limit.measure, moved)
-    return Limit(measured.of, measured.value, limit.low, limit.high, limit.measure)
+    return Limit(measured.quantities, measured.value, limit.low, limit.high, limit.measure)
 
 
 @dataclass(frozen=True)
@@ -148,7 +151,7 @@ class _Measured:
         return tuple(component.name for component in quantity.scalars())
 
     @property
-    def of(self) -> tuple[str, ...]:
+    def quantities(self) -> tuple[str, ...]:
         """Names of the quantities that it needs; of a vector its own, for all determined components."""
         quantity = self.measure.quantity
         return (quantity.name,) if quantity and len(self.columns) > 1 else self.columns

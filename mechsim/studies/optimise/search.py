@@ -98,9 +98,9 @@ def optimise(
     objective = goal_of(goal, subject) if isinstance(goal, str) else goal
     kept = [limit_of(limit, subject) if isinstance(limit, MeasureLimit) else limit for limit in limits]
     search = _DimensionSearch(subject, vary, objective, kept)
-    search.at(search.begin)
+    search.evaluated(search.begin)
     solution = search.constrained(most) if limits else search.free(most)
-    return search.told(solution)
+    return search.result(solution)
 
 
 @dataclass(frozen=True)
@@ -125,9 +125,9 @@ class _DimensionSearch:
         self.names = _names(subject, vary)
         ends = [_ends(subject, name, vary[name]) for name in self.names]
         self.low, self.high = np.array(ends).T
-        self.start = np.array([subject.family.dimensions[name].value for name in self.names])
+        self.start = np.array([subject.designs.dimensions[name].value for name in self.names])
         self.begin = (self.start - self.low) / (self.high - self.low)
-        requested = dict.fromkeys(name for objective in (goal, *limits) for name in objective.of)
+        requested = dict.fromkeys(name for objective in (goal, *limits) for name in objective.quantities)
         self.columns = subject.quantities([*requested]) if requested else []
         self.tried = 0
         self._last: _Evaluated | None = None
@@ -139,7 +139,7 @@ class _DimensionSearch:
         values = self.low + x * (self.high - self.low)
         return dict(zip(self.names, values.tolist(), strict=True))
 
-    def at(self, x: Array) -> QuantityDerivatives:
+    def evaluated(self, x: Array) -> QuantityDerivatives:
         """Return quantities and their derivatives.
 
         Raises:
@@ -147,7 +147,9 @@ class _DimensionSearch:
         """
         if self._last is not None and np.array_equal(self._last.x, x):
             if self._last.derivatives is None:
-                raise AssemblyError(f"{self.moved.family.name}: the loops do not close with these dimensions")
+                raise AssemblyError(
+                    f"{self.moved.designs.name}: the loops do not close with these dimensions"
+                )
             return self._last.derivatives
         self.tried += 1
         self._last = _Evaluated(x.copy(), None)
@@ -166,12 +168,12 @@ class _DimensionSearch:
 
     def values(self, function: Function, x: Array, what: str) -> Array:
         """Return a function's values, (k,)."""
-        quantities = self.at(x).values
+        quantities = self.evaluated(x).values
         return numbers_from(function({**self._all(x), **quantities}), what)
 
     def derivative(self, objective: Goal | Limit, x: Array, what: str) -> Array:
         """Return derivatives of a goal or a limit by parts of the dimensions, (k, p)."""
-        evaluated, rows = self.at(x), list[Array]()
+        evaluated, rows = self.evaluated(x), list[Array]()
         for i, name in enumerate(self.names):
             width = self.high[i] - self.low[i]
             own = {
@@ -181,7 +183,7 @@ class _DimensionSearch:
             arguments: dict[str, Any] = self._all(x)
             arguments[name] = stepped(np.array(arguments[name]), width)
             result = numbers_from(objective.function({**arguments, **own}), what)
-            if objective.of and not np.iscomplexobj(result):
+            if objective.quantities and not np.iscomplexobj(result):
                 raise InputError(
                     f"{what} gives real numbers of what carries a derivative, as abs, max and float do; "
                     "use sums, products, powers, roots, and `largest`, `smallest` or `size_of`"
@@ -190,7 +192,7 @@ class _DimensionSearch:
         return np.array(rows).T
 
     def _all(self, x: Array) -> dict[str, Any]:
-        return {**self.moved.family.values(), **self.dimensions(x)}
+        return {**self.moved.designs.values(), **self.dimensions(x)}
 
     def free(self, most: int) -> Any:
         """Return what `least_squares` finds."""
@@ -248,7 +250,7 @@ class _DimensionSearch:
 
             return {"type": "ineq", "fun": inside, "jac": derivative}
 
-        limits: Any = [kept(*one) for one in bounded(self.limits)]
+        limits: Any = [kept(*limit) for limit in bounded(self.limits)]
         jacobian: Any = derivative
         ends: Any = [(0.0, 1.0)] * len(self.names)
         options = {"maxiter": most, "ftol": REST}
@@ -257,7 +259,7 @@ class _DimensionSearch:
             total, begin, jac=jacobian, bounds=ends, constraints=limits, method="SLSQP", options=options
         )
 
-    def told(self, solution: Any) -> Optimum:
+    def result(self, solution: Any) -> Optimum:
         """Return what came of a search."""
         x = np.clip(np.asarray(solution.x, dtype=np.float64), 0.0, 1.0)
         after = self.values(self.goal.function, x, GOAL)
@@ -273,7 +275,7 @@ class _DimensionSearch:
             "limits missed" if violated else "found" if solution.success else "not converged"
         )
         return Optimum(
-            moved=replace(self.moved, family=family_at(self.moved.family, values)),
+            moved=replace(self.moved, designs=family_at(self.moved.designs, values)),
             outcome=outcome,
             start=dict(zip(self.names, self.start.tolist(), strict=True)),
             values=values,
@@ -301,14 +303,14 @@ def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> lis
         raise InputError(f"a whole place cannot vary between two numbers; name its parts, {', '.join(names)}")
     if not names:
         raise InputError("no dimension may vary; name some with their lowest and highest values")
-    subject.family.require_independent(names)
+    subject.designs.require_independent(names)
     return names
 
 
 def _ends(subject: MovedFamily, name: str, ends: tuple[float, float]) -> tuple[float, float]:
     """Return where a dimension may vary, checked."""
     low, high = (float(end) for end in numbers(ends)) if np.shape(ends) == (2,) else (np.nan, np.nan)
-    current = subject.family.dimensions[name].value
+    current = subject.designs.dimensions[name].value
     if not (-np.inf < low < high < np.inf):
         raise InputError(
             f"{name} may vary over {ends}; give its lowest and highest value in SI, in this order"

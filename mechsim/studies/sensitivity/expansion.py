@@ -58,7 +58,7 @@ class Solved:
 
     def dimensions(self, fractions: Array) -> dict[str, float]:
         """Return the dimensions that changed, in SI."""
-        dimensions: Mapping[str, Dimension] = self.moved.family.dimensions
+        dimensions: Mapping[str, Dimension] = self.moved.designs.dimensions
         off = zip(self.bounds, fractions.tolist(), strict=True)
         return {
             name: dimensions[name].value + fraction * self.bounds[name] for name, fraction in off if fraction

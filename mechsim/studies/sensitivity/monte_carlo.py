@@ -104,7 +104,7 @@ def _blocks(count: int, poses: int) -> Iterator[slice]:
 
 def _varied(solved: Solved, fractions: Array) -> dict[str, Array]:
     """Return the dimensions of mechanisms: name -> (n,) in SI."""
-    values = solved.moved.family.values()
+    values = solved.moved.designs.values()
     return {
         name: values[name] + fractions[:, i] * tolerance
         for i, (name, tolerance) in enumerate(solved.bounds.items())

@@ -88,13 +88,13 @@ class MovedFamily:
     """A family, and how each of it is moved.
 
     Attributes:
-        family: the mechanisms.
+        designs: the mechanisms.
         angles: path parameters, (n,) in [rad].
         speed: of the crank in [rad/s]; programs have their own.
         loading: what efforts are of.
     """
 
-    family: DesignFamily
+    designs: DesignFamily
     angles: Array
     speed: float
     loading: Loading = Loading()
@@ -102,7 +102,7 @@ class MovedFamily:
     @cached_property
     def solver(self) -> Form:
         """The mechanism as it stands."""
-        return self.family.make({})
+        return self.designs.make({})
 
     @cached_property
     def over(self) -> tuple[str, Array]:
@@ -180,7 +180,7 @@ class MovedFamily:
             InputError: for dimensions that no mechanism can have.
         """
         own, ahead = self._parted(dimensions)
-        solver = self.family.make(own)
+        solver = self.designs.make(own)
         quantities = [self.quantity(name) for name in names]
         columns: Columns = {}
         moving = [component for component in quantities if component.uses("point", "joint", "link")]
@@ -247,7 +247,7 @@ class MovedFamily:
             AssemblyError: where loops do not close, or a dimension alone would tear them open.
         """
         own, ahead = self._parted(changed or {})
-        designs = family_at(self.family, own)
+        designs = family_at(self.designs, own)
         dimensions = [name for name in names if name != self.offset]
         motion = any(self.quantity(name).uses("point", "joint", "link") for name in columns)
 
@@ -276,7 +276,7 @@ class MovedFamily:
         by_axis = np.array([*changes(placed_family(LoopForm(mechanism)), names).values()])
         directions = mechanism.joint(joint).b.frame.T[: 3 if KINDS[mechanism.joint(joint).kind].ball else 2]
         change = {f"{joint}{CLEARANCE}{i}": direction @ by_axis for i, direction in enumerate(directions)}
-        full = len(self._numbers(self.family)({})) if self.loaded(columns) else 0
+        full = len(self._numbers(self.designs)({})) if self.loaded(columns) else 0
         wide = (
             {name: np.pad(direction, (0, full - len(direction))) for name, direction in change.items()}
             if full
@@ -291,20 +291,20 @@ class MovedFamily:
         ahead: float,
         columns: Sequence[str],
         change: Mapping[str, Array | None] | None,
-        machine_change: Mapping[str, Array | None] | None,
+        model_change: Mapping[str, Array | None] | None,
     ) -> QuantityDerivatives:
-        """Return quantities and derivatives by changes of a mechanism's numbers and of a machine's."""
+        """Return quantities and derivatives by changes of a mechanism's numbers and of a dynamic model's."""
         quantities = [self.quantity(name) for name in columns]
         values: Columns = {}
-        by: dict[str, Columns] = {name: {} for name in (change or machine_change or {})}
+        by: dict[str, Columns] = {name: {} for name in (change or model_change or {})}
         if change is not None:
             result = derivatives_along(self._followed(self._nominal_motion, solver, ahead, self.rate), change)
             values |= record_columns(result.motion, quantities)
             for name, motion in result.by.items():
                 by[name] |= record_columns(motion, quantities)
-        if machine_change is not None:
+        if model_change is not None:
             unit = self._followed(self._nominal_unit_motion, solver, ahead, 1.0)
-            forces = efforts_along(self.loading.dynamic_model(solver), unit, machine_change, self.rate)
+            forces = efforts_along(self.loading.dynamic_model(solver), unit, model_change, self.rate)
             values |= self._force_columns(forces.columns)
             for name, moved in forces.by.items():
                 by[name] |= self._force_columns(moved)

@@ -56,14 +56,14 @@ class Sensitivity:
     @property
     def name(self) -> str:
         """The mechanism's."""
-        return self.moved.family.name
+        return self.moved.designs.name
 
     @property
     def dimensions(self) -> dict[str, Dimension]:
         """The dimensions, by name."""
-        return {name: self.moved.family.dimensions[name] for name in self.by}
+        return {name: self.moved.designs.dimensions[name] for name in self.by}
 
-    def of(self, quantity: str) -> dict[str, Array]:
+    def derivatives(self, quantity: str) -> dict[str, Array]:
         """Return the derivatives of a quantity: dimension -> (n,)."""
         return {name: own[quantity] for name, own in self.by.items()}
 
@@ -71,7 +71,7 @@ class Sensitivity:
         """Yield the crank angle or the time, then QUANTITY/DIMENSION for each of both."""
         yield self.moved.over
         for quantity in self.values:
-            for name, values in self.of(quantity).items():
+            for name, values in self.derivatives(quantity).items():
                 yield f"{quantity}/{name}", values
 
     def unit(self, quantity: str, dimension: str) -> str:
@@ -97,7 +97,7 @@ class Sensitivity:
         for quantity, values in self.values.items():
             unit = self.units[quantity]
             variables[quantity] = (over, values, {"units": unit})
-            rows = np.array([*self.of(quantity).values()])
+            rows = np.array([*self.derivatives(quantity).values()])
             about = {"long_name": f"derivative of {quantity}", "units": f"{unit} per unit of the dimension"}
             variables[f"{quantity}/"] = (("dimension", over), rows, about)
         coordinates = {
@@ -134,34 +134,36 @@ def dimension_names(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:
     Raises:
         InputError: for an unknown one.
     """
-    dimensions = moved.family.dimensions
+    dimensions = moved.designs.dimensions
     if to == ALL or list(to) == [ALL]:
-        return list(moved.family.usual or dimensions)
+        return list(moved.designs.usual or dimensions)
     names: dict[str, None] = {}
     for name in (to,) if isinstance(to, str) else to:
         components = [
             dimension for dimension in dimensions if dimension == name or dimension.startswith(f"{name}.")
         ]
         if name not in dimensions and not components:
-            shown = moved.family.usual or dimensions
-            raise InputError(f"{moved.family.name} has no dimension {name!r}{suggestion(name, shown)}")
+            shown = moved.designs.usual or dimensions
+            raise InputError(f"{moved.designs.name} has no dimension {name!r}{suggestion(name, shown)}")
         names |= dict.fromkeys([name] if name in dimensions else components)
     return list(names)
 
 
-def derivative_table(moved: MovedFamily, of: Sequence[str], to: str | Sequence[str] = ALL) -> Sensitivity:
+def derivative_table(
+    moved: MovedFamily, quantities: Sequence[str], to: str | Sequence[str] = ALL
+) -> Sensitivity:
     """Return quantities of a mechanism and their exact derivatives by dimensions.
 
     Args:
         moved: the mechanism, and how it moves.
-        of: quantities, named as `model.quantities` has them.
+        quantities: named as `model.quantities` has them.
         to: dimensions; "all" leaves those out that would tear loops open.
 
     Raises:
         InputError: for an unknown quantity or dimension.
         AssemblyError: where the loops do not close, or two assemblies meet.
     """
-    columns, names = moved.quantities(of), dimension_names(moved, to)
+    columns, names = moved.quantities(quantities), dimension_names(moved, to)
     left_out: dict[str, str] = {}
     try:
         result = moved.derivatives(columns, names)
@@ -229,7 +231,7 @@ def moved_along(designs: DesignFamily, parameter: Array, speed: float, forces: F
 
 def sensitivity(
     model: Subject,
-    of: str | Sequence[str],
+    quantities: str | Sequence[str],
     to: str | Sequence[str] = ALL,
     *,
     angles: ArrayLike | None = None,
@@ -241,7 +243,7 @@ def sensitivity(
 
     Args:
         model: as `moved` takes it.
-        of: quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3,
+        quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3,
             distance:P2,P3 and others that `model.quantities` lists.
         to: dimensions: parameters, parts of places as pivot.x; of a mechanism without parameters JOINT.at.x;
             "all" is every one.
@@ -257,4 +259,4 @@ def sensitivity(
     Accuracy: about 1e-15 times the condition of the loops; docs/explanation/accuracy.md has the measurements.
     """
     subject = moved(model, angles=angles, t=t, speed=speed, forces=forces)
-    return derivative_table(subject, [of] if isinstance(of, str) else of, to)
+    return derivative_table(subject, [quantities] if isinstance(quantities, str) else quantities, to)

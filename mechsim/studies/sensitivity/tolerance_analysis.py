@@ -134,10 +134,10 @@ def tolerance_study(
     requested = (
         tolerances
         if isinstance(tolerances, Tolerances)
-        else tolerances_of(tolerances, moved.family.dimensions, moved.solver.mechanism)
+        else tolerances_of(tolerances, moved.designs.dimensions, moved.solver.mechanism)
     )
     columns = list(table.values)
-    moved.family.require_independent(requested.bounds)
+    moved.designs.require_independent(requested.bounds)
     by = {name: table.by[name] for name in requested.bounds if name in table.by}
     if missing := [name for name in requested.bounds if name not in by]:
         by |= moved.derivatives(columns, missing).by

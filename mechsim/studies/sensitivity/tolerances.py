@@ -86,8 +86,10 @@ def tolerances_of(
 
 def _tolerance(name: str, written: str | float, unit: str) -> float:
     if isinstance(written, str):
-        of: Unit = "m" if unit == "m" else "rad" if unit == "rad" else "1"
-        value = units.parse(written.strip().removeprefix("±").removeprefix("+-"), of, f"tolerance of {name}")
+        si_unit: Unit = "m" if unit == "m" else "rad" if unit == "rad" else "1"
+        value = units.parse(
+            written.strip().removeprefix("±").removeprefix("+-"), si_unit, f"tolerance of {name}"
+        )
     else:
         value = float(written)
     if not 0.0 < value < np.inf:
@@ -98,9 +100,9 @@ def _tolerance(name: str, written: str | float, unit: str) -> float:
 def _require_pin(joint: Joint) -> None:
     kind = KINDS[joint.kind]
     if not (kind.hinge or (kind.ball and not kind.slides)):
-        known = kinds_that(lambda one: one.hinge or (one.ball and not one.slides))
+        kinds = kinds_that(lambda kind: kind.hinge or (kind.ball and not kind.slides))
         raise InputError(
-            f"joint {joint.name!r} is {joint.kind}; a radial clearance is known of {known} joints"
+            f"joint {joint.name!r} is {joint.kind}; a radial clearance is known of {kinds} joints"
         )
 
 
@@ -112,7 +114,7 @@ def written_tolerances(text: str) -> dict[str, str]:
     """
     if text.lower().endswith(".csv"):
         return _table(text)
-    pairs = [part.partition("=") for part in text.split(",") if part.strip()]
+    pairs = [pair.partition("=") for pair in text.split(",") if pair.strip()]
     for name, equals, _ in pairs:
         if not equals or not name.strip():
             raise InputError(
@@ -127,8 +129,8 @@ def _table(path: str) -> dict[str, str]:
         text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-    rows = [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text)) if any(row)]
-    if not rows or [cell.lower() for cell in rows[0][:2]] != ["dimension", "tolerance"]:
+    rows = [[text.strip() for text in row] for row in csv.reader(io.StringIO(text)) if any(row)]
+    if not rows or [text.lower() for text in rows[0][:2]] != ["dimension", "tolerance"]:
         raise InputError(f"{path} does not begin with the line dimension,tolerance; give it that head")
     for number, row in enumerate(rows[1:], 2):
         if len(row) < 2 or not row[0] or not row[1]:
@@ -137,9 +139,9 @@ def _table(path: str) -> dict[str, str]:
 
 
 def _unique(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for name, bound in pairs:
-        if name in found:
+    bounds: dict[str, str] = {}
+    for name, tolerance in pairs:
+        if name in bounds:
             raise InputError(f"the tolerance of {name} is given twice; give it once")
-        found[name] = bound
-    return found
+        bounds[name] = tolerance
+    return bounds

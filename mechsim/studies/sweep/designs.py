@@ -76,9 +76,9 @@ class Designs:
         }
 
 
-def parameter_units(family: DesignFamily, solver: object) -> dict[str, str]:
+def parameter_units(design_family: DesignFamily, solver: object) -> dict[str, str]:
     """Return what may vary of a subject: name -> SI unit; choices of the catalogue, as branch, too."""
-    result = {name: values.unit for name, values in family.dimensions.items()}
+    result = {name: values.unit for name, values in design_family.dimensions.items()}
     if isinstance(solver, ClosedForm):
         for values in fields(solver):
             whole = isinstance(values.default, int) or "options" in values.metadata
@@ -87,9 +87,9 @@ def parameter_units(family: DesignFamily, solver: object) -> dict[str, str]:
     return result
 
 
-def declared_units(family: DesignFamily) -> dict[str, str]:
+def declared_units(design_family: DesignFamily) -> dict[str, str]:
     """Return the units that a file declares for its parameters: name -> unit as written."""
-    return {name: values.declared for name, values in family.dimensions.items() if values.declared}
+    return {name: values.declared for name, values in design_family.dimensions.items() if values.declared}
 
 
 def unit_of(name: str, model: str, parameters: Mapping[str, str]) -> str:
@@ -135,7 +135,7 @@ def parsed_range(
     bounds = rest.split(":")
     unit: Unit = unit_of(name, model, parameters) or _unit_of(bounds, what)  # pyright: ignore[reportAssignmentType]
     if declared_unit := (declared or {}).get(name):
-        count = "".join(f":{part}" for part in bounds[2:])
+        count = "".join(f":{text}" for text in bounds[2:])
         units.require_written(":".join(bounds[:2]), unit, declared_unit, name, count)
     if len(bounds) == 1 and not sampled:
         return name, np.array(units.parse_vector(rest, unit, what))
@@ -283,11 +283,11 @@ def read_designs(
     for i, name in enumerate(names):
         unit = unit_of(name, model, parameters)
         own = (declared or {}).get(name, "")
-        columns[name] = np.array([_cell(row, i, unit, path, line, own) for line, row in enumerate(rows, 2)])
+        columns[name] = np.array([_value(row, i, unit, path, line, own) for line, row in enumerate(rows, 2)])
     return listed(columns, model, parameters, f"{len(rows)} designs of {Path(path).name}")
 
 
-def _cell(row: Sequence[str], i: int, unit: str, path: str, line: int, declared: str) -> float:
+def _value(row: Sequence[str], i: int, unit: str, path: str, line: int, declared: str) -> float:
     if i >= len(row):
         raise InputError(f"line {line} of {path} has {len(row)} values; give one under each name")
     if declared:

@@ -25,12 +25,12 @@ from mechsim.subjects.toml_values import suggestion
 
 # name -> statistic of a quantity over the turn, (designs, poses) -> (designs,)
 STATISTICS: dict[str, Callable[[Array], Array]] = {
-    "max": lambda of: of.max(1),
-    "min": lambda of: of.min(1),
-    "rms": lambda of: np.sqrt((of**2).mean(1)),
-    "mean": lambda of: of.mean(1),
+    "max": lambda values: values.max(1),
+    "min": lambda values: values.min(1),
+    "rms": lambda values: np.sqrt((values**2).mean(1)),
+    "mean": lambda values: values.mean(1),
     # about the mean
-    "ripple": lambda of: np.sqrt(((of - of.mean(1, keepdims=True)) ** 2).mean(1)),
+    "ripple": lambda values: np.sqrt(((values - values.mean(1, keepdims=True)) ** 2).mean(1)),
 }
 # name -> unit of properties of a design without a motion
 FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
@@ -178,12 +178,12 @@ def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) ->
             raise InputError(f"{mechanism.name} has no point {rest!r}{suggestion(rest, mechanism.points)}")
         return TurnMeasure(text, word, "m", subject=rest)
     if colon and word in STATISTICS:
-        of = numeric_quantity(rest, mechanism)
-        return TurnMeasure(text, word, of.unit, of)
+        quantity = numeric_quantity(rest, mechanism)
+        return TurnMeasure(text, word, quantity.unit, quantity)
     if colon and word == "at":
         index, _, name = rest.partition(":")
-        of = numeric_quantity(name, mechanism)
-        return TurnMeasure(text, word, of.unit, of, angle=_parameter(text, index, motion_laws))
+        quantity = numeric_quantity(name, mechanism)
+        return TurnMeasure(text, word, quantity.unit, quantity, angle=_parameter(text, index, motion_laws))
     description = f"{word}:" if colon else text
     raise InputError(f"there is no measure {text!r}{suggestion(description, WORDS)}")
 
@@ -219,8 +219,8 @@ def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
     joints = coordinate_units(mechanism)
     if rest not in joints and "." not in rest and ":" not in rest:
         raise InputError(f"{mechanism.name} has no joint {rest!r} to range{suggestion(rest, joints)}")
-    of = numeric_quantity(rest, mechanism)
-    return TurnMeasure(text, "range", of.unit, of)
+    quantity = numeric_quantity(rest, mechanism)
+    return TurnMeasure(text, "range", quantity.unit, quantity)
 
 
 def _stroke(turns: Turns, point: str) -> Array:

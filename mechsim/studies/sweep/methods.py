@@ -172,7 +172,7 @@ def _blocks(
         block = selected[chunk]
         own = {name: values[chunk] for name, values in facts.items()}
         if len(angles):
-            values = _block(task, rows, block, task.turn, own)
+            values = _block(task, rows, block, task.revolution, own)
         else:
             motion = select_instants(solver.solve(np.zeros(1), links=False), slice(0, 0))
             values = table_of(task.measures, Turns(len(block), 0, motion, facts=own), task.angle_index)
@@ -316,7 +316,7 @@ def measured_alone(
             outcome, reason = "swings", swings_between(*arc)
         return values, outcome, reason
     if arc is None:
-        return _solved_alone(task, solver, facts, task.turn), "passed", ""
+        return _solved_alone(task, solver, facts, task.revolution), "passed", ""
     values = _solved_alone(task, solver, facts, task.within(*arc))
     return values, "swings", swings_between(*arc)
 

@@ -59,7 +59,7 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, re
     try:
         models = design_models(like, assembled.started, assembled.mechanisms)
         stepped = stepped_designs(
-            models, task.settings, task.path_speed, task.samples * task.stride, task.stride
+            models, task.settings, task.path_speed, task.samples * task.steps_per_pose, task.steps_per_pose
         )
         verdict = check_designs(stepped)
     except np.linalg.LinAlgError:

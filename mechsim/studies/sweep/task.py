@@ -166,7 +166,7 @@ class SweepTask:
         return [*dict.fromkeys(name for quantity in self.quantities for name in quantity.subjects("joint"))]
 
     @property
-    def turn(self) -> CrankRows:
+    def revolution(self) -> CrankRows:
         """The crank motion over which designs that turn fully or follow motion laws are measured."""
         angle = self.angles
         return CrankRows(angle, np.full_like(angle, self.path_speed), np.zeros_like(angle))
@@ -221,7 +221,7 @@ class SweepTask:
         return self.samples if self.subject.solver.motion_laws.crank else self.samples - 1
 
     @property
-    def stride(self) -> int:
+    def steps_per_pose(self) -> int:
         """Steps from one pose to the next."""
         assert self.settings is not None
         return -(-self.settings.steps_per_turn // self.samples)

@@ -20,7 +20,7 @@ def changed(**parts):
 
 def test_a_right_formula_of_points_in_a_plane_and_of_a_joint_is_met():
     found = ms.validate("slider_crank", against=slider)
-    assert found.passed, found.why
+    assert found.passed, found.explanation
     assert {candidate.quantity.kind for candidate in found.candidates} == {"position", "joint"}
     assert not found.findings
 
@@ -29,7 +29,7 @@ def test_a_formula_a_thousandth_off_is_missed():
     function = changed(B=lambda one: one["B"] * 1.001)
     found = ms.validate("slider_crank", against=function, attribute=False)
     assert not found.passed
-    assert "position of B" in found.why
+    assert "position of B" in found.explanation
     assert [check.passed for check in found.checks] == [True, False, True]
 
 

@@ -32,9 +32,9 @@ def test_a_centred_slider_cranks_derivatives_are_those_of_its_formula():
     leg = np.sqrt(rod**2 - (r * s) ** 2)
     exact = {"crank": c - r * s**2 / leg, "rod": rod / leg, "offset": r * s / leg}
     for name, values in exact.items():
-        assert np.abs(table.of("B.x")[name] - values).max() <= 1e-13
+        assert np.abs(table.derivatives("B.x")[name] - values).max() <= 1e-13
     by_rod = -rod * 3.0 * (-(r**2) * s * c / leg) / leg**2
-    assert np.abs(table.of("B.vx")["rod"] - by_rod).max() <= 1e-13
+    assert np.abs(table.derivatives("B.vx")["rod"] - by_rod).max() <= 1e-13
 
 
 def test_a_place_stands_for_its_parts_and_all_for_every_dimension():
@@ -61,7 +61,7 @@ def test_programs_are_tabled_over_time():
     table = derivative_table(MovedFamily(of, instants_of(form)[::24], 1.0), ["left"], ["arm"])
     assert next(table.columns())[0] == "t"
     # a driver stands where its program has it, whatever the arms
-    assert not table.of("left.q")["arm"].any()
+    assert not table.derivatives("left.q")["arm"].any()
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ def table(model="four_bar", of=("C.x", "C.y", "C.z", "rocker")):
 def test_the_worst_case_is_where_all_conspire_and_the_root_of_squares_lies_below():
     found = table()
     study = tolerance_study(found, {"crank": 1e-5, "coupler": "±0.02mm"}, samples=0)
-    by = found.of("C.x")
+    by = found.derivatives("C.x")
     parts = np.abs(by["crank"]) * 1e-5, np.abs(by["coupler"]) * 2e-5
     assert np.allclose(study.worst("C.x"), parts[0] + parts[1], rtol=1e-14)
     assert np.allclose(study.squares("C.x"), np.hypot(*parts), rtol=1e-14)
@@ -52,7 +52,7 @@ def test_no_random_mechanism_is_farther_off_than_the_worst_case():
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     found = table("hoeken", of=("rocker",))
     given = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
-    asked = tolerances_of(given, found.moved.family.dimensions, found.moved.solver.mechanism, distribution)
+    asked = tolerances_of(given, found.moved.designs.dimensions, found.moved.solver.mechanism, distribution)
     study = tolerance_study(found, asked, samples=40_000)
     random = study.random("rocker.q")
     assert study.sampled.order == 1
@@ -66,7 +66,7 @@ def test_large_tolerances_are_taken_to_second_order_and_agree_with_mechanisms_th
     study = tolerance_study(found, dict.fromkeys(names, 2e-3), samples=20_000)
     assert study.sampled.order == 2
     assert study.sampled.miss <= 0.02
-    values, solved, weights = found.moved.family.values(), [], []
+    values, solved, weights = found.moved.designs.values(), [], []
     # Gauss's points, three a dimension, are exact for terms up to the fifth order
     for places in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
         off = {name: values[name] + 2e-3 * at for name, (at, _) in zip(names, places, strict=True)}
@@ -142,7 +142,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
     path.write_text("dimension,tolerance\ncrank,±0.02mm\narm_angle,+-0.1 deg\n")
     found = table()
     read = tolerances_of(
-        written_tolerances(str(path)), found.moved.family.dimensions, found.moved.solver.mechanism
+        written_tolerances(str(path)), found.moved.designs.dimensions, found.moved.solver.mechanism
     )
     assert read.bounds == {"crank": pytest.approx(2e-5), "arm_angle": pytest.approx(np.deg2rad(0.1))}
 
@@ -163,7 +163,7 @@ def test_what_is_no_tolerance_is_refused_in_one_line(written, said):
     found = table()
     with pytest.raises(InputError, match=said):
         tolerances_of(
-            written_tolerances(written), found.moved.family.dimensions, found.moved.solver.mechanism
+            written_tolerances(written), found.moved.designs.dimensions, found.moved.solver.mechanism
         )
 
 
