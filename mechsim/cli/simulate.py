@@ -144,7 +144,12 @@ def simulate(
     else:
         run = _run(solver, motion, options, settings, model_scene)
     findings = scene_findings(
-        solver, None if motion is None else solver.motion_laws or crank_law(solver, motion)
+        solver,
+        None
+        if motion is None
+        else crank_law(solver, motion)
+        if solver.motion_laws.crank
+        else solver.motion_laws,
     )
     few = None if motion is None or run.motion.broken else few_digits(solver, run.motion)
     # written last, so that invalid input writes nothing

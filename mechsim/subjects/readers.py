@@ -125,7 +125,7 @@ def load_by_motors(model: "Model", set: Mapping[str, str | float] | None = None,
     """
     source = open_model(model)
     solver = load(source, set, **options)
-    if solver.motion_laws is None or not is_pose_driven(solver.mechanism):
+    if solver.motion_laws.crank or not is_pose_driven(solver.mechanism):
         return solver
     undriven: dict[str, Any] = options | {"drive": None, "duration": None, "still": True}
     laws = motor_laws(solver, load(source, set, **undriven).mechanism)

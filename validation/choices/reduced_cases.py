@@ -47,7 +47,7 @@ class Case:
         return scene_of(
             form.source,
             form.mechanism,
-            joint_laws={} if form.motion_laws is None else dict(form.motion_laws.by_name),
+            joint_laws=dict(form.motion_laws.by_name),
             ctrl=control_laws(self.ctrl),
             duration=self.duration,
             points=dict(form.mechanism.points),

@@ -207,8 +207,8 @@ def of_degrees(subject, named, size, random) -> Mistake:
 
 
 def of_phase(subject, named, size, random) -> Mistake:
-    motion_laws = getattr(subject.solver, "motion_laws", None)
-    if motion_laws is None or len(motion_laws.drivers) < 2:
+    motion_laws = subject.solver.motion_laws
+    if len(motion_laws.drivers) < 2:
         raise MechsimError("one driver")
     driver = driver_of(subject, random)
     late = size * motion_laws.duration

@@ -47,7 +47,7 @@ def main() -> None:
     for name in sys.argv[1:] or [*catalog.DRIVES, *gallery.files()]:
         form = load(name)
         moved: dict[str, Any] = {"motion_laws": form.motion_laws}
-        if form.motion_laws is None:
+        if form.motion_laws.crank:
             moved = {"profile": within_range(form.mechanism, form.crank_range(), SPEED)}
         tell(name, weighing(form), moved)
     if sys.argv[1:]:

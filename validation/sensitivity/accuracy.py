@@ -101,13 +101,13 @@ def beside(name):
     """Return the largest relative errors of positions and velocities against mechanisms solved beside."""
     of = parametric_model(name)
     form = of.make({})
-    if not form.mechanism.has_crank and form.motion_laws is None:
+    if not form.mechanism.has_crank and form.motion_laws.crank:
         units = {one: "5mm" if form.mechanism.unit(one) == "m" else "5deg" for one in form.mechanism.drivers}
         of = parametric_model(name, drive={one: f"{far}*sin(2*pi*t)" for one, far in units.items()})
         form = of.make({})
     motion_laws = form.motion_laws
-    angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws is None else motion_laws.rate * AT / 40.0
-    rate = 1.0 if motion_laws is None else motion_laws.rate
+    angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws.crank else motion_laws.rate * AT / 40.0
+    rate = 1.0 if motion_laws.crank else motion_laws.rate
     found = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
     near = motion_beside(form, angles, rate)
     worst = [0.0, 0.0]

@@ -116,7 +116,7 @@ class ByMechsim:
     def __init__(self, one, model):
         speed = float(make.motions()["speeds"].get(one.name, make.motions()["speed"]))
         form = ms.load(model) if isinstance(model, str) else model
-        if form.motion_laws is None:
+        if form.motion_laws.crank:
             subject = ms.moved(model, angles=one.clock, speed=speed)
         else:
             subject = ms.moved(model, t=one.clock)
@@ -135,7 +135,7 @@ class ByMechsim:
     def _efforts(self, subject):
         """Columns of drive efforts, and what the other road calls them."""
         form = subject.form
-        if form.motion_laws is None:
+        if form.motion_laws.crank:
             return {"torque": f"torque:{form.mechanism.driver}"}
         slides = form.mechanism.straight
         drivers = form.motion_laws.drivers

@@ -82,7 +82,7 @@ def open_scene(
     )
     assert isinstance(solver, MjcfForm)
     assert solver.source is not None
-    joint_laws = {} if solver.motion_laws is None else dict(solver.motion_laws.by_name)
+    joint_laws = dict(solver.motion_laws.by_name)
     joint_laws |= {name: steady(value, 0.0) for name, value in solver.mechanism.locked.items()}
     controls = control_laws({name: str(law) for name, law in (ctrl or {}).items()})
     laws: dict[str, State] = {**joint_laws, **controls}
