@@ -26,16 +26,20 @@ if TYPE_CHECKING:
     from mechsim.model.motion_laws import MotionLaws
     from mechsim.model.scene import Scene
     from mechsim.pictures import plots, render
-    from mechsim.report.notebook import show
+    from mechsim.report.notebook import show, view
     from mechsim.simulation import Run, Settings
-    from mechsim.simulation.closed_configurations import closed_qpos, sample
     from mechsim.studies.agreement.agreement import Agreement, validate
+    from mechsim.studies.closed_configurations import closed_qpos, sample
+    from mechsim.studies.export import export
     from mechsim.studies.fit.calibration import fit
     from mechsim.studies.joint_map import joint_map
     from mechsim.studies.optimise.search import optimise
+    from mechsim.studies.reduction.reduce_model import reduce
+    from mechsim.studies.scene.tune_model import tune
     from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
     from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
+    from mechsim.subjects.gallery import list
     from mechsim.subjects.readers import load
     from mechsim.subjects.simulate_by_name import simulate
     from mechsim.theory.continuation import trace
@@ -83,21 +87,26 @@ _HOMES = _MODULES | {
     "Spring": "model.forces",
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
-    "closed_qpos": "simulation.closed_configurations",
+    "closed_qpos": "studies.closed_configurations",
     "crosscheck": "verdict.crosscheck",
+    "export": "studies.export",
     "fit": "studies.fit.calibration",
     "joint_map": "studies.joint_map",
+    "list": "subjects.gallery",
     "load": "subjects.readers",
     "moved": "studies.sensitivity.sensitivity",
     "optimise": "studies.optimise.search",
-    "sample": "simulation.closed_configurations",
+    "reduce": "studies.reduction.reduce_model",
+    "sample": "studies.closed_configurations",
     "sensitivity": "studies.sensitivity.sensitivity",
     "show": "report.notebook",
     "simulate": "subjects.simulate_by_name",
     "sweep": "studies.sweep.sweeping",
     "tolerance_study": "studies.sensitivity.tolerance_analysis",
     "trace": "theory.continuation",
+    "tune": "studies.scene.tune_model",
     "validate": "studies.agreement.agreement",
+    "view": "report.notebook",
 }
 
 __all__ = [
@@ -133,13 +142,16 @@ __all__ = [
     "course",
     "crosscheck",
     "dynamics",
+    "export",
     "fit",
     "joint_map",
+    "list",
     "load",
     "motors",
     "moved",
     "optimise",
     "plots",
+    "reduce",
     "render",
     "rods",
     "sample",
@@ -151,8 +163,10 @@ __all__ = [
     "testing",
     "tolerance_study",
     "trace",
+    "tune",
     "units",
     "validate",
+    "view",
 ]
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import File, writable
-from mechsim.errors import InputError
+from mechsim.cli.options import File, Model, Sets, changed_parameters, writable
 from mechsim.files import atomic_path
-from mechsim.simulation import closed_configurations
+from mechsim.studies import closed_configurations
 
 
 class SampleJson(TypedDict):
@@ -22,11 +21,12 @@ class SampleJson(TypedDict):
 
 @command
 def sample(
-    model: Annotated[str, typer.Argument(metavar="FILE", help="An MJCF or URDF file that MuJoCo loads.")],
+    model: Model,
     *,
     n: Annotated[int, typer.Option("-n", help="Number of states.")],
     output: File,
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
+    sets: Sets = None,
 ) -> Result[SampleJson]:
     """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
 
@@ -35,9 +35,7 @@ def sample(
     mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
     path = writable(output, ".npz")
-    if not model.lower().endswith((".xml", ".urdf")):
-        raise InputError(f"{model!r} is no MJCF or URDF file; name a file that ends in .xml or .urdf")
-    states = closed_configurations.sample(model, n, seed)
+    states = closed_configurations.sample(model, n, seed, set=changed_parameters(sets))
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
     data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}

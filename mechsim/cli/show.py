@@ -5,7 +5,6 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
 
-from mechsim.analytic import catalog
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -117,14 +116,13 @@ def list_mechanisms() -> Result[ListJson]:
     mechsim list
     mechsim list --json
     """
-    catalogue = {name: (cls.__doc__ or "").splitlines()[0] for name, cls in catalog.DRIVES.items()}
-    files = {name: gallery.description(path) for name, path in gallery.files().items()}
+    known: Any = gallery.list()
 
     def text() -> None:
-        print_table("Catalogue", ("name", "what it is"), catalogue.items())
-        print_table(f"Gallery, in {gallery.folder()}", ("name", "what it is"), files.items())
+        print_table("Catalogue", ("name", "what it is"), known["mechanisms"].items())
+        print_table(f"Gallery, in {gallery.folder()}", ("name", "what it is"), known["gallery"].items())
 
-    return Result({"mechanisms": catalogue, "gallery": files}, text)
+    return Result(known, text)
 
 
 @command

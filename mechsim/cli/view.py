@@ -18,7 +18,6 @@ from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, writable
 from mechsim.cli.schema import Written
 from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import crank_speed
 
 if TYPE_CHECKING:
@@ -74,15 +73,13 @@ def view(
 def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions, speed: str) -> "View":
     """Return what the page shows: the poses of a mechanism, a run from an initial state, or a mode."""
     from mechsim.report.release_view import release_view
-    from mechsim.report.views import mechanism_view
+    from mechsim.report.views import model_view
 
     if release.requested:
         model = released_model(source, loads)
         return release_view(release.release(model, source.duration), release.mode)
     require_release(loads, release, "add --initial, --until or --mode")
-    solver = source.load()
-    mjcf = solver.source if isinstance(solver, MjcfForm) else None
-    return mechanism_view(solver, crank_speed(speed), mjcf.limits if mjcf else None)
+    return model_view(source.load(), crank_speed(speed))
 
 
 def _browser() -> webbrowser.BaseBrowser | None:

@@ -7,11 +7,12 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, overload
 
-from mechsim.errors import InputError
 from mechsim.numerics.angles import REVOLUTION
 
 if TYPE_CHECKING:
-    from mechsim.analytic.forms import KinematicSolver
+    from collections.abc import Mapping
+    from os import PathLike
+
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
     from mechsim.pictures.render import Look
@@ -62,9 +63,7 @@ class FramedPage:
 
 
 @overload
-def show(
-    mechanism: "KinematicSolver | Mechanism", *, speed: float | str = SPEED, height: int = 720
-) -> FramedPage: ...
+def show(mechanism: Any, *, speed: float | str = SPEED, height: int = 720) -> FramedPage: ...
 @overload
 def show(
     mechanism: "Mechanism",
@@ -81,35 +80,58 @@ def show(mechanism: Any, motion: "Motion | None" = None, look: "Look | None" = N
     """Return a page to turn a mechanism by hand; with a motion, a film of it.
 
     Args:
-        mechanism: what moves, as `ms.load` returns it; for a film its description.
+        mechanism: what moves: what `load` takes; for a film its description.
         motion: how it moves, analytic or simulated; None for a page.
         look: as `film` takes it.
-        options: `speed` of the crank in [rad/s] and `height` in pixels of a page; what else `film` takes.
+        options: what else `view` or `film` takes.
     """
     if motion is not None:
         return video(mechanism, motion, look, **options)
-    return interactive_view(mechanism, **options)
+    return view(mechanism, **options)
 
 
-def interactive_view(
-    source: "KinematicSolver | Mechanism", *, speed: float | str = SPEED, height: int = 720
+def view(
+    model: Any,
+    output: "str | PathLike[str] | None" = None,
+    *,
+    set: "Mapping[str, str | float] | None" = None,
+    speed: float | str = SPEED,
+    up: str | None = None,
+    height: int = 720,
+    **options: Any,
 ) -> FramedPage:
-    """Return a page to turn a mechanism by hand, its crank turning at a speed in [rad/s] or as "600rpm".
+    """Return an interactive 3-D page of a model, as `mechsim view` writes it.
+
+    Args:
+        model: what `load` takes: a name, a file, a MuJoCo object, a mechanism or a solver.
+        output: path of the page, .html; None writes none.
+        set: parameter -> its value, as `load` takes it.
+        speed: of the crank, in [rad/s] or as "600rpm".
+        up: axis that points up, as "z" or "-y"; by default against gravity, else y.
+        height: of the frame in a notebook, in pixels.
+        options: `drive`, `lock` and what else `load` takes.
 
     Raises:
-        InputError: for what does not move.
+        InputError: for what does not move, or an unknown model.
+        AssemblyError: where the loops do not close.
+
+    Example:
+        >>> ms.view("stewart_gough", "platform.html")
     """
-    from mechsim.analytic.catalog.base import ClosedForm
-    from mechsim.analytic.loops.loop_form import LoopForm
-    from mechsim.model.mechanism import described
+    from mechsim.files import atomic_path
+    from mechsim.model.mechanism import require_axis
     from mechsim.pictures.view import page
-    from mechsim.report.views import mechanism_view
+    from mechsim.report.views import model_view
+    from mechsim.subjects.readers import load
     from mechsim.units import si
 
-    if isinstance(source, str):
-        raise InputError(f"{source!r} is a name; give ms.load({source!r})")
-    solver = source if isinstance(source, ClosedForm | LoopForm) else LoopForm(described(source))
-    return FramedPage(page(mechanism_view(solver, si(speed, "rad/s", "the speed"))), height)
+    require_axis("up", up)
+    solver = load(model, set, **options)
+    framed = FramedPage(page(model_view(solver, si(speed, "rad/s", "the speed"), up)), height)
+    if output is not None:
+        with atomic_path(Path(output)) as unfinished:
+            unfinished.write_text(framed.text, encoding="utf-8")
+    return framed
 
 
 def video(

@@ -12,6 +12,7 @@ from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import MechsimError
+from mechsim.model.mechanism import Up
 from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import constant, interval_around, within_range
 from mechsim.numerics.angles import REVOLUTION
@@ -31,6 +32,7 @@ from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid
 from mechsim.report.platform import platform_of
 from mechsim.studies.motion_source import simulated
 from mechsim.studies.validate import Case
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.theory.continuation import AssemblyCurve, even_motion, trace
 
 # intervals of a turn, and of an arc that the crank swings over
@@ -233,6 +235,12 @@ def _round(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGrid
 
 # of a scene that says where it starts
 NOT_SOUGHT = "Other assemblies than that in which the file starts were not sought."
+
+
+def model_view(solver: KinematicSolver, speed: float, up: Up | None = None) -> View:
+    """Return what a page shows of a loaded model, with the joint limits of its MJCF file."""
+    source = solver.source if isinstance(solver, MjcfForm) else None
+    return replace(mechanism_view(solver, speed, source.limits if source else None), up=up)
 
 
 def mechanism_view(

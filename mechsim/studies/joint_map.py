@@ -16,7 +16,7 @@ from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.subjects.driver_positions import driver_path
 from mechsim.subjects.readers import load
-from mechsim.units import Unit, parse
+from mechsim.units import Unit, si
 
 if TYPE_CHECKING:
     from mechsim.model.motion import Motion
@@ -94,10 +94,15 @@ def mujoco_model(model: Any, set: Mapping[str, str | float] | None = None) -> mu
 
 
 def _ends(model: mujoco.MjModel, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
+    low, high = (quantity_of_joint(model, name, end) for end in ends)
+    return low, high
+
+
+def quantity_of_joint(model: mujoco.MjModel, name: str, value: float | str) -> float:
+    """Return a coordinate of a joint in SI; text may have a unit."""
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
     unit: Unit = "m" if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
-    low, high = (parse(end, unit, f"the range of {name}") if isinstance(end, str) else end for end in ends)
-    return float(low), float(high)
+    return float(si(value, unit, f"the value of {name}"))
 
 
 def compare_with_loop_equations(

@@ -100,5 +100,6 @@ def test_a_model_shows_itself_as_a_page_to_turn_by_hand():
     assert "<!doctype" not in framed  # a page within a page is quoted
     by_loops = ms.show(ms.catalog.make("four_bar").mechanism)
     assert "loop equations" in by_loops.text
-    with pytest.raises(ms.InputError, match=r"give ms\.load\('four_bar'\)"):
-        ms.show("four_bar")
+    assert ms.show("four_bar", height=500) == shown
+    with pytest.raises(ms.InputError, match=r"there is no mechanism 'four_bat'; did you mean 'four_bar'"):
+        ms.show("four_bat")

@@ -20,7 +20,7 @@ ALLOWED_IMPORTS = {
     "simulation": {"numerics", "model", "units"},
     "verdict": {"numerics", "model"},
     "shapes": {"numerics", "model"},
-    "theory": {"numerics", "model", "analytic"},
+    "theory": {"numerics", "model", "analytic", "subjects"},
     "pictures": {"numerics", "model", "shapes", "simulation", "files", "units"},
     "subjects": {"numerics", "model", "analytic", "simulation", "units", "files"},
     "studies": {
@@ -34,7 +34,18 @@ ALLOWED_IMPORTS = {
         "files",
         "units",
     },
-    "report": {"numerics", "model", "analytic", "theory", "verdict", "pictures", "studies", "files", "units"},
+    "report": {
+        "numerics",
+        "model",
+        "analytic",
+        "theory",
+        "verdict",
+        "pictures",
+        "studies",
+        "subjects",
+        "files",
+        "units",
+    },
     "cli": {
         "numerics",
         "model",

@@ -137,7 +137,7 @@ class Agreement:
 
 
 def validate(
-    model: str | Form | Mechanism | DesignFamily,
+    model: Any,
     against: Against | None = None,
     *,
     set: Mapping[str, str | float] | None = None,
@@ -150,7 +150,7 @@ def validate(
     """Hold a model against somebody's formula or table, and say whether and why they differ.
 
     Args:
-        model: a name, FILE.toml, FILE.xml, FILE.py:OBJECT, or what `load` or `catalog.make` returns; a family
+        model: what `load` takes or returns: a name, a file, a MuJoCo object, a mechanism; a family
             of dimensions says which may be wrong.
         against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None takes the formula
             that the model's file names. The function is run.
@@ -260,17 +260,11 @@ def _designs(
     drive: Mapping[str, str | State] | None,
     duration: str | float | None,
 ) -> DesignFamily:
-    if isinstance(model, str):
+    if not isinstance(model, DesignFamily | ClosedForm | LoopForm | Mechanism):
         return dimension_family(model, set, drive=drive, duration=duration)
     if set or drive or duration is not None:
         raise InputError("set, drive and duration are of a model given by name; give them where it is loaded")
-    if isinstance(model, DesignFamily):
-        return model
-    if isinstance(model, ClosedForm | LoopForm | Mechanism):  # pyright: ignore[reportUnnecessaryIsInstance]
-        return dimension_family(model)
-    raise InputError(
-        f"the model is of type {type(model).__name__}; give a name, a file, or what ms.load returns"
-    )
+    return model if isinstance(model, DesignFamily) else dimension_family(model)
 
 
 def _is_table(against: str | Path) -> bool:

@@ -74,7 +74,6 @@ def reduce(
     tolerance: float | str,
     *,
     by: str = "trajectory",
-    drive: Mapping[str, Any] | None = None,
     ctrl: Mapping[str, str | float] | None = None,
     track: Iterable[str] = (),
     output: str | PathLike[str] | None = None,
@@ -87,12 +86,11 @@ def reduce(
         model: an MJCF file, or what `load` takes, which is then written as one.
         tolerance: in [m] or text, as "10um"; by torque in [N m].
         by: "trajectory" (of tracked points) or "torque".
-        drive: joint -> its motion law, as `load` takes it.
         ctrl: actuator -> its control, as `tune` takes it.
         track: bodies, sites, "P,Q" for two of them, or "P,BODY@x,y,z" for a new point; by default all.
         output: path of the reduced MJCF file; None writes none.
         progress: called with what is tried and the finished fraction.
-        options: `lock`, `lock_others`, `fix_base`, `key` and `duration`, as `load` takes them.
+        options: `drive`, `lock`, `lock_others`, `fix_base`, `key` and `duration`, as `load` takes them.
 
     Raises:
         InputError: for a model, a motion or a tolerance that cannot be used.
@@ -110,7 +108,7 @@ def reduce(
     # P,Q are two points, P,BODY@x,y,z is one
     points = [name for text in track for name in ([text] if "@" in text else text.split(","))]
     with scene_file(model) as path:
-        scene, notes = open_scene(path, drive=drive, ctrl=ctrl, track=points, **options)
+        scene, notes = open_scene(path, ctrl=ctrl, track=points, **options)
         keep = {name for text in points for name in text.partition("@")[0].split(",")} | set(scene.tracked)
         result = reduced(scene, spec_of(scene), limit, keep=keep, by=cast(By, by), progress=progress)
         text = with_comment(result, Path(path).name, limit, UNITS[by])

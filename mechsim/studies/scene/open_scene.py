@@ -51,7 +51,6 @@ def scene_file(model: Any) -> Generator[str]:
 def open_scene(
     path: str,
     *,
-    drive: Mapping[str, str | State] | None = None,
     ctrl: Mapping[str, str | float] | None = None,
     lock: Mapping[str, str | float | None] | Iterable[str] = (),
     track: Iterable[str] = (),
@@ -63,13 +62,12 @@ def open_scene(
 
     Args:
         path: of the file.
-        drive: joint -> its motion law, as `mechsim.load` takes it.
         ctrl: actuator -> its control as text, such as "255*(0.5-0.5*cos(2*pi*t))", "FILE.csv" or a number.
         lock: as `mechsim.load` takes it.
         track: points to record, as `mechsim.load` takes them.
         key: keyframe to start from.
         duration: in [s] or as text; by default that of the laws.
-        options: what else `mechsim.load` takes.
+        options: `drive` and what else `mechsim.load` takes.
 
     Raises:
         InputError: for a joint, actuator, keyframe or point that is missing.
@@ -78,7 +76,7 @@ def open_scene(
     seconds = si(duration, "s", "the duration")
     # without motion laws of joints the duration is that of the controls
     solver = load(
-        path, drive=drive, lock=lock, track=track, key=key, duration=seconds if drive else None, **options
+        path, lock=lock, track=track, key=key, duration=seconds if options.get("drive") else None, **options
     )
     assert isinstance(solver, MjcfForm)
     assert solver.source is not None

@@ -96,7 +96,6 @@ def tune(
     tolerance: float | str,
     *,
     by: str = "closure",
-    drive: Mapping[str, Any] | None = None,
     ctrl: Mapping[str, str | float] | None = None,
     allow: Sequence[str] = (),
     budget: float | str = SECONDS,
@@ -112,14 +111,13 @@ def tune(
         tolerance: in [m] or text, as "10um"; by torque in [N m], or [N] of a slide.
         by: "closure" (points against the exact closure at the run's own drivers), "trajectory" (points
             against the converged motion) or "torque" (forces against it).
-        drive: joint -> its motion law, as `load` takes it.
         ctrl: actuator -> its control: text, as "255*(0.5-0.5*cos(2*pi*t))", FILE.csv, or a number.
         allow: what may be disabled or become softer: contacts, limits, friction, actuators, springs.
         budget: duration of the search, in [s] or text.
         output: path of the tuned MJCF file; None writes none.
         python: path of a script that runs it, or reaches what no file can.
         progress: called with what is tried and the finished fraction.
-        options: `lock`, `lock_others`, `fix_base`, `track`, `key` and `duration`, as `load` takes them.
+        options: `drive`, `lock`, `lock_others`, `fix_base`, `track`, `key`, `duration`, as for `load`.
 
     Raises:
         InputError: for a model, a motion or a tolerance that cannot be used.
@@ -136,7 +134,7 @@ def tune(
         target = Path(folder) / "tuned.xml" if output is None else Path(output)
         if target.resolve() == Path(path).resolve():
             raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
-        scene, notes = open_scene(path, drive=drive, ctrl=ctrl, **options)
+        scene, notes = open_scene(path, ctrl=ctrl, **options)
         scene = replace(scene, allowed=tuple(allow))
         if by == "closure":
             scene, note = _with_closed_start(scene, limit)

@@ -17,6 +17,7 @@ from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
+from mechsim.subjects.readers import load
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.free_loops import FreeLoops, free_loops
 from mechsim.theory.continuation.segments import trace_curve
@@ -220,7 +221,7 @@ def trace(
     (1 - p) to the power of the number of starts.
 
     Args:
-        model: a mechanism, or a solver that has one.
+        model: what `load` takes: a name, a file, a MuJoCo object, a mechanism or a solver.
         starts: number of random starts; 0 traces the curve of the guess and those connected to it.
         seed: of the random numbers: the same seed finds the same curves.
         progress: called with a description of the work and the fraction done, at least.
@@ -236,7 +237,7 @@ def trace(
     for name, value, most in (("starts", starts, MAX_STARTS), ("the seed", seed, 2**32)):
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InputError(f"{name} of a trace: {value!r}; give a whole number from 0 to {most}")
-    mechanism = described(model)
+    mechanism = described(model if isinstance(model, Mechanism) else load(model))  # pyright: ignore[reportArgumentType]
     loops, own = assembled(mechanism)
     require_determined(loop_solver(loops, own))
     # locked coordinates stay locked, drivers become free

@@ -1,0 +1,59 @@
+"""Closed configurations of any model in MuJoCo's order of qpos; a mechanism is exported to MuJoCo first."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from mechsim.numerics.arrays import Array
+from mechsim.simulation import closed_configurations
+from mechsim.simulation.closed_configurations import Sample
+from mechsim.studies.joint_map import mujoco_model, quantity_of_joint
+
+
+def closed_qpos(
+    model: Any, values: Mapping[str, ArrayLike], *, set: Mapping[str, str | float] | None = None
+) -> Array:
+    """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
+
+    Args:
+        model: an MJCF or URDF file, `mujoco.MjSpec`, `mujoco.MjModel`, or what `load` takes, then
+            exported.
+        values: hinge or slide -> positions in [rad] or [m], scalar or (n,), or text, as "30deg". Joints that
+            neither these nor the loops determine stay at the reference.
+        set: parameter of a mechanism -> its value, as `load` takes it.
+
+    Raises:
+        InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
+        AssemblyError: where a loop does not close on the way.
+
+    Example:
+        >>> ms.closed_qpos("four_bar", {"crank": "30deg"}).shape
+        (1, 3)
+    """
+    compiled = mujoco_model(model, set)
+    read = {
+        name: quantity_of_joint(compiled, name, value) if isinstance(value, str) else value
+        for name, value in values.items()
+    }
+    return closed_configurations.closed_qpos(compiled, read)
+
+
+def sample(model: Any, n: int, seed: int = 0, *, set: Mapping[str, str | float] | None = None) -> Sample:
+    """Return closed states drawn at random within the joint limits, in the assembly of the file.
+
+    Args:
+        model: as `closed_qpos` takes it.
+        n: number of states.
+        seed: of the random numbers; the same seed gives the same states.
+        set: parameter of a mechanism -> its value, as `load` takes it.
+
+    Raises:
+        InputError: for a model without loops, or one of whose joint limits few configurations satisfy.
+        AssemblyError: where the loops do not close.
+
+    Example:
+        >>> ms.sample("four_bar", 100).qpos.shape
+        (100, 3)
+    """
+    return closed_configurations.sample(mujoco_model(model, set), n, seed)

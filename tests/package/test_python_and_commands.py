@@ -1,0 +1,131 @@
+"""What a command does, a function of the same name does: same results, any kind of model."""
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+
+ROOT = Path(__file__).parents[2]
+SCENE = ROOT / "examples" / "own_model.xml"
+DRIVER = next(iter(ms.load(SCENE).mechanism.drivers))
+
+
+def models():
+    """Return a mechanism as a name, a description, a solver and MuJoCo objects; a file."""
+    solver = ms.load("four_bar")
+    spec = mujoco.MjSpec.from_string(ms.export("four_bar").text)
+    return {
+        "name": "four_bar",
+        "description": solver.mechanism,
+        "solver": solver,
+        "file": SCENE,
+        "text of a path": str(SCENE),
+        "specification": spec,
+        "model": mujoco.MjModel.from_xml_path(str(SCENE)),
+    }
+
+
+@pytest.fixture(scope="module")
+def mechsim_json(tmp_path_factory):
+    from typer.testing import CliRunner
+
+    from mechsim.cli import app
+
+    def call(*words):
+        done = CliRunner().invoke(app, [*words, "--json"])
+        assert done.exit_code in (0, 1), done.output
+        return json.loads(done.stdout)
+
+    return call
+
+
+@pytest.mark.parametrize("kind", models())
+@pytest.mark.parametrize(
+    "call",
+    [
+        ms.load,
+        lambda model: ms.simulate(model, speed="60rpm", turns=0.05),
+        lambda model: ms.trace(model, starts=1),
+        lambda model: ms.sample(model, 2),
+        lambda model: ms.view(model),
+        lambda model: ms.export(model, format="toml"),
+        lambda model: (
+            ms.joint_map(model, {DRIVER: ("5deg", "15deg")}, [DRIVER], points=3)
+            if isinstance(model, Path)
+            else None
+        ),
+    ],
+    ids=["load", "simulate", "trace", "sample", "view", "export", "joint_map"],
+)
+def test_a_function_takes_every_kind_of_model(call, kind):
+    assert call(models()[kind]) is not False
+
+
+def test_lists_are_the_same(mechsim_json):
+    assert ms.list() == mechsim_json("list")
+
+
+def test_exports_are_the_same(mechsim_json, tmp_path):
+    words = ("--speed", "600rpm", "--timestep", "1ms", "--set", "crank=35mm")
+    own = {"set": {"crank": "35mm"}, "speed": "600rpm", "timestep": "1ms"}
+    exported = ms.export("four_bar", tmp_path / "a.xml", **own)
+    assert exported.text == mechsim_json("export", "four_bar", *words)["text"]
+    assert (tmp_path / "a.xml").read_text() == exported.text
+    assert mujoco.MjModel.from_xml_string(exported.text).opt.timestep == 0.001
+
+
+def test_an_export_rejects_what_does_not_go_together():
+    with pytest.raises(ms.InputError, match="no format 'stl'; known are xml, toml"):
+        ms.export("four_bar", format="stl")
+    with pytest.raises(ms.InputError, match="settings are for MuJoCo models"):
+        ms.export("four_bar", format="toml", speed="600rpm")
+
+
+def test_pages_are_the_same(mechsim_json, tmp_path):
+    ms.view("slider_crank", tmp_path / "a.html", speed="600rpm")
+    mechsim_json("view", "slider_crank", "-o", str(tmp_path / "b.html"))
+    assert (tmp_path / "a.html").read_text() == (tmp_path / "b.html").read_text()
+
+
+def test_closed_configurations_take_units():
+    by_text = ms.closed_qpos("four_bar", {"crank": "30deg"})
+    assert by_text == pytest.approx(ms.closed_qpos("four_bar", {"crank": np.pi / 6}), abs=0)
+
+
+def test_a_model_is_tuned_as_by_the_command(mechsim_json, tmp_path):
+    tuned = ms.tune("four_bar", "1mm", drive={"crank": "60rpm"}, duration="0.2s", budget="2s")
+    assert tuned.reached
+    assert tuned.report.error <= 1e-3
+    mujoco.MjModel.from_xml_string(tuned.text)
+    ms.export("four_bar", tmp_path / "a.xml", scene="dynamics")
+    words = ("--tolerance", "1mm", "--drive", "crank=60rpm", "--duration", "0.2s", "--budget", "2s")
+    printed = mechsim_json("tune", str(tmp_path / "a.xml"), *words, "-o", str(tmp_path / "b.xml"))
+    assert printed.keys() == tuned.as_dict().keys() | {"output", "python"}
+    assert printed["published"]["error"] == pytest.approx(tuned.report.published_error, rel=1e-6)
+
+
+def test_a_tolerance_that_cannot_be_satisfied_is_rejected():
+    with pytest.raises(ms.InputError, match="give a finite one above 0"):
+        ms.tune("four_bar", 0.0)
+    with pytest.raises(ms.InputError, match="no error by 'speed'"):
+        ms.tune("four_bar", "1mm", by="speed")
+    with pytest.raises(ms.InputError, match="can be trajectory, torque"):
+        ms.reduce("four_bar", "1mm", by="closure")
+
+
+def test_a_model_is_reduced_as_by_the_command(mechsim_json, tmp_path):
+    options = {"drive": {"crank": "60rpm"}, "duration": "0.1s", "track": ["B"]}
+    small = ms.reduce("four_bar", "0.1mm", **options, output=tmp_path / "small.xml")
+    assert small.reached
+    assert (tmp_path / "small.xml").read_text() == small.text
+    ms.export("four_bar", tmp_path / "a.xml", scene="dynamics")
+    words = ("--tolerance", "0.1mm", "--drive", "crank=60rpm", "--duration", "0.1s", "--track", "B")
+    printed = mechsim_json("reduce", str(tmp_path / "a.xml"), *words, "-o", str(tmp_path / "b.xml"))
+    assert printed.keys() == small.as_dict().keys() | {"output"}
+    # which steps and solver follow depends on the times that this machine measures
+    assert printed["left_out"][0]["what"] == small.reduction.left_out[0].candidate.what
+    assert max(printed["error"], small.as_dict()["error"]) <= 1e-4
