@@ -9,7 +9,7 @@ from mechsim.analytic.loops.maximal_coordinates import equations, scaled
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND, Pose, Vector
+from mechsim.model.links import GROUND, ORIGIN, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces, rank
@@ -42,10 +42,10 @@ def platform_of(mechanism: Mechanism, limits: Mapping[str, tuple[float, float]])
         poses = start_poses(mechanism)[0]
         motions = _free_motions(mechanism, poses)
         for link in _candidates(mechanism):
-            point = _reference_point(mechanism, link)
+            origin, point = _reference_point(mechanism, link)
             coordinates = _controlled(mechanism, link, poses[link], point, motions)
             if len(coordinates) == len(drivers):
-                return PlatformDrive(link, point, coordinates, poses, limits)
+                return PlatformDrive(link, point, origin, coordinates, poses, limits)
     return None
 
 
@@ -67,21 +67,15 @@ def _named(mechanism: Mechanism, link: str) -> bool:
     return any(own == link for own, _ in mechanism.points.values())
 
 
-def _reference_point(mechanism: Mechanism, link: str) -> Vector:
-    """Return the pivot of a link on the ground, else its first named point, else the mean of its joints.
-
-    In the frame of the link, in [m].
-    """
+def _reference_point(mechanism: Mechanism, link: str) -> tuple[str, Vector]:
+    """Return name and position in [m] of the reference point of a link: pivot, origin or named point."""
     for joint in mechanism.joints:
-        if KINDS[joint.kind].pivot and (joint.a.link, joint.b.link) == (GROUND, link):
-            return joint.b.point
-        if KINDS[joint.kind].pivot and (joint.b.link, joint.a.link) == (GROUND, link):
-            return joint.a.point
-    for own, point in mechanism.points.values():
-        if own == link:
-            return point
-    x, y, z = np.mean([end.point for end in mechanism.ends(link)], axis=0).tolist()
-    return x, y, z
+        for end, other in ((joint.a, joint.b), (joint.b, joint.a)):
+            if KINDS[joint.kind].pivot and (end.link, other.link) == (link, GROUND):
+                return joint.name, end.point
+    points = {name: point for name, (own, point) in mechanism.points.items() if own == link}
+    at_origin = not points or ORIGIN in points.values()
+    return (link, ORIGIN) if at_origin else next(iter(points.items()))
 
 
 def _free_motions(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
@@ -95,7 +89,7 @@ def _controlled(
     mechanism: Mechanism, link: str, pose: Pose, point: Vector, motions: Array
 ) -> tuple[str, ...]:
     """Return the independent pose coordinates of a link; none where its tilt is too large for angles."""
-    if abs(np.arcsin(np.clip(-pose.rotation[2, 0], -1.0, 1.0))) > LARGEST_TILT:
+    if abs(np.arcsin(np.clip(pose.rotation[0, 2], -1.0, 1.0))) > LARGEST_TILT:
         return ()
     slot = 6 * [other.name for other in mechanism.links].index(link)
     linear, angular = motions[:, slot : slot + 3], motions[:, slot + 3 : slot + 6]

@@ -12,8 +12,7 @@ from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-# coordinates of a platform: of its reference point in [m], and angles in [rad] of rotations about the fixed
-# axes x, then y, then z
+# coordinates of a platform, named as drivers are: of its reference point in [m], and Cardan angles in [rad]
 POSE_COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -32,6 +31,7 @@ class PlatformDrive:
     Attributes:
         link: name of the platform.
         point: its reference point, in its own frame in [m].
+        origin: name of that point; the link's own name for its origin.
         coordinates: those of `POSE_COORDINATES` that the drivers control.
         start: link -> pose in which the mechanism starts.
         limits: driver -> lowest and highest value in SI, where a file states them.
@@ -39,6 +39,7 @@ class PlatformDrive:
 
     link: str
     point: Vector
+    origin: str
     coordinates: tuple[str, ...]
     start: Mapping[str, Pose]
     limits: Mapping[str, tuple[float, float]]
@@ -52,6 +53,7 @@ def platform_data(mechanism: Mechanism, platform: PlatformDrive) -> dict[str, An
         "name": f"{platform.link} by its pose",
         "link": links.index(platform.link),
         "point": list(platform.point),
+        "origin": platform.origin,
         "coordinates": list(platform.coordinates),
         "size": mechanism.size,
         "links": links,

@@ -21,10 +21,10 @@ function rotated(poses, o, v) {
   return [v[0] + w * twice[0] + more[0], v[1] + w * twice[1] + more[1], v[2] + w * twice[2] + more[2]];
 }
 
-/* angles about the fixed axes x, then y, then z */
+/* Cardan angles: about x, then about the turned y, then about the turned z */
 function anglesOf(poses, o) {
   const [x, y, z] = AXES.map((axis) => rotated(poses, o, axis));
-  return [Math.atan2(y[2], z[2]), Math.asin(Math.min(1, Math.max(-1, -x[2]))), Math.atan2(x[1], x[0])];
+  return [Math.atan2(-z[1], z[2]), Math.asin(Math.min(1, Math.max(-1, z[0]))), Math.atan2(-y[0], x[0])];
 }
 
 const nearest = (angle, to) => angle + 2 * Math.PI * Math.round((to - angle) / (2 * Math.PI));
@@ -69,9 +69,9 @@ class Platform {
 
   /* the platform's coordinates, and their rates as rows */
   poseRows(poses) {
-    const o = 7 * this.link, arm = rotated(poses, o, this.point), [, y, z] = anglesOf(poses, o), c = Math.cos(z), s = Math.sin(z);
+    const o = 7 * this.link, arm = rotated(poses, o, this.point), [a, b] = anglesOf(poses, o), c = Math.cos(a), s = Math.sin(a);
     const values = [poses[o] + arm[0], poses[o + 1] + arm[1], poses[o + 2] + arm[2], ...anglesOf(poses, o)];
-    const rates = [[c / Math.cos(y), s / Math.cos(y), 0], [-s, c, 0], [c * Math.tan(y), s * Math.tan(y), 1]];
+    const rates = [[1, s * Math.tan(b), -c * Math.tan(b)], [0, c, s], [0, -s / Math.cos(b), c / Math.cos(b)]];
     return this.coordinates.map((name) => {
       const k = ["x", "y", "z", "rx", "ry", "rz"].indexOf(name);
       return k < 3 ? [values[k], this.link, AXES[k], cross(arm, AXES[k]), -1] : [values[k], this.link, [0, 0, 0], rates[k - 3], -1];
@@ -228,7 +228,7 @@ function platformGrid(data) {
   const sliders = data.coordinates.map((name, i) => {
     const centre = outside(first.values)[i], reach = platform.isAngle[i] ? Math.PI / 2 : data.size, edge = name === "ry" ? 85 * DEGREE : Infinity;
     const nodes = [Math.max(centre - reach, -edge), Math.min(centre + reach, edge)];
-    return { name: `${data.links[data.link]}.${name}`, unit: platform.isAngle[i] ? "rad" : "m", nodes, ring: false, start: centre, marks: [], reach: null };
+    return { name: `${platform.isAngle[i] ? data.links[data.link] : data.origin}.${name}`, unit: platform.isAngle[i] ? "rad" : "m", nodes, ring: false, start: centre, marks: [], reach: null };
   });
 
   function solved(values) {
