@@ -18,7 +18,7 @@ from mechsim.simulation import closing
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.path import AssemblyPath, BranchPath
+from mechsim.simulation.poses.path import PosePath
 from mechsim.simulation.source import initial_guess, link_poses
 
 # a state is in another assembly if its distance from the nearest pose is below this fraction of its distance
@@ -165,7 +165,7 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
     return sorted(a for a in change_point_angles if low - AT_START <= a <= high + AT_START)
 
 
-def _path(closed: ClosedModel, angles: Array) -> AssemblyPath | BranchPath:
+def _path(closed: ClosedModel, angles: Array) -> PosePath:
     """Return the path over crank angles (n,), extended a little beyond the first of them where possible.
 
     A branch point is confirmed only after the path has passed it, and the model may start on either side.

@@ -7,7 +7,7 @@ import pytest
 from mechsim.errors import AssemblyError
 from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.model_loops import read_loops
-from mechsim.simulation.poses import follow
+from mechsim.simulation.poses.revolutions import point_positions
 from mechsim.simulation.state import hinge_entries, quaternion_addresses, quaternion_entries
 
 MODEL = """
@@ -124,7 +124,7 @@ def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
     before = states(loops)
     data = mujoco.MjData(loops.model)
     residual = loops.residual(before)
-    positions = loops.posed.site_positions(before), follow.point_positions(loops, before)
+    positions = loops.posed.site_positions(before), point_positions(loops, before)
     for state, sites, places, gap in zip(before, *positions, residual, strict=True):
         data.qpos[:] = state
         mujoco.mj_kinematics(loops.model, data)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import least_norm
 from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 
@@ -58,11 +59,11 @@ class ChangePoint:
 
 
 def lagrange_weights(nodes: Array, angles: Array) -> Array:
-    """Return the Lagrange weights of values at nodes (k,) for angles in between, (n, k)."""
-    weights = np.ones((len(angles), len(nodes)))
-    for k, node in enumerate(nodes):
-        others = np.delete(nodes, k)
-        weights[:, k] = np.prod((angles[:, None] - others) / (node - others), axis=1)
+    """Return the Lagrange weights of values at nodes, (k,) or (n, k), for angles in between, (n, k)."""
+    weights = np.ones((len(angles), nodes.shape[-1]))
+    for k in range(nodes.shape[-1]):
+        others = np.delete(nodes, k, axis=-1)
+        weights[:, k] = ((angles[:, None] - others) / (nodes[..., [k]] - others)).prod(1)
     return weights
 
 
@@ -83,10 +84,8 @@ def closed_near(loops: ModelLoops, states: Array) -> Array:
     for _ in range(2):
         residual, jacobian = loops.linearise(states)
         step = np.zeros((len(states), loops.model.nv))
-        step[:, loops.free] = -(
-            np.linalg.pinv(loop_jacobian.constrained_jacobian(loops, jacobian), rcond=CONSTRAINED_FRACTION)
-            @ residual[..., None]
-        )[..., 0]
+        constrained = loop_jacobian.constrained_jacobian(loops, jacobian)
+        step[:, loops.free] = -least_norm(constrained, residual, CONSTRAINED_FRACTION, floor=0.0)
         states = loops.displaced(states, step)
     return states
 
