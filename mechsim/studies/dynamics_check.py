@@ -1,6 +1,7 @@
 """Dynamics in MuJoCo against the formulas: the true answer at what the run really did, and the verdict."""
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.result import Driven
-from mechsim.verdict.checks import Check, Verdict
+from mechsim.verdict.checks import Check, Verdict, check_of, concluded
 from mechsim.verdict.crosscheck import crosscheck_forces, crosscheck_free_run
-from mechsim.verdict.tolerances import Tolerance
+from mechsim.verdict.record_errors import lengths
+from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
 # steps of MuJoCo for each step of the integrator of order eight: 4000 a period of a pendulum, for which that
 # takes 55 (validation/published/forward_dynamics.py)
@@ -112,14 +114,7 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
     checks = [
         _forward_check(name, unit, times, values, floor * largest[unit]) for name, unit, *values in compared
     ]
-    passed = all(check.passed for check in checks)
-    return Verdict("passed" if passed else "failed", tuple(checks), "" if passed else checks_reason(checks))
-
-
-def checks_reason(checks: list[Check]) -> str:
-    """Return in one sentence which quantity misses its tolerance most."""
-    worst = max(checks, key=lambda check: check.worst / check.tolerance)
-    return f"{worst.quantity} is off by {worst.worst:.3g} {worst.unit}, more than {worst.tolerance:.3g}"
+    return concluded(checks)
 
 
 def _compared(exact: Motion, coarse: Motion, fine: Motion) -> Iterator[tuple[str, str, Array, Array, Array]]:
@@ -139,17 +134,13 @@ def _compared(exact: Motion, coarse: Motion, fine: Motion) -> Iterator[tuple[str
 
 def _forward_check(name: str, unit: str, times: Array, values: list[Array], floor: float) -> Check:
     exact, coarse, fine = (value.reshape(len(times), -1) for value in values)
-    error = np.sqrt(((fine - exact) ** 2).sum(1))
-    change = float(np.sqrt(((fine - coarse) ** 2).sum(1)).max())
-    worst = int(np.argmax(error))
-    return Check(
-        kind=name,
-        method="step",
-        unit=unit,
-        worst=float(error[worst]),
-        instant=float(times[worst]),
-        at_unit="s",
-        rms=float(np.sqrt((error**2).mean())),
-        tolerance=change + floor,
-        reason=f"change by halving MuJoCo's step, and {floor:.1e} {unit} of compliance and rounding",
+    change = float(lengths(fine - coarse).max())
+    reason = f"change by halving MuJoCo's step, and {floor:.1e} {unit} of compliance and rounding"
+    check = check_of(
+        name,
+        "",
+        lengths(fine - exact),
+        RecordInstants(times, "s"),
+        Tolerance(change + floor, unit, reason),
     )
+    return replace(check, method="step")

@@ -12,12 +12,20 @@ from mechsim.analytic.forms import Form
 from mechsim.errors import AssemblyError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion, PointMotion, select_instants
-from mechsim.model.motion_laws import CrankProfile
-from mechsim.numerics.arrays import Array
+from mechsim.model.motion_laws import CrankProfile, constant
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array, rms
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.motion_source import driven_as, simulated
 from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
-from mechsim.verdict.quantities import MOTION, QUANTITIES, motion_scales, reach_of, stroke_of
+from mechsim.verdict.quantities import (
+    MOTION,
+    QUANTITIES,
+    largest_acceleration,
+    motion_scales,
+    reach_of,
+    stroke_of,
+)
 from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
 
 COMPARED = tuple(row for row in MOTION if row.name in ("position", "velocity", "acceleration"))
@@ -106,12 +114,8 @@ def _profile(solver: Form, reference: ReferenceData) -> CrankProfile:
     if not solver.motion_laws.crank:
         return solver.motion_laws.path_profile
     assert reference.speed is not None
-    speed, start, end = reference.speed, reference.first[0], reference.first[-1]
-
-    def state(time: Array) -> tuple[Array, Array, Array]:
-        return start + speed * time, np.full_like(time, speed), np.zeros_like(time)
-
-    return CrankProfile((end - start) / speed, speed, state, steady=True)
+    start, end = float(reference.first[0]), float(reference.first[-1])
+    return constant(reference.speed, (end - start) / REVOLUTION, start)
 
 
 def _checked(
@@ -119,9 +123,8 @@ def _checked(
 ) -> Verdict:
     """Return the verdict over a motion, and its forces, at the instants of the data."""
     exact = replace(motion, points=reference.points, links={}, joints={})
-    speed, quickest = float(np.abs(motion.speed).max()), _quickest(motion)
-    reach = max(reach_of(motion), reach_of(exact))
-    scales = motion_scales(stroke_of(exact), speed, reach, quickest)
+    speed, reach = float(np.abs(motion.speed).max()), max(reach_of(motion), reach_of(exact))
+    scales = motion_scales(stroke_of(exact), speed, reach, largest_acceleration(motion, reach))
     # positions by formulas are rounded as solved poses are
     allowed = tolerances_of(COMPARED, "pose", scales, Requested()) | tolerances_of(
         COMPARED, method, scales, Requested()
@@ -132,22 +135,9 @@ def _checked(
     return concluded(checks)
 
 
-def _quickest(motion: Motion) -> float:
-    """Return the largest acceleration of a driver under motion laws, in [rad/s2].
-
-    Of a sliding driver it is relative to its largest displacement.
-    """
-    drivers = [motion.joints[name] for name in motion.drivers]
-    extents = [
-        max(1e-300, float(np.abs(driver.value).max())) if driver.unit == "m" else 1.0 for driver in drivers
-    ]
-    largest = [float(np.abs(driver.acceleration).max()) for driver in drivers]
-    return max((value / extent for value, extent in zip(largest, extents, strict=True)), default=0.0)
-
-
 def _effort_checks(motion: Motion, reference: ReferenceData, forces: ForceRecord) -> Iterator[Check]:
     """Yield checks of drive forces, relative to the largest root mean square."""
-    largest = max(float(np.sqrt(np.mean(values**2))) for values in reference.drive_forces.values())
+    largest = max(rms(values) for values in reference.drive_forces.values())
     for name, exact in reference.drive_forces.items():
         kind = "driver effort" if forces.drives else "drive torque"
         mine = forces.drives[name] if forces.drives else forces.torque
@@ -155,11 +145,5 @@ def _effort_checks(motion: Motion, reference: ReferenceData, forces: ForceRecord
         scale = f"{largest:.3g} {unit}, the largest root mean square"
         reason = f"{RELATIVE_TOLERANCE:.0e} of {scale}; rounding, no integration"
         tolerance = Tolerance(RELATIVE_TOLERANCE * largest, unit, reason)
-        yield check_of(
-            kind,
-            name,
-            np.abs(mine[: len(exact)] - exact),
-            instants_of(motion),
-            tolerance,
-            motion.conditioning,
-        )
+        error = np.abs(mine[: len(exact)] - exact)
+        yield check_of(kind, name, error, instants_of(motion), tolerance, motion.conditioning)

@@ -22,6 +22,7 @@ from mechsim.verdict.quantities import (
     PROGRAMMED,
     force_scales,
     free_scales,
+    largest_acceleration,
     motion_scales,
     reach_of,
     stroke_of,
@@ -247,7 +248,7 @@ def _motion_and_tolerance(
 
 def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
     stroke, reach, fastest = stroke_of(exact), reach_of(exact), float(np.abs(simulated.speed).max())
-    quickest = _quickest(exact, reach)
+    quickest = largest_acceleration(exact, reach)
     rows, scales = (*MOTION, *CRANK_DRIVE, *PROGRAMMED), motion_scales(stroke, fastest, reach, quickest)
     method = "pose" if simulated.source == "pose" and tolerance is None else "step"
     requested = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, scale=stroke)
@@ -286,15 +287,6 @@ def _under_motion_laws(simulated: Motion, motion_laws: MotionLaws) -> Motion:
         if name in simulated.drivers
     }
     return replace(simulated, joints={**simulated.joints, **joints})
-
-
-def _quickest(exact: Motion, reach: float) -> float:
-    """Return the largest acceleration of the crank, or of any driver under motion laws, in [rad/s2]."""
-    largest = [float(np.abs(exact.acceleration).max())]
-    for name in exact.drivers:
-        joint = exact.joints[name]
-        largest.append(float(np.abs(joint.acceleration).max()) / (1.0 if joint.unit == "rad" else reach))
-    return max(largest)
 
 
 def _solver(analytic: Motion | Solver | PointFunction) -> Solver | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechsim.model.force_record import ForceRecord, FreeRun
 from mechsim.model.motion import Motion
-from mechsim.numerics.arrays import Array, worst
+from mechsim.numerics.arrays import rms, worst
 from mechsim.numerics.convergence import half_extent
 from mechsim.verdict import record_errors as errors
 from mechsim.verdict.record_errors import Error, Subjects, field_error, field_value
@@ -340,8 +340,8 @@ def motion_scales(
 def force_scales(exact: ForceRecord) -> dict[str, float]:
     """Return the scales of forces: root mean squares of torque and forces, largest energies."""
     kinetic = float(np.abs(exact.kinetic).max())
-    torque = max(_rms(exact.torque), IDLE * kinetic)
-    largest = max(_rms(errors.lengths(reaction.force)) for reaction in exact.reactions.values())
+    torque = max(rms(exact.torque), IDLE * kinetic)
+    largest = max(rms(errors.lengths(reaction.force)) for reaction in exact.reactions.values())
     force = largest or torque / exact.size
     return {
         "torque": torque,
@@ -377,5 +377,13 @@ def reach_of(motion: Motion) -> float:
     return float(max(np.abs(path.position).max() for path in paths))
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def largest_acceleration(motion: Motion, reach: float) -> float:
+    """Return the largest acceleration of the crank, or of any driver under motion laws, in [rad/s2].
+
+    Of a sliding driver it is relative to the reach, in [m].
+    """
+    largest = [float(np.abs(motion.acceleration).max())]
+    for name in motion.drivers:
+        joint = motion.joints[name]
+        largest.append(float(np.abs(joint.acceleration).max()) / (1.0 if joint.unit == "rad" else reach))
+    return max(largest)

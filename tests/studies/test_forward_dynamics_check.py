@@ -49,7 +49,7 @@ def test_a_link_heavier_by_a_hundred_thousandth_is_noticed():
     wrong = replace(mechanism, links=(first, replace(second, inertia=point_mass(1.0 + 1e-5, about=1e-3))))
     verdict = crosscheck_forward(run, ms.dynamics.dynamic_model(wrong, WEIGHT), InitialValues({"A": 0.3}, {}))
     assert verdict.outcome == "failed"
-    assert "is off by" in verdict.reason
+    assert "beyond the tolerance: step: position of P by" in verdict.reason
 
 
 def test_the_error_of_mujoco_falls_with_the_fourth_order_of_its_step():

@@ -127,7 +127,8 @@ class _DimensionSearch:
         self.low, self.high = np.array(ends).T
         self.start = np.array([subject.designs.dimensions[name].value for name in self.names])
         self.begin = (self.start - self.low) / (self.high - self.low)
-        requested = dict.fromkeys(name for objective in (goal, *limits) for name in objective.quantities)
+        by_limits = (name for limit in limits for name in limit.quantities)
+        requested = dict.fromkeys([*goal.quantities, *by_limits])
         self.columns = subject.quantities([*requested]) if requested else []
         self.tried = 0
         self._last: _Evaluated | None = None

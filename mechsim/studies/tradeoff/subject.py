@@ -1,9 +1,8 @@
 """Subjects of a trade-off: a mechanism with its exact motion, or a custom model with a much finer run."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import believed_order, half_extent, richardson
@@ -229,7 +228,7 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
         raise InputError(f"no tracked point of {name} moves; put a named site on a moving body")
 
     def exact(motion: Motion) -> Motion:
-        return _every(fine, (len(fine) - 1) // (len(motion) - 1))
+        return select_instants(fine, slice(None, None, (len(fine) - 1) // (len(motion) - 1)))
 
     changes = [differences(a, b, stroke, abs(speed)) for a, b in pairwise(runs.values())]
     bar = {
@@ -245,22 +244,3 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
 def _extrapolated_error(before: float, last: float) -> float:
     """Return the error after the last halving of the step, from the changes by the two halvings."""
     return richardson(np.zeros(1), np.array([last]), 2.0, believed_order(before, last, 2.0))[1]
-
-
-def _every(motion: Motion, interval: int) -> Motion:
-    """Return a motion's points and joints at every `interval`-th instant."""
-
-    def sampled(record: Any) -> Any:
-        values = (getattr(record, field.name) for field in fields(record))
-        return type(record)(
-            *(value[::interval] if isinstance(value, np.ndarray) else value for value in values)
-        )
-
-    return Motion(
-        motion.source,
-        motion.angle[::interval],
-        motion.speed[::interval],
-        motion.acceleration[::interval],
-        {name: sampled(point) for name, point in motion.points.items()},
-        joints={name: sampled(joint) for name, joint in motion.joints.items()},
-    )
