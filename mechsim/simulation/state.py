@@ -154,6 +154,28 @@ def displaced(model: mujoco.MjModel, qpos: Array, step: Array) -> Array:
     return out
 
 
+def matching_state(
+    model: mujoco.MjModel, other: mujoco.MjModel, state: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return position (nq,) and velocity (nv,) of a model whose joints are as their namesakes in another.
+
+    Args:
+        model: whose joints all exist in the other.
+        other: the other model.
+        state: position and velocity of the other.
+    """
+    result = model.qpos0.copy(), np.zeros(model.nv)
+    for j in range(model.njnt):
+        own, same = model.joint(j), other.joint(model.joint(j).name)
+        for values, source, address, width in (
+            (result[0], state[0], "qposadr", len(own.qpos0)),
+            (result[1], state[1], "dofadr", len(own.damping)),
+        ):
+            to, start = int(getattr(own, address)[0]), int(getattr(same, address)[0])
+            values[to : to + width] = source[start : start + width]
+    return result
+
+
 def rotated(rotation: Array, local: Array) -> Array:
     """Return body-fixed vectors, (3,) or (n, 3), in the world frame; rotations are (n, 3, 3)."""
     return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]

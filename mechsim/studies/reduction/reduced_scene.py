@@ -14,6 +14,7 @@ from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
+from mechsim.simulation.state import matching_state
 from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.evaluator import SceneEvaluator
 from mechsim.studies.scene.run import SceneRun, step_times, stepped
@@ -63,7 +64,7 @@ def reduced_scene(
     if missing := [name for name in full.ctrl if name not in actuators]:
         raise ValueError(f"actuator {missing[0]} has a motion law and cannot be removed")
     positions = {name: (_body(model, body), position) for name, (body, position) in tracked.items()}
-    start = initial_state(model, like, full.start)
+    start = matching_state(model, like, full.start)
     if full.key is not None:
         add_start(spec, full, like, start, full.key)
         model = plainly_compiled(spec)
@@ -149,21 +150,6 @@ def time_ratios(full: ReducedScene, others: Sequence[ReducedScene], rounds: int 
     return times[1:] / times[0]
 
 
-def initial_state(
-    model: mujoco.MjModel, like: mujoco.MjModel, start: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """Return position and velocity of a model whose joints start as those of the same names in another."""
-    qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
-    for j in range(model.njnt):
-        own, its = model.joint(j), like.joint(model.joint(j).name)
-        address, source = own.qposadr[0], its.qposadr[0]
-        width, dofs = _WIDTHS.get(int(model.jnt_type[j]), (1, 1))
-        qpos[address : address + width] = start[0][source : source + width]
-        address, source = own.dofadr[0], its.dofadr[0]
-        qvel[address : address + dofs] = start[1][source : source + dofs]
-    return qpos, qvel
-
-
 def add_start(
     spec: mujoco.MjSpec, full: UserScene, like: mujoco.MjModel, start: tuple[Array, Array], name: str
 ) -> None:
@@ -174,9 +160,6 @@ def add_start(
     controls = [data.ctrl[like.actuator(actuator.name).id] for actuator in spec.actuators]
     act = {"act": data.act} if len(spec.actuators) == full.model.nu and full.model.na else {}
     spec.add_key(name=name, qpos=start[0], qvel=start[1], ctrl=controls, **act)
-
-
-_WIDTHS = {int(mujoco.mjtJoint.mjJNT_FREE): (7, 6), int(mujoco.mjtJoint.mjJNT_BALL): (4, 3)}
 
 
 def _body(model: mujoco.MjModel, name: str) -> int:

@@ -15,6 +15,7 @@ from mechsim.studies.reduction.candidates.candidate import (
     RemovalCandidate,
     changed,
     count_text,
+    set_options,
 )
 from mechsim.studies.reduction.observations import Evidence, observe
 from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator
@@ -108,7 +109,7 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
     sparse = mujoco.mj_isSparse(observed.model)
     kind = mujoco.mjtJacobian.mjJAC_DENSE if sparse else mujoco.mjtJacobian.mjJAC_SPARSE
     what = f"{'dense' if sparse else 'sparse'} matrices"
-    candidates.append(RemovalCandidate("options", what, partial(_set, field="jacobian", value=int(kind))))
+    candidates.append(RemovalCandidate("options", what, partial(set_options, jacobian=int(kind))))
     for field, names, kinds, prefix in (
         ("integrator", INTEGRATORS, mujoco.mjtIntegrator, "mjINT_"),
         ("solver", SOLVERS, mujoco.mjtSolver, "mjSOL_"),
@@ -116,7 +117,7 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
         for name in names:
             value = getattr(kinds, prefix + name)
             if int(getattr(option, field)) != int(value):
-                edit = partial(_set, field=field, value=int(value))
+                edit = partial(set_options, **{field: int(value)})
                 candidates.append(RemovalCandidate("options", f"{field} {name}", edit))
     loops = [candidate.name for candidate in observed.spec.equalities if candidate.active]
     if loops:
@@ -129,12 +130,8 @@ def _flag(what: str, field: str, bit: int, flags: int, *, disables: bool) -> Rem
     """Return the candidate that toggles a flag."""
     enabled = bool(flags & bit) != disables
     return RemovalCandidate(
-        "flags", f"{what} {'off' if enabled else 'on'}", partial(_set, field=field, value=flags ^ bit)
+        "flags", f"{what} {'off' if enabled else 'on'}", partial(set_options, **{field: flags ^ bit})
     )
-
-
-def _set(spec: mujoco.MjSpec, field: str, value: int) -> None:
-    setattr(spec.option, field, value)
 
 
 def _no_loops(spec: mujoco.MjSpec) -> None:

@@ -175,6 +175,14 @@ def _number(name: str, value: Any) -> Any:
     return int(getattr(kind, prefix + str(value).upper()))
 
 
+def python_value(name: str, value: object) -> str:
+    """Return the value of an option as Python with MuJoCo writes it."""
+    if name not in _ENUMERATIONS:
+        return repr(value)
+    prefix, kind, _ = _ENUMERATIONS[name]
+    return f"mujoco.{kind.__name__}.{prefix}{str(value).upper()}"
+
+
 def _text(name: str, value: Any) -> Any:
     if name not in _ENUMERATIONS:
         return int(value) if isinstance(value, int | np.integer) else float(value)

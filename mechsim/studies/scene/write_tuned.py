@@ -23,7 +23,7 @@ from mechsim.simulation.mjcf_text.edited_text import (
 )
 from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, with_included
 from mechsim.studies.scene.scene import RK4, UserScene
-from mechsim.studies.scene.settings import FLAGS, OPTIONS, PlainSettings
+from mechsim.studies.scene.settings import FLAGS, OPTIONS, PlainSettings, python_value
 
 # keyframe at which a prescribed motion starts
 KEY = "mechsim_start"
@@ -35,12 +35,6 @@ _APART = ("key", "name", "text", "bvh", "oct_", "paths", "stat", "vis", "tex", "
 _SIZES = ("nbuffer", "nkey", "nnames", "npaths", "nnames_map", "signature")
 
 
-# option -> prefix of its names in MuJoCo's Python
-ENUMERATIONS = {
-    "integrator": "mujoco.mjtIntegrator.mjINT_",
-    "solver": "mujoco.mjtSolver.mjSOL_",
-    "jacobian": "mujoco.mjtJacobian.mjJAC_",
-}
 SCRIPT = '''"""{heading}"""
 
 from math import acos, asin, atan, atan2, cos, exp, log, pi, sin, sqrt, tan  # noqa: F401
@@ -366,6 +360,5 @@ def _setting_lines(settings: Mapping[str, object]) -> list[str]:
                 f"model.dof_invweight0[:] *= {value:g}",
             ]
         else:
-            number = ENUMERATIONS[name] + str(value).upper() if name in ENUMERATIONS else repr(value)
-            lines.append(f"model.opt.{name} = {number}")
+            lines.append(f"model.opt.{name} = {python_value(name, value)}")
     return lines

@@ -21,6 +21,7 @@ from mechsim.simulation.mjcf_reader.coordinates import driven
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import evaluate
 from mechsim.simulation.source import CRANK, Model, from_spec, tracked_points
+from mechsim.simulation.state import matching_state
 from mechsim.simulation.stepping import Steps, step
 from mechsim.studies.tradeoff.methods import Build
 
@@ -141,7 +142,8 @@ def build_model(
     if build.rod is None:
         start = first_state(closed, profile)
     else:
-        start = _start_of_whole(build_model(source, profile, speed), closed)
+        whole = build_model(source, profile, speed)
+        start = matching_state(closed.model, whole.closed.model, whole.start)
     servo = _servo(closed, start, build.gain) if build.crank_drive == "servo" else None
     return BuiltModel(build, closed, profile, start, servo, time.process_time() - start_time)
 
@@ -163,20 +165,6 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
             "crank; leave it one actuator"
         )
     return next(iter(names))
-
-
-def _start_of_whole(whole: BuiltModel, closed: ClosedModel) -> tuple[Array, Array]:
-    """Return state and rates at time zero by those of the same joints of the model with every body."""
-    model = closed.model
-    qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
-    for i in range(model.njnt):
-        joint = model.joint(i)
-        same = whole.closed.model.joint(joint.name)
-        for state, index, other in ((qpos, "qposadr", 0), (qvel, "dofadr", 1)):
-            count = len(joint.qpos0) if other == 0 else len(joint.damping)
-            own, others = int(getattr(joint, index)[0]), int(getattr(same, index)[0])
-            state[own : own + count] = whole.start[other][others : others + count]
-    return qpos, qvel
 
 
 def _servo(closed: ClosedModel, start: tuple[Array, Array], gain: float) -> Servo:

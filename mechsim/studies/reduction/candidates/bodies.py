@@ -118,18 +118,14 @@ def disconnected_bodies(observed: Evidence) -> list[RemovalCandidate]:
     for name in (*observed.tracked, *needed_bodies(observed)):
         if name in graph:
             kept |= nx.node_connected_component(graph, name)
-    roots = [
+    names = [observed.model.body(body).name for body in sorted(_fixed_bodies(observed.model)) if body]
+    parents = [observed.spec.worldbody, *(observed.spec.body(name) for name in names)]
+    moving = [
         body.name
-        for body in observed.spec.worldbody.bodies
-        if body.name not in kept and not _below(body) & kept
+        for parent in parents
+        for body in parent.bodies
+        if body.name not in kept and not _below(body) & kept and _moves(observed, body.name)
     ]
-    roots += [
-        body.name
-        for above in _fixed(observed)
-        for body in above.bodies
-        if body.name not in kept and not _below(body) & kept and body.name not in roots
-    ]
-    moving = [name for name in roots if _moves(observed, name)]
     if not moving:
         return []
     what = f"{count_text(len(moving), 'part')} that nothing connects to what is tracked: {name_list(moving)}"
@@ -140,17 +136,14 @@ def ties(observed: Evidence) -> "nx.Graph[str]":
     """Return the graph of bodies that interact, bodies that cannot move left out."""
     import networkx as nx
 
-    model = observed.model
+    model, fixed = observed.model, _fixed_bodies(observed.model)
     graph: nx.Graph[str] = nx.Graph()
-    still = {0}
     for body in range(1, model.nbody):
-        above = int(model.body_parentid[body])
-        if above in still and not model.body_jntnum[body]:
-            still.add(body)
-            continue
-        graph.add_node(model.body(body).name)
-        if above not in still:
-            graph.add_edge(model.body(body).name, model.body(above).name)
+        parent = int(model.body_parentid[body])
+        if body not in fixed:
+            graph.add_node(model.body(body).name)
+            if parent not in fixed:
+                graph.add_edge(model.body(body).name, model.body(parent).name)
     for group in (*_equalities(observed.spec), *_tendons(observed.spec)):
         inside = [name for name in group if name in graph]
         nx.add_path(graph, inside)
@@ -219,14 +212,13 @@ def _below(body: mujoco.MjsBody) -> set[str]:
     return {child.name for child in body.find_all("body")}
 
 
-def _fixed(observed: Evidence) -> list[mujoco.MjsBody]:
-    """Return the bodies that cannot move."""
-    model = observed.model
-    still = {0}
+def _fixed_bodies(model: mujoco.MjModel) -> set[int]:
+    """Return the indices of the bodies that cannot move, with the world."""
+    fixed = {0}
     for body in range(1, model.nbody):
-        if int(model.body_parentid[body]) in still and not model.body_jntnum[body]:
-            still.add(body)
-    return [observed.spec.body(model.body(body).name) for body in sorted(still) if body]
+        if int(model.body_parentid[body]) in fixed and not model.body_jntnum[body]:
+            fixed.add(body)
+    return fixed
 
 
 def _moves(observed: Evidence, name: str) -> bool:

@@ -46,6 +46,12 @@ def changed(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.MjSpec:
     return copy
 
 
+def set_options(spec: mujoco.MjSpec, **values: int) -> None:
+    """Set options of a specification, as integrator or disableflags."""
+    for name, value in values.items():
+        setattr(spec.option, name, value)
+
+
 def count_text(number: int, singular: str, plural: str | None = None) -> str:
     """Return a count with its noun."""
     return f"{number} {singular if number == 1 else plural or singular + 's'}"

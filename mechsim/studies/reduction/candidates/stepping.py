@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.studies.reduction.candidates.bodies import joints_of
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, set_options
 from mechsim.studies.reduction.observations import Evidence
 
 # categories: cheaper steps; longer steps
@@ -43,22 +43,27 @@ IMPEDANCES = (1e-4, 0.9999)
 
 def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
     """Propose settings that make a step cheaper and do not change its result."""
-    candidates: list[RemovalCandidate] = []
     option = observed.spec.option
-    if option.solver != mujoco.mjtSolver.mjSOL_NEWTON:
-        candidates.append(RemovalCandidate(CHEAPER_STEPS, "the solver: Newton", _newton))
-    if mujoco.mj_isSparse(observed.model):
-        candidates.append(RemovalCandidate(CHEAPER_STEPS, "sparse matrices: dense", _dense))
-    if option.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY):
-        candidates.append(RemovalCandidate(CHEAPER_STEPS, "the energy flag", _no_energy))
-    if not option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ISLAND):
-        candidates.append(RemovalCandidate(CHEAPER_STEPS, "island detection", _no_islands))
+    energy, island = (
+        int(flag) for flag in (mujoco.mjtEnableBit.mjENBL_ENERGY, mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    )
+    newton, dense = int(mujoco.mjtSolver.mjSOL_NEWTON), int(mujoco.mjtJacobian.mjJAC_DENSE)
+    candidates: list[RemovalCandidate] = []
+    for applies, what, change in (
+        (option.solver != newton, "the solver: Newton", {"solver": newton}),
+        (mujoco.mj_isSparse(observed.model), "sparse matrices: dense", {"jacobian": dense}),
+        (option.enableflags & energy, "the energy flag", {"enableflags": option.enableflags & ~energy}),
+        (
+            not option.disableflags & island,
+            "island detection",
+            {"disableflags": option.disableflags | island},
+        ),
+    ):
+        if applies:
+            candidates.append(RemovalCandidate(CHEAPER_STEPS, what, partial(set_options, **change)))
     if option.iterations > 1:
-        candidates.append(
-            RemovalCandidate(
-                CHEAPER_STEPS, "iterations of the solver after the first", _once, only_if_faster=True
-            )
-        )
+        what, edit = "iterations of the solver after the first", partial(set_options, iterations=1)
+        candidates.append(RemovalCandidate(CHEAPER_STEPS, what, edit, only_if_faster=True))
     return candidates
 
 
@@ -94,26 +99,6 @@ def _step_text(observed: Evidence, times: int, integrator: int, compensated: boo
     return (
         text + INTEGRATOR_NAMES[integrator] + (", its damping compensated by armature" if compensated else "")
     )
-
-
-def _newton(spec: mujoco.MjSpec) -> None:
-    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-
-
-def _dense(spec: mujoco.MjSpec) -> None:
-    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-
-
-def _no_energy(spec: mujoco.MjSpec) -> None:
-    spec.option.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-
-
-def _once(spec: mujoco.MjSpec) -> None:
-    spec.option.iterations = 1
-
-
-def _no_islands(spec: mujoco.MjSpec) -> None:
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
 def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, compensated: bool) -> None:
