@@ -70,8 +70,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     },
     (
         PATH,
-        "while direction * (first - self._end(direction)) < -SAME_PARAMETER and self.drop_last_segment(direction):",
-        "while direction * (first - self._end(direction)) < +SAME_PARAMETER and self.drop_last_segment(direction):",
+        "while direction * (first - self.end(direction)) < -SAME_PARAMETER and self.drop_last_segment(direction):",
+        "while direction * (first - self.end(direction)) < +SAME_PARAMETER and self.drop_last_segment(direction):",
     ): SPEED,
     (
         PATH,
@@ -95,8 +95,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "only the first flip counts: there the side is first another than at the first node",
     (
         PATH,
-        "if self.sign * middle_sign < 0.0 and segment.solver is segments[-1].solver:",
-        "if self.sign / middle_sign < 0.0 and segment.solver is segments[-1].solver:",
+        "if self.sign[0] * middle_sign < 0.0 and segment.solver is segments[-1].solver:",
+        "if self.sign[0] / middle_sign < 0.0 and segment.solver is segments[-1].solver:",
     ): "both are signs",
     (PATH, "return (None, 0.5 * step)", "return (None, 0.05 * step)"): SPEED,
     (PATH, "NEXT_LENGTH = 0.3", "NEXT_LENGTH = 3.0"): SPEED,
@@ -151,40 +151,15 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SHAPE,
     (
         MANY,
-        "end_parameter = float((direction * angles[indices]).max()) * direction",
-        "end_parameter = float((direction * angles[indices]).max()) / direction",
-    ): "the sense is a sign",
-    (
-        MANY,
-        "interpolated = Segment(nodes[::2], even, half, solver).evaluate(nodes[1::2]).reshape(k // 2, count, -1)",
-        "interpolated = Segment(nodes[::2], even, half, solver).evaluate(nodes[1::2]).reshape(k // 2, count, -2)",
-    ): SHAPE,
-    (
-        MANY,
-        "interpolated = replace(segment, states=table).evaluate(angles[columns]).reshape(p, count, -1).transpose(1, 0, 2)",
-        "interpolated = replace(segment, states=table).evaluate(angles[columns]).reshape(p, count, -2).transpose(1, 0, 2)",
-    ): SHAPE,
-    (
-        MANY,
-        "sign = np.where(group.sign == 0.0, signs[:, 0], group.sign)",
-        "sign = np.where(group.sign == 0.0, signs[:, 1], group.sign)",
-    ): "a cell is good only where all signs are alike",
-    (
-        MANY,
-        "predicted = Segment(group.nodes, table, weights, self._solver(group.select(np.arange(1)), 1)).evaluate(nodes)",
-        "predicted = Segment(group.nodes, table, weights, self._solver(group.select(np.arange(1)), 2)).evaluate(nodes)",
-    ): "a polynomial is read without its solver",
-    (
-        MANY,
-        "if segment.nodes[-1] < segment.nodes[0]:",
-        "if segment.nodes[-1] < segment.nodes[1]:",
-    ): "nodes go one way",
+        "sign = np.where(same_rows & (self.sign != 0.0), self.sign, signs[0])",
+        "sign = np.where(same_rows & (self.sign != 0.0), self.sign, signs[1])",
+    ): "a segment is good only where all signs are alike",
     (
         RATES,
         "distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=0.0))",
         "distance = float(np.abs(offset / path.loops.units[driven, None]).max(initial=1.0))",
     ): SPEED,
-    (MANY, "step = max(1, CHUNK // max(1, len(columns)))", "..."): SPEED,
+    (MANY, "MAX_KEPT = 4", "..."): SPEED,
     (
         "verdict/crosscheck.py",
         "pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MAX_PAIRS).astype(int))",

@@ -86,7 +86,7 @@ def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
     for sense in (1, -1):
         s = begin + sense * np.array([1e-3, 2e-3])
         told = path.predicted(begin, sense, solver, s)
-        off = np.abs(told - path.closed(solver, s, told)[0]).max(1)
+        off = np.abs(told - path.closed(solver, s, told).states).max(1)
         assert 3.9 < off[1] / off[0] < 4.1
         # of the same order as the step squared
         assert 0.05 < off[0] / 1e-6 < 5.0
@@ -94,7 +94,7 @@ def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
     path.reach(begin + 0.1, 1)
     behind = begin - np.array([1e-3, 2e-3])
     told = path.predicted(begin, -1, solver, behind)
-    assert np.abs(told - path.closed(solver, behind, told)[0]).max() < 1e-9
+    assert np.abs(told - path.closed(solver, behind, told).states).max() < 1e-9
 
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
@@ -102,16 +102,16 @@ def test_the_next_cell_is_so_long_that_it_is_foretold_as_well_as_is_aimed_at(mov
     path, step = crank_path(catalog.make("four_bar").mechanism), 0.4
     path.reach(path.initial + 0.3, 1)
     path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
-    growth = path.growth(step, 1, 0.0, moved)
+    growth = path.growth(step, 1, np.zeros(1), np.array([moved]))[0]
     # what is foretold errs by the power of the nodes of how far it is from the middle of the cell before
     now, then = step + 0.5 * before, growth * step + 0.5 * step
     assert moved * (then / now) ** CONTROL.nodes == pytest.approx(CONTROL.target_correction)
-    assert path.growth(step, 1, 0.0, 0.0) == CONTROL.max_growth
-    assert path.growth(step, 1, 4.0 * CONTROL.target_error, 0.0) == pytest.approx(
+    assert path.growth(step, 1, np.zeros(1), np.zeros(1)) == CONTROL.max_growth
+    assert path.growth(step, 1, np.array([4.0 * CONTROL.target_error]), np.zeros(1)) == pytest.approx(
         0.25 ** (2 / (CONTROL.nodes + 1))
     )
     path.segments[1].clear()
-    assert path.growth(step, 1, 0.0, 1.0) == CONTROL.max_growth
+    assert path.growth(step, 1, np.zeros(1), np.ones(1)) == CONTROL.max_growth
 
 
 @pytest.mark.parametrize(("least", "holds"), [(0.19, False), (0.21, True)])

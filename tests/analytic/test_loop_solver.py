@@ -141,8 +141,8 @@ def test_poses_whose_last_step_is_not_looked_at_are_closed_all_the_same_and_by_f
     loops, start = make()
     path, enough = PathStates(loops, lambda _: start.values[list(loops.driven)]), 1e-12
     guess, _ = off(loops, start, 5e-5)
-    states, found, _ = path.closed(loop_solver(loops, start), np.zeros(1), path.loops.flat(guess), enough)
-    at = path.unflat(states, np.zeros(1))
+    nodes = path.closed(loop_solver(loops, start), np.zeros(1), path.loops.flat(guess), enough)
+    at, found = path.unflat(nodes.states, np.zeros(1)), nodes.linearised
     assert not np.array_equal(found.poses.rotation, loops.linearise(at)[2].rotation)
     assert np.abs(loops.linearise(at)[0]).max() < enough
     assert np.abs(found.residual).max() < enough
@@ -163,7 +163,7 @@ def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
     guess, _ = off(loops, start, 5e-5)
     path = PathStates(loops, lambda _: start.values[list(loops.driven)])
     assert path.closed(solver, np.zeros(1), path.loops.flat(guess), 1e-12) is None
-    found = path.closed(solver, np.zeros(1), path.loops.flat(guess), 2e-9)[1]
+    found = path.closed(solver, np.zeros(1), path.loops.flat(guess), 2e-9).linearised
     assert np.abs(found.residual).max() == pytest.approx(1e-9, rel=1e-3)
 
 

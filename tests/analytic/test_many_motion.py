@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops import design_paths
+from mechsim.analytic.loops import design_paths, path, solver
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.model.design_arrays import those_alike
 
@@ -27,14 +27,14 @@ def designs(name, parameter, values):
 
 
 def moved(name, parameter, values, joints):
-    return together(ms.load(name).mechanism, designs(name, parameter, values), joints, speed=3.0, rates=True)
+    return together(ms.load(name).mechanism, designs(name, parameter, values), joints, speed=3.0)
 
 
-def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0, rates=False):
+def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
     """Return the motion of those that are like one, and of which of all it is told."""
     like = shared_loops(mechanism, joints)
     started, which = those_alike(mechanism, mechanisms)
-    motion, good = many_motion(like, started, angles, speed, joints, rates=rates)
+    motion, good = many_motion(like, started, angles, speed, joints)
     return motion, np.isin(np.arange(len(mechanisms)), which[good])
 
 
@@ -65,7 +65,7 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 40)
     drives = [ms.catalog.make("rssr", crank=length) for length in (0.0186, 0.02, 0.0212)]
     mechanisms = [drive.mechanism for drive in drives]
-    motion, told = together(mechanisms[1], mechanisms, angles=angles, speed=3.0, rates=True)
+    motion, told = together(mechanisms[1], mechanisms, angles=angles, speed=3.0)
     assert told.all()
     for i, drive in enumerate(drives):
         rows = slice(i * len(angles), (i + 1) * len(angles))
@@ -76,10 +76,21 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
                 np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
 
 
-def test_designs_whose_rows_never_tell_enough_are_left_to_themselves(monkeypatch):
-    monkeypatch.setattr(design_paths, "MIN_VALUE_RATIO", 2.0)
-    both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)]
-    assert not together(both[0], both)[1].any()
+@pytest.mark.parametrize("rows_are_enough", [True, False])
+def test_designs_whose_rows_never_tell_enough_take_others_for_every_segment(rows_are_enough, monkeypatch):
+    mechanisms = [ms.catalog.make("bennett", length0=length).mechanism for length in (0.05, 0.049, 0.051)]
+    exact = [ms.closure.solve(mechanism, ANGLES).points for mechanism in mechanisms]
+    selections, select = [], path.loop_solver
+    monkeypatch.setattr(path, "loop_solver", lambda *given: selections.append(given) or select(*given))
+    if not rows_are_enough:
+        monkeypatch.setattr(solver, "MIN_VALUE_RATIO", 2.0)
+    motion, told = together(mechanisms[0], mechanisms)
+    assert told.all()
+    assert (len(selections) > 6) == (not rows_are_enough)
+    for i, points in enumerate(exact):
+        rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
+        for name, point in points.items():
+            np.testing.assert_allclose(motion.points[name].position[rows], point.position, atol=1e-13)
 
 
 def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():

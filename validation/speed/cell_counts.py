@@ -11,7 +11,7 @@ import sys
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.loops import design_paths
+from mechsim.analytic.loops import path
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.analytic.loops.motion import crank_path
 from mechsim.model.design_arrays import those_alike
@@ -23,31 +23,30 @@ TOGETHER = {"rssr": (0.06, 36), "four_bar": (0.02, 23)}
 
 def cells_tried(mechanism, stops) -> int:
     """Return how many cells are tried to follow a mechanism to one parameter after the other."""
-    path, tried = crank_path(mechanism), []
-    close = path.closed
-    path.closed = lambda *given: tried.append(given) or close(*given)
+    followed, tried = crank_path(mechanism), []
+    close = followed.closed
+    followed.closed = lambda *given: tried.append(given) or close(*given)
     for stop in stops:
-        path.extend(stop)
+        followed.extend(stop)
     return len(tried)
 
 
 def cells_together(name: str, spread: float) -> int:
     """Return how many cells three designs of a mechanism need together, over two turns."""
-    own, cells, nodes = catalog.make(name).crank, [], design_paths.nodes_between
+    own, cells, nodes = catalog.make(name).crank, [], path.nodes_between
     mechanisms = [catalog.make(name, crank=own * (1.0 + by)).mechanism for by in (-spread, 0.0, spread)]
 
     def counted(begin, end, count):
-        # from 0 to 1 only the weights of its polynomial are asked for
-        cells.extend([end] * ((begin, end) != (0.0, 1.0)))
+        cells.append(end)
         return nodes(begin, end, count)
 
-    design_paths.nodes_between = counted
+    path.nodes_between = counted
     try:
         alike = shared_loops(mechanisms[1], ())
         started, _ = those_alike(mechanisms[1], mechanisms)
-        many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, (), rates=False)
+        many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, ())
     finally:
-        design_paths.nodes_between = nodes
+        path.nodes_between = nodes
     return len(cells)
 
 

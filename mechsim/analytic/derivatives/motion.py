@@ -182,7 +182,7 @@ def followed_form(
     path = driven_path(form.mechanism, motion_laws, form.change_point)
     if motion_laws.crank:
         path, _ = motion_along(path, angle, speed, acceleration)
-    return path, with_locked_values(path, instants_of_laws(motion_laws, angle, speed, acceleration))
+    return path, with_locked_values(path.loops, instants_of_laws(motion_laws, angle, speed, acceleration))
 
 
 def _changed(

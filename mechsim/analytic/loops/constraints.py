@@ -248,6 +248,10 @@ class TreeLoops:
         """How many equations there are."""
         return sum(cut.rows for cut in self.cuts) + len(self.turn_offsets)
 
+    def at_instants(self, _: int) -> "TreeLoops":
+        """Return the equations for so many instants: of one mechanism they are the same at all."""
+        return self
+
     def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
         """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and the links."""
         poses = link_poses(self.tree, q)

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
-from mechsim.analytic.loops.design_motion import LinkRows, SharedLoops, record_of_rows, store_chunk
-from mechsim.analytic.loops.design_paths import Bools, ManyLoops, Rows, assemble_designs, initial_coordinates
+from mechsim.analytic.loops.design_motion import SharedLoops, design_record, empty_motion, store
+from mechsim.analytic.loops.design_paths import Bools, Rows, assembled_designs
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.loops.path_rates import ClosedChunk, Instants
+from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates
 from mechsim.analytic.loops.solver import NEARBY, LoopSolver
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion
@@ -86,7 +86,7 @@ class SwingTracer:
     def __init__(self, like: SharedLoops, started: StartedDesigns):
         self.like, self.started = like, started
         loops = like.solver.loops
-        self.many = ManyLoops(loops, started.arrays)
+        self.designs, self.start, self.assembled = assembled_designs(loops, started, len(like.solver.rows))
         self.crank = loops.driven[0]
         self.free = np.append(loops.unknown, self.crank)
 
@@ -95,15 +95,12 @@ class SwingTracer:
         solver = self.like.solver
         if len(solver.null_space) or len(solver.rows) != len(solver.loops.unknown):
             return None
-        guess, same_revolutions = initial_coordinates(self.many, self.started)
-        q, closed = assemble_designs(self.many, guess, len(solver.rows))
-        rows = np.flatnonzero(same_revolutions & closed)
+        rows = np.flatnonzero(self.assembled)
         curves: dict[int, Curve] = {}
         for direction in (1, -1):
             if not len(rows):
                 return None
-            start = Coordinates(q.values[:, rows], q.turns[..., rows])
-            curves[direction], valid = self._traced(rows, start, direction)
+            curves[direction], valid = self._traced(rows, self.start.select(rows), direction)
             rows, curves = rows[valid], {key: _select(curve, valid) for key, curve in curves.items()}
         if not len(rows):
             return None
@@ -113,11 +110,12 @@ class SwingTracer:
     def _end(self, curve: Curve) -> Array:
         return curve.values[curve.last, self.crank, np.arange(len(curve.last))]
 
-    def _corrected(
-        self, rows: Rows, q: Coordinates, repeat: int = 1
-    ) -> tuple[Coordinates, Array, Array, Bools]:
+    def _loops(self, rows: Rows, count: int) -> TreeLoops:
+        return self.designs.select(rows).at_instants(count)
+
+    def _corrected(self, rows: Rows, q: Coordinates) -> tuple[Coordinates, Array, Array, Bools]:
         """Return points on the curves, their tangents (free, n), displacements (n,), and which are valid."""
-        result = newton(LoopSystem(self.many.select(rows, repeat), self.free), q, CORRECTOR, least_norm)
+        result = newton(LoopSystem(self._loops(rows, len(q)), self.free), q, CORRECTOR, least_norm)
         _, values, vh = np.linalg.svd(result.linearised.matrix, full_matrices=True)
         valid = (result.residual < CLOSED) & (values[:, len(self.free) - 2] > REGULAR * values[:, 0])
         return result.q, vh[:, -1].T, result.displacement, valid
@@ -183,7 +181,7 @@ class SwingTracer:
         self, rows: Rows, q: Coordinates, tangent: Array, length: Array
     ) -> tuple[Coordinates, Array, Bools]:
         """Return points a step along the curves, tangents there, and which were reached safely."""
-        predicted = self._moved(self.many.select(rows, 1), q, tangent * length)
+        predicted = self._moved(self._loops(rows, len(rows)), q, tangent * length)
         q_next, tangent_next, displacement, valid = self._corrected(rows, predicted)
         tangent_next = tangent_next * np.sign((tangent_next * tangent).sum(0))
         same_direction = (tangent_next * tangent).sum(0) > 0.9
@@ -224,45 +222,35 @@ class SwingTracer:
         return Coordinates(values, turns), directions, lengths
 
     def motion(
-        self,
-        swings: Swings,
-        angles: Array,
-        speed: Array,
-        acceleration: Array,
-        joints: Sequence[str],
-        *,
-        rates: bool,
+        self, swings: Swings, angles: Array, speed: Array, acceleration: Array, joints: Sequence[str]
     ) -> tuple[Motion, Bools]:
         """Return the motions of designs along crank motions (d, p), and of which they are solved, (d,)."""
         d, p = angles.shape
-        loops, tree = self.like.solver.loops, self.like.solver.loops.tree
-        links = len(tree.branches)
-        shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6)]
-        links_motion = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
-        solved = np.ones(d, dtype=np.bool_)
-        per_chunk = max(1, CHUNK // p)
-        for first in range(0, d, per_chunk):
-            indices = np.arange(first, min(first + per_chunk, d))
+        motion, solved = empty_motion(self.like, d * p), np.ones(d, dtype=np.bool_)
+        for indices in np.array_split(np.arange(d), -(-d * p // CHUNK)):
             q = self._predicted(swings, indices, angles[indices])
-            rows, crank_angles = swings.rows[indices], angles[indices].ravel()
-            q, _, _, valid = self._corrected(rows, q, p)
+            # all designs at one instant after another
+            index = (indices * p + np.arange(p)[:, None]).ravel()
+            crank_angles = angles.ravel()[index]
+            q, _, _, valid = self._corrected(swings.rows[indices], q)
             q.values[self.crank] = crank_angles
-            solver = LoopSolver(
-                self.many.select(rows, p), self.like.solver.rows, self.like.solver.null_space, q
-            )
+            designs = self.designs.select(swings.rows[indices])
+            solver = LoopSolver(designs, self.like.solver.rows, self.like.solver.null_space, q)
             result = newton(solver, q, NEARBY)
             residual = np.abs(result.linearised.residual).max(0, initial=0.0)
             converged = valid & (residual < CLOSED) & (result.displacement < MAX_CORRECTION_AT_ANGLE)
-            solved[indices] = converged.reshape(-1, p).all(1)
-            zero = np.zeros_like(crank_angles)
-            instants = Instants(crank_angles, np.ones_like(crank_angles), zero, *self.like.law(crank_angles))
-            chunk = ClosedChunk(solver, np.arange(len(crank_angles)), instants, result.q, result.linearised)
-            store_chunk(links_motion, indices, np.arange(p), chunk, rates=rates)
-        designs = ManyLoops(loops, self.started.arrays.subset(swings.rows))
-        return record_of_rows(designs, links_motion, angles, speed, acceleration, joints), solved
+            solved[indices] = converged.reshape(p, -1).all(0)
+            instants = self.like.instants(crank_angles, speed.ravel()[index], acceleration.ravel()[index])
+            chunk = ClosedChunk(solver, index, instants, result.q, result.linearised)
+            store(motion, index, with_rates(None, chunk, conditioned=False))
+        arrays = self.started.arrays.subset(swings.rows)
+        record = design_record(
+            self.like, arrays, motion, angles.ravel(), speed.ravel(), acceleration.ravel(), joints
+        )
+        return record, solved
 
     def _predicted(self, swings: Swings, indices: Rows, angles: Array) -> Coordinates:
-        """Return coordinates near those at crank angles (d, p) of some of the designs, d p sets."""
+        """Return coordinates near those at crank angles (d, p) of some of the designs, (p d) sets."""
         start = swings.curves[1].values[0, self.crank, indices]
         d, p = angles.shape
         first = swings.curves[1]
@@ -280,9 +268,10 @@ class SwingTracer:
             ends = 1.0 - np.sqrt(np.maximum(1.0 - fraction, 0.0))
             ahead = np.where(node == curve.last[row] - 1, ends, fraction) * curve.length[node, row]
             q = Coordinates(curve.values[node, :, row].T, np.moveaxis(curve.turns[node, ..., row], 0, -1))
-            loops = self.many.select(swings.rows[row], 1)
+            loops = self._loops(swings.rows[row], len(row))
             q = self._moved(loops, q, curve.tangent[node, :, row].T * ahead)
             values[:, design, column], rotations[..., design, column] = q.values, q.turns
+        values, rotations = (array.swapaxes(-1, -2) for array in (values, rotations))
         return Coordinates(values.reshape(len(values), -1), rotations.reshape(*rotations.shape[:3], d * p))
 
 

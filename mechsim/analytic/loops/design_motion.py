@@ -1,53 +1,33 @@
 """The motion of many designs of one mechanism by their loop equations, all together."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.design_paths import (
     Bools,
-    Law,
-    ManyLoops,
-    ManyPaths,
+    DesignPaths,
     Rows,
-    assemble_designs,
-    initial_coordinates,
+    assembled_designs,
+    followed,
 )
-from mechsim.analytic.loops.kinematics import Coordinates, cross
 from mechsim.analytic.loops.mobility import checked_start
-from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates
-from mechsim.analytic.loops.solver import LoopSolver
-from mechsim.analytic.loops.start import locked_values, with_locked
-from mechsim.model.design_arrays import StartedDesigns
+from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
+from mechsim.analytic.loops.path_rates import Instants, LoopMotion, closed_chunks, with_rates
+from mechsim.analytic.loops.record import link_motion, point_on
+from mechsim.analytic.loops.solver import LoopSolver, loop_solver
+from mechsim.analytic.vector_method.rotations import dot
+from mechsim.errors import AssemblyError
+from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, Motion, PointMotion
+from mechsim.model.motion import JointMotion, LinkMotion, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
-
-
-@dataclass
-class LinkRows:
-    """Where links are and how they move at instants (designs, poses), component first.
-
-    Attributes:
-        values: coordinates of the tree, (count, d, p); `rates` and `second` alike.
-        position: of each link, (links, 3, d, p).
-        rotation: (links, 3, 3, d, p).
-        velocity: of the origin, then angular, (links, 6, d, p).
-        acceleration: alike.
-    """
-
-    values: Array
-    rates: Array
-    second: Array
-    position: Array
-    rotation: Array
-    velocity: Array
-    acceleration: Array
 
 
 @dataclass(frozen=True)
@@ -56,13 +36,22 @@ class SharedLoops:
 
     Attributes:
         solver: of one of them, about where that one begins.
-        law: parameters of the path -> what is prescribed, and its first two derivatives.
+        motion_laws: of the drivers.
         initial: parameter at which the motion begins.
     """
 
     solver: LoopSolver
-    law: Law
+    motion_laws: MotionLaws
     initial: float
+
+    def prescribed(self, s: Array) -> Array:
+        """Return what is prescribed at parameters (n,) of the path, (driven, n)."""
+        return self.instants(s, 1.0, 0.0).value
+
+    def instants(self, s: Array, speed: ArrayLike, acceleration: ArrayLike) -> Instants:
+        """Return instants at parameters (n,) of the path and its rates, (n,) or scalar."""
+        rates = (np.broadcast_to(values, s.shape) for values in (speed, acceleration))
+        return with_locked_values(self.solver.loops, instants_of_laws(self.motion_laws, s, *rates))
 
 
 def shared_loops(
@@ -86,24 +75,12 @@ def shared_loops(
     for name in joints:
         if loops.tree.index_of.get(name) is None and not KINDS[mechanism.joint(name).kind].hinge:
             return None
-    locked = locked_values(mechanism)
-
-    def motion_law(s: Array) -> tuple[Array, Array, Array]:
-        value, first, second = motion_laws.along_path(s)
-        return with_locked(value, locked), with_locked(first, 0.0 * locked), with_locked(second, 0.0 * locked)
-
     initial = float(solver.reference.values[loops.driven[0], 0]) if motion_laws.crank else 0.0
-    return SharedLoops(solver, motion_law, initial)
+    return SharedLoops(solver, motion_laws, initial)
 
 
 def many_motion(
-    like: SharedLoops,
-    started: StartedDesigns,
-    angles: Array,
-    speed: float,
-    joints: Sequence[str],
-    *,
-    rates: bool,
+    like: SharedLoops, started: StartedDesigns, angles: Array, speed: float, joints: Sequence[str]
 ) -> tuple[Motion, Bools]:
     """Return the motions of designs at crank angles, and which designs were solved, (d,).
 
@@ -113,7 +90,6 @@ def many_motion(
         angles: path parameters, (p,) in [rad].
         speed: rate of the path parameter in [rad/s].
         joints: whose motion is wanted.
-        rates: False leaves velocities and accelerations zero.
 
     Returns:
         Points and joints at d p instants, one design after another. A design that was not solved
@@ -121,103 +97,80 @@ def many_motion(
 
     Accuracy: as `closure.solve`, of which the assembly too is kept: each step is certified for each design.
     """
-    loops, reference = like.solver.loops, like.solver.reference
-    d, p, tree = started.arrays.count, len(angles), loops.tree
-    many = ManyLoops(loops, started.arrays)
-    guess, same_revolutions = initial_coordinates(many, started)
-    q, closed = assemble_designs(many, guess, len(like.solver.rows))
-    driven = list(loops.driven)
-    converged = same_revolutions & closed & (q.values[driven] == reference.values[driven]).all(0)
-    links = len(tree.branches)
-    shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6)]
-    links_motion = LinkRows(*(np.zeros((*shape, d, p)) for shape in shapes))
-
-    def store(rows: Rows, columns: Rows, chunk: ClosedChunk) -> None:
-        store_chunk(links_motion, rows, columns, chunk, rates=rates)
-
-    rows = np.flatnonzero(converged)
-    rows, initial = _moved_to_start(like, many, rows, Coordinates(q.values[:, rows], q.turns[..., rows]))
-    converged = np.isin(np.arange(d), rows)
-    if len(rows):
-        converged[ManyPaths(many, like.law, like.initial).follow(rows, initial, angles, store)] = False
-    motion = record_of_rows(many, links_motion, *_steady(np.tile(angles, (d, 1)), speed), joints)
-    return motion, converged
-
-
-def _moved_to_start(
-    like: SharedLoops, many: ManyLoops, rows: Rows, q: Coordinates
-) -> tuple[Rows, Coordinates]:
-    """Return the designs whose drivers can go straight to where the path begins, and where they are then."""
-    loops = like.solver.loops
-    driven = list(loops.driven)
-    start, target = like.solver.reference.values[driven], like.law(np.array([like.initial]))[0]
-    distance = float(np.abs((target - start) / loops.units[driven, None]).max())
-    if distance == 0.0 or not len(rows):
-        return rows, q
-
-    def law(s: Array) -> tuple[Array, Array, Array]:
-        direction = np.repeat((target - start) / distance, len(s), 1)
-        return start + direction * s, direction, 0.0 * direction
-
-    values, rotations = (
-        np.zeros((len(q.values), many.arrays.count)),
-        np.zeros((*q.turns.shape[:3], many.arrays.count)),
+    instants = like.instants(angles, speed, 0.0)
+    count = started.arrays.count
+    motion, solved = empty_motion(like, count * len(angles)), np.zeros(count, dtype=np.bool_)
+    for path in _paths_from_start(like, started):
+        for part in followed(path, (angles.max(), angles.min())):
+            for rows in _stored(part, instants, motion):
+                solved[rows] = True
+    angle, rate, second = (
+        np.tile(values, count) for values in (angles, instants.speed, instants.acceleration)
     )
-
-    def store(indices: Rows, _: Rows, chunk: ClosedChunk) -> None:
-        values[:, indices], rotations[..., indices] = chunk.q.values, chunk.q.turns
-
-    failed = ManyPaths(many, law, 0.0).follow(rows, q, np.array([distance]), store)
-    rows = np.setdiff1d(rows, failed)
-    values[driven] = target
-    return rows, Coordinates(values[:, rows], rotations[..., rows])
+    return design_record(like, started.arrays, motion, angle, rate, second, joints), solved
 
 
-def store_chunk(
-    links_motion: LinkRows, rows: Rows, columns: Rows, chunk: ClosedChunk, *, rates: bool
-) -> None:
-    """Keep the closed instants of some designs at some angles."""
-    grid = np.ix_(rows, columns)
-    shape = (len(rows), len(columns))
-    index = (slice(None), *grid)
-    links_motion.values[index] = chunk.q.values.reshape(-1, *shape)
-    poses = chunk.linearised.poses
-    links_motion.position[:, :, grid[0], grid[1]] = poses.position.reshape(-1, 3, *shape)
-    links_motion.rotation[:, :, :, grid[0], grid[1]] = poses.rotation.reshape(-1, 3, 3, *shape)
-    if not rates:
+def _paths_from_start(like: SharedLoops, started: StartedDesigns) -> Iterator[DesignPaths]:
+    """Yield the paths of designs that are assembled as they are to be where the motion begins."""
+    loops, driven = like.solver.loops, list(like.solver.loops.driven)
+    designs, q, closed = assembled_designs(loops, started, len(like.solver.rows))
+    start, target = like.solver.reference.values[driven], like.prescribed(np.array([like.initial]))
+    rows = np.flatnonzero(closed & (q.values[driven] == start).all(0))
+    if not len(rows):
         return
-    chunk_rates = with_rates(None, chunk, conditioned=False)
-    for name in ("rates", "second"):
-        getattr(links_motion, name)[index] = getattr(chunk_rates, name).T.reshape(-1, *shape)
-    for name in ("velocity", "acceleration"):
-        component = getattr(chunk_rates, name).transpose(1, 2, 0).reshape(-1, 6, *shape)
-        getattr(links_motion, name)[:, :, grid[0], grid[1]] = component
+    designs, q = designs.select(rows), q.select(rows)
+    line, distance = straight_line(loops, start, target)
+    if distance == 0.0:
+        yield DesignPaths(loop_solver(designs, q), like.prescribed, like.initial)
+        return
+    for path in followed(DesignPaths(loop_solver(designs, q), line, 0.0), (distance,)):
+        q = path.unflat(path.segments[1][-1].states[-1:], np.array([distance]), target)
+        yield DesignPaths(loop_solver(path.loops, q), like.prescribed, like.initial)
 
 
-def _steady(angles: Array, speed: float) -> tuple[Array, Array, Array]:
-    return angles, np.full_like(angles, speed), np.zeros_like(angles)
+def _stored(path: DesignPaths, instants: Instants, motion: LoopMotion) -> Iterator[Rows]:
+    """Put the motions of designs at instants of their paths into that of all; yield which are solved."""
+    rows, count = path.designs.which, len(instants.parameter)
+    try:
+        for chunk in closed_chunks(path, instants):
+            index = (rows * count + chunk.index[:, None]).ravel()
+            store(motion, index, with_rates(path, chunk, conditioned=False))
+        yield rows
+    except AssemblyError:
+        # one is too near a singular pose
+        for half in np.array_split(np.arange(path.count), 2) if path.count > 1 else ():
+            yield from _stored(path.select(half), instants, motion)
 
 
-def record_of_rows(
-    many: ManyLoops,
-    links_motion: LinkRows,
+def empty_motion(like: SharedLoops, count: int) -> LoopMotion:
+    """Return a motion at so many instants to be filled."""
+    tree = like.solver.loops.tree
+    links = len(tree.branches)
+    shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6), ()]
+    return LoopMotion(*(np.zeros((count, *shape)) for shape in shapes))
+
+
+def store(motion: LoopMotion, index: Rows, part: LoopMotion) -> None:
+    """Put the motion at some instants into that at all."""
+    for field in fields(LoopMotion):
+        getattr(motion, field.name)[index] = getattr(part, field.name)
+
+
+def design_record(
+    like: SharedLoops,
+    arrays: DesignArrays,
+    motion: LoopMotion,
     angle: Array,
     speed: Array,
     acceleration: Array,
     joints: Sequence[str],
 ) -> Motion:
-    """Return what was found as a record; rates by the crank angle become those in time.
-
-    The crank's angle, speed and acceleration are (d, p) each.
-    """
-    mechanism, tree = many.loops.tree.mechanism, many.loops.tree
-    # rates are by the crank angle so far
-    for first, second in (("rates", "second"), ("velocity", "acceleration")):
-        by_angle = getattr(links_motion, first)
-        setattr(links_motion, second, getattr(links_motion, second) * speed**2 + by_angle * acceleration)
-        setattr(links_motion, first, by_angle * speed)
+    """Return the motion of d designs as a record, at as many instants of each, one design after another."""
+    tree = like.solver.loops.tree
+    mechanism, repeat = tree.mechanism, len(angle) // arrays.count
+    links = {name: motion.link(i) for name, i in tree.links.items()}
     points = {
-        name: _point(many, links_motion, link, many.arrays.points[name])
+        name: point_on(links[link], np.repeat(arrays.points[name].T, repeat, 0))
         for name, (link, _) in mechanism.points.items()
         if link != GROUND
     }
@@ -225,47 +178,24 @@ def record_of_rows(
     for name in joints:
         index = tree.index_of.get(name)
         if index is None:
-            coordinates[name] = _hinge(many, links_motion, mechanism.joint(name))
+            coordinates[name] = _hinge(arrays, links, mechanism.joint(name), repeat)
         else:
-            histories = (links_motion.values[index], links_motion.rates[index], links_motion.second[index])
-            value, rate, second = (history.ravel() for history in histories)
+            value, rate, second = (table[:, index] for table in (motion.values, motion.rates, motion.second))
             coordinates[name] = JointMotion(value, rate, second, "m" if tree.slides[index] else "rad")
-    crank, crank_speed, second_rate = angle.ravel(), speed.ravel(), acceleration.ravel()
-    return Motion("loop equations", crank, crank_speed, second_rate, points, joints=coordinates)
+    return Motion("loop equations", angle, speed, acceleration, points, joints=coordinates)
 
 
-def _point(many: ManyLoops, links_motion: LinkRows, link: str, local: Array) -> PointMotion:
-    """Return the motion of a point (3, d) of a link, fields (d p, 3)."""
-    i = many.loops.tree.links[link]
-    arm = np.einsum("kd,ikdp->idp", local, links_motion.rotation[i])
-    angular_velocity, angular_acceleration = links_motion.velocity[i, 3:], links_motion.acceleration[i, 3:]
-    tangential = cross(angular_velocity, arm)
-    normal = cross(angular_acceleration, arm) + cross(angular_velocity, tangential)
-    return PointMotion(
-        (links_motion.position[i] + arm).reshape(3, -1).T,
-        (links_motion.velocity[i, :3] + tangential).reshape(3, -1).T,
-        (links_motion.acceleration[i, :3] + normal).reshape(3, -1).T,
+def _hinge(arrays: DesignArrays, links: dict[str, LinkMotion], joint: Joint, repeat: int) -> JointMotion:
+    """Return the motion of a hinge that closes a loop."""
+    _, frame_a, _, frame_b = arrays.ends[joint.name]
+    a, b = (link_motion(end.link, links) for end in (joint.a, joint.b))
+    side_a, side_b = (
+        link.rotation @ np.repeat(np.moveaxis(frame, -1, 0), repeat, 0)
+        for link, frame in ((a, frame_a), (b, frame_b))
     )
-
-
-def _hinge(many: ManyLoops, links_motion: LinkRows, joint: Joint) -> JointMotion:
-    """Return the motion of a hinge that closes a loop, fields (d p,)."""
-    _, frame_a, _, frame_b = many.arrays.ends[joint.name]
-    (rotation_a, spin_a, alpha_a), (rotation_b, spin_b, alpha_b) = (
-        _side(many, links_motion, end.link, frame) for end, frame in ((joint.a, frame_a), (joint.b, frame_b))
+    axis, along = side_a[..., 2], side_b[..., 0]
+    return JointMotion(
+        np.arctan2(dot(side_a[..., 1], along), dot(side_a[..., 0], along)),
+        dot(axis, b.angular_velocity - a.angular_velocity),
+        dot(axis, b.angular_acceleration - a.angular_acceleration),
     )
-    axis_b, axis = rotation_b[:, 0], rotation_a[:, 2]
-    value = np.arctan2((rotation_a[:, 1] * axis_b).sum(0), (rotation_a[:, 0] * axis_b).sum(0))
-    rate, second = ((axis * vector).sum(0) for vector in (spin_b - spin_a, alpha_b - alpha_a))
-    return JointMotion(value.ravel(), rate.ravel(), second.ravel())
-
-
-def _side(many: ManyLoops, links_motion: LinkRows, link: str, frame: Array) -> tuple[Array, Array, Array]:
-    """Return a joint's frame on one side (3, 3, d, p), and how that link turns, (3, d, p) each."""
-    if link == GROUND:
-        p = links_motion.values.shape[2]
-        zero = np.zeros((3, frame.shape[2], p))
-        return np.repeat(frame[..., None], p, -1), zero, zero
-    i = many.loops.tree.links[link]
-    rotation = np.einsum("ijdp,jkd->ikdp", links_motion.rotation[i], frame)
-    return rotation, links_motion.velocity[i, 3:], links_motion.acceleration[i, 3:]

@@ -6,6 +6,7 @@ Instants come last in every array here, so that each component is one run of mem
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint
 from mechsim.numerics.arrays import Array
@@ -29,6 +30,14 @@ class Coordinates:
 
     def __len__(self) -> int:
         return self.values.shape[1]
+
+    def select(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> "Coordinates":
+        """Return those at some of the instants."""
+        return Coordinates(self.values[:, which], self.turns[..., which])
+
+    def repeated(self, times: int) -> "Coordinates":
+        """Return all of them so many times, one after another."""
+        return Coordinates(np.tile(self.values, times), np.tile(self.turns, times))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
+from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import twists
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.oracle import crank_angles, crank_rate
 from mechsim.analytic.loops.path import ContinuationPath, PathNames
 from mechsim.analytic.loops.path_rates import Instants, LoopMotion, loop_motion
+from mechsim.analytic.loops.path_segments import PrescribedValues
 from mechsim.analytic.loops.record import point_on, tree_joint_motions
 from mechsim.analytic.loops.solver import LoopSolver, loop_solver
 from mechsim.analytic.loops.start import locked_values, with_locked
@@ -139,7 +141,7 @@ def motion_along(
 ) -> tuple[ContinuationPath, LoopMotion]:
     """Return the motion of a crank and its path, which may be that of another revolution."""
     return _motion_at(
-        path, with_locked_values(path, instants_of_laws(CRANK, angle, speed, acceleration)), CRANK
+        path, with_locked_values(path.loops, instants_of_laws(CRANK, angle, speed, acceleration)), CRANK
     )
 
 
@@ -255,16 +257,18 @@ def driven_path(
     return ContinuationPath(first, prescribed, 0.0, change_point, names)
 
 
+def straight_line(loops: TreeLoops, start: Array, target: Array) -> tuple[PrescribedValues, float]:
+    """Return the straight line between two places of what is prescribed, (driven, 1), and its length."""
+    distance = float(np.abs((target - start) / loops.units[[*loops.driven], None]).max())
+    return lambda s: start + (target - start) * (s / distance), distance
+
+
 def _moved_to_start(first: LoopSolver, target: Array, policy: ChangePointPolicy) -> LoopSolver:
     """Return what solves the loops where what is prescribed, (driven, 1), has gone straight to its place."""
-    loops, driven = first.loops, list(first.loops.driven)
-    start = first.reference.values[driven]
-    distance = float(np.abs((target - start) / loops.units[driven, None]).max())
+    loops = first.loops
+    prescribed, distance = straight_line(loops, first.reference.values[[*loops.driven]], target)
     if distance == 0.0:
         return first
-
-    def prescribed(s: Array) -> Array:
-        return start + (target - start) * (s / distance)
 
     def position(s: float) -> str:
         names = (*loops.tree.mechanism.drivers, *loops.tree.mechanism.locked)
@@ -292,14 +296,14 @@ def solve_prescribed(path: ContinuationPath, motion_laws: MotionLaws, instants: 
     Raises:
         AssemblyError: as `solve_along`.
     """
-    path, motion = _motion_at(path, with_locked_values(path, instants), motion_laws)
+    path, motion = _motion_at(path, with_locked_values(path.loops, instants), motion_laws)
     record = motion_record(path, motion, instants.parameter, instants.speed, instants.acceleration)
     return replace(record, time=motion_laws.time(instants.parameter), drivers=motion_laws.drivers)
 
 
-def with_locked_values(path: ContinuationPath, instants: Instants) -> Instants:
+def with_locked_values(loops: TreeLoops, instants: Instants) -> Instants:
     """Return instants of the drivers completed by the locked coordinates."""
-    locked = locked_values(path.loops.tree.mechanism)
+    locked = locked_values(loops.tree.mechanism)
     return replace(
         instants,
         value=with_locked(instants.value, locked),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_segments import (
     CONTROL,
+    ClosedNodes,
     PathStates,
     PrescribedValues,
     Segment,
@@ -36,7 +37,7 @@ from mechsim.model.limits import require_travel
 from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.collocation import interpolation_error, nodes_between
+from mechsim.numerics.collocation import nodes_between
 
 # fraction of a segment about a change point in which poses are taken from its polynomial, since the Jacobian
 # is singular there; and the smallest distance of a start from a change point
@@ -76,13 +77,17 @@ class ContinuationPath(PathStates):
     """An assembly followed along a path of its drivers, as far as was asked.
 
     Attributes:
+        control: lengths of segments, and the errors at which one is rejected.
+        overshoot: distance that it is traced beyond a requested parameter, if possible.
         first: solver of the loops about the start.
-        start: coordinates at the start, one set.
+        start: coordinates at the start, one set; of d designs as many.
         initial: its parameter there.
         change_points: parameters at which assemblies meet, as they were passed.
         policy: how it goes on there.
         words: names for messages.
     """
+
+    control, overshoot = CONTROL, OVERSHOOT
 
     def __init__(
         self,
@@ -92,7 +97,7 @@ class ContinuationPath(PathStates):
         policy: ChangePointPolicy = "smooth",
         words: PathNames = CRANK,
     ):
-        super().__init__(first.loops, prescribed)
+        super().__init__(first.loops, prescribed, len(first.reference))
         self.first, self.start, self.initial = first, first.reference, initial
         self.policy: ChangePointPolicy = policy
         self.words = words
@@ -100,7 +105,7 @@ class ContinuationPath(PathStates):
         self.change_points: list[float] = []
         self._singular_radii: list[float] = []
         # of the singular poses that the last segment lies on; 0 where it is not known
-        self.sign = 0.0
+        self.sign = np.zeros(self.count)
         # the segment through the next change point, and that change point, once known
         self._upcoming: tuple[Segment, float] | None = None
 
@@ -117,34 +122,36 @@ class ContinuationPath(PathStates):
             return
         direction = 1 if target > self.initial else -1
         with suppress(AssemblyError):
-            self.reach(target + direction * OVERSHOOT, direction)
+            self.reach(target + direction * self.overshoot, direction)
             return
         self.reach(target, direction)
 
-    def reach(self, target: float, direction: int) -> None:
-        """Trace the assembly to a parameter and no farther.
+    def reach(self, target: float, direction: int, length: float | None = None) -> None:
+        """Trace the assembly to a parameter and no farther; the length is that of the next segment, if known.
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
             InputError: for a path that is too long.
         """
-        segments, self.sign, self._upcoming = self.segments[direction], 0.0, None
-        start, names = self._end(direction), self.words
+        segments, self._upcoming = self.segments[direction], None
+        start, names = self.end(direction), self.words
         who = f"{self._name}: {names.mover}"
         require_travel(who, names.position(start), names.position(target), abs(target - start))
-        length = NEXT_LENGTH * segments[-1].length if segments else CONTROL.first_length
-        if not segments and self.segments[-direction]:
-            length *= CONTROL.max_growth  # the segment on the other side predicts it
-        while (remaining := direction * (target - self._end(direction))) > 0.0:
-            current = self._end(direction)
+        if length is None:
+            self.sign = np.zeros(self.count)
+            length = NEXT_LENGTH * segments[-1].length if segments else self.control.first_length
+            if not segments and self.segments[-direction]:
+                length *= self.control.max_growth  # the segment on the other side predicts it
+        while (remaining := direction * (target - self.end(direction))) > 0.0:
+            current = self.end(direction)
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
             segment, length = self.next_segment(current, direction, step)
             if segment is not None:
                 segments.append(segment)
-            elif length < CONTROL.min_length:
+            elif length < self.control.min_length:
                 raise AssemblyError(self._end_message(current) + self._remaining(current, target))
 
-    def _end(self, direction: int) -> float:
+    def end(self, direction: int) -> float:
         """Return the parameter reached in one direction."""
         return float(self.segments[direction][-1].nodes[-1]) if self.segments[direction] else self.initial
 
@@ -188,19 +195,21 @@ class ContinuationPath(PathStates):
             step = min(step, remaining)
         solver = self._solver(current, direction)
         nodes, weights = nodes_between(current, current + direction * step, CONTROL.nodes)
-        solution = self.closed(
-            solver, nodes, self.predicted(current, direction, solver, nodes), NODE_RESIDUAL
-        )
-        if solution is None:
+        closed = self.closed(solver, nodes, self.predicted(current, direction, solver, nodes), NODE_RESIDUAL)
+        if closed is None:
             return None, 0.5 * step
-        if (np.abs(solution[1].signed_distance) < NEARLY_SINGULAR).any():
-            solution = self.closed(solver, nodes, solution[0]) or solution
-        states, loops, displacement = solution
-        error = float(interpolation_error(states).max())
-        if error > CONTROL.max_error:
+        return self.accepted(Segment(nodes, closed.states, weights, solver), closed, direction)
+
+    def accepted(self, segment: Segment, closed: ClosedNodes, direction: int) -> tuple[Segment | None, float]:
+        """Return a segment through closed nodes, None if it is rejected, and the length to try next."""
+        step, solver = segment.length, segment.solver
+        if (np.abs(closed.linearised.signed_distance) < NEARLY_SINGULAR).any():
+            closed = self.closed(solver, segment.nodes, closed.states) or closed
+        error, loops = closed.error, closed.linearised
+        if error[0] > CONTROL.max_error:
             return None, 0.5 * step
         adequate, by_determinant = solver.adequate(loops)
-        segment = Segment(nodes, states, weights, solver, adequate)
+        segment = replace(segment, states=closed.states, adequate=adequate[-1:])
         if not by_determinant.all():
             segment, loops = self._with_adequate_rows(segment, loops, by_determinant)
         share, signs = segment.solver.share(loops), np.sign(loops.signed_distance)
@@ -216,18 +225,19 @@ class ContinuationPath(PathStates):
         ):
             return None, step
         middle_sign, segments = float(signs[CONTROL.nodes // 2]), self.segments[direction]
-        if self.sign * middle_sign < 0.0 and segment.solver is segments[-1].solver:
+        if self.sign[0] * middle_sign < 0.0 and segment.solver is segments[-1].solver:
             # the change point lies at the end of the last segment
             length = segments[-1].length
             return None, 0.6 * length if self.drop_last_segment(direction) else 0.5 * step
-        self.sign = middle_sign
-        return segment, min(CONTROL.max_length, step * self.growth(step, direction, error, displacement))
+        self.sign = np.array([middle_sign])
+        growth = float(self.growth(step, direction, error, closed.displacement)[0])
+        return segment, min(self.control.max_length, step * growth)
 
-    def growth(self, step: float, direction: int, error: float, displacement: float) -> float:
-        """Return the largest ratio of the next segment's length to this one's."""
+    def growth(self, step: float, direction: int, error: Array, displacement: Array) -> Array:
+        """Return the largest ratios of the next segment's length to this one's, (d,)."""
         if not self.segments[direction]:
-            return float(CONTROL.growth(error))  # predicted by the tangent
-        return float(CONTROL.growth(error, displacement, self.segments[direction][-1].length / step))
+            return self.control.growth(error)  # predicted by the tangent
+        return self.control.growth(error, displacement, self.segments[direction][-1].length / step)
 
     def _with_adequate_rows(
         self, segment: Segment, closed: Linearised, by_determinant: NDArray[np.bool_]
@@ -254,13 +264,15 @@ class ContinuationPath(PathStates):
         best_determinant = abs(np.linalg.det(solver.linearise(nearest).matrix[0]))
         if solver.nullity != old_solver.nullity or own_determinant > MIN_DETERMINANT_RATIO * best_determinant:
             return segment, closed
-        solution = self.closed(solver, segment.nodes, segment.states)
-        if solution is None:
+        improved = self.closed(solver, segment.nodes, segment.states)
+        if improved is None:
             return segment, closed
-        improved = replace(
-            segment, states=solution[0], solver=solver, adequate=solver.adequate(solution[1])[0]
-        )
-        return improved, solution[1]
+        return replace(
+            segment,
+            states=improved.states,
+            solver=solver,
+            adequate=solver.adequate(improved.linearised)[0][-1:],
+        ), improved.linearised
 
     def _approached_change_point(self, segment: Segment, index: int, direction: int) -> bool:
         """Return whether a change point lies beyond a node; the path then stops where its segment begins.
@@ -274,7 +286,7 @@ class ContinuationPath(PathStates):
         if change_point is None or self._upcoming is None:
             return False
         first = float(self._upcoming[0].nodes[0])
-        while direction * (first - self._end(direction)) < -SAME_PARAMETER and self.drop_last_segment(
+        while direction * (first - self.end(direction)) < -SAME_PARAMETER and self.drop_last_segment(
             direction
         ):
             pass
@@ -288,7 +300,7 @@ class ContinuationPath(PathStates):
         Raises:
             AssemblyError: where the path begins at the change point, or the other branch cannot be driven.
         """
-        self._upcoming, self.sign = None, 0.0
+        self._upcoming, self.sign = None, np.zeros(self.count)
         segment, change_point = upcoming
         distance_before, distance_after = (
             direction * (change_point - current),
@@ -328,17 +340,18 @@ class ContinuationPath(PathStates):
         ):
             return False
         self.segments[direction].pop()
-        self.sign = 0.0
+        self.sign = np.zeros(self.count)
         return True
 
     def _solver(self, current: float, direction: int) -> LoopSolver:
+        """Return by what the next segment is solved: rows of the last one if they tell enough at its end."""
         if not self.segments[direction]:
             return self.first
         segment = self.segments[direction][-1]
-        if segment.adequate is not None and segment.adequate[-1]:
+        if segment.adequate is not None and segment.adequate.all():
             return segment.solver
         q = self.unflat(segment.states[[-1]], np.array([current]))
-        if segment.adequate is None and segment.solver.adequate(segment.solver.linearise(q))[0][0]:
+        if segment.adequate is None and segment.solver.adequate(segment.solver.linearise(q))[0].all():
             return segment.solver
         return loop_solver(self.loops, q, segment.solver.null_space)
 
@@ -349,17 +362,18 @@ class ContinuationPath(PathStates):
             return segments[-1].evaluate(s)
         if not segments and self.segments[-direction]:
             return self.segments[-direction][0].evaluate(s)
-        driven = list(self.loops.driven)
-        step = np.zeros((self.loops.tree.count, len(s)))
-        step[driven] = (self.prescribed(s) - self.prescribed(np.array([current]))) / self.loops.units[
+        driven, k = list(self.loops.driven), len(s)
+        advance = np.zeros((self.loops.tree.count, k))
+        advance[driven] = (self.prescribed(s) - self.prescribed(np.array([current]))) / self.loops.units[
             driven, None
         ]
         last = self.unflat(segments[-1].states[[-1]], np.array([current])) if segments else self.start
         linearised = solver.linearise(last) if segments else solver.at_reference
-        rhs = np.zeros((len(s), len(solver.loops.unknown)))
-        rhs[:, : len(solver.rows)] = (linearised.jacobian[solver.rows, :, 0] @ step).T
-        start = Coordinates(np.repeat(last.values, len(s), 1), np.repeat(last.turns, len(s), -1))
-        return self.loops.flat(self.loops.displaced(start, step + solver.step(linearised.matrix, rhs)))
+        residual = np.tensordot(advance.T, linearised.jacobian[solver.rows], (1, 1)).swapaxes(1, 2)
+        rhs = np.zeros((k * self.count, len(solver.loops.unknown)))
+        rhs[:, : len(solver.rows)] = residual.reshape(len(rhs), len(solver.rows))
+        step = solver.step(np.tile(linearised.matrix, (k, 1, 1)), rhs)
+        return self.flat(self.loops.displaced(last.repeated(k), np.repeat(advance, self.count, 1) + step))
 
     def chunks(self, s: Array) -> Iterator[tuple[LoopSolver, NDArray[np.intp], Array]]:
         """Yield by what poses at parameters (n,) are solved: solver, which they are, and rough states.
@@ -390,7 +404,7 @@ class ContinuationPath(PathStates):
 
     def interpolated(self, s: Array) -> Coordinates:
         """Return coordinates of the polynomials at parameters (n,)."""
-        states = np.empty((len(s), self.loops.flat(self.start).shape[1]))
+        states = np.empty((len(s), self.flat(self.start).shape[1]))
         for _, index, chunk in self.chunks(s):
             states[index] = chunk
         return self.unflat(states, s)
@@ -415,7 +429,7 @@ class ContinuationPath(PathStates):
     def _start_segment(self) -> Segment:
         """Return a segment of one node, the start of the path."""
         return Segment(
-            np.array([self.initial]), self.loops.flat(self.start), np.ones(1), self._solver(self.initial, 1)
+            np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
         )
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,22 +90,6 @@ class Instants:
         return Instants(*(getattr(self, field.name)[..., index] for field in fields(self)))
 
 
-class SingularPath(Protocol):
-    """A path that knows its singular neighbourhoods, and its polynomials there."""
-
-    def near_change_point(self, s: Array) -> NDArray[np.bool_]:
-        """Return which parameters are so, (n,)."""
-        ...
-
-    def derivatives(self, s: Array) -> tuple[Array, Array]:
-        """Return first and second derivatives of flattened states, (n, w) each."""
-        ...
-
-    def interpolated(self, s: Array) -> Coordinates:
-        """Return coordinates at parameters (n,)."""
-        ...
-
-
 def loop_motion(path: ContinuationPath, instants: Instants) -> LoopMotion:
     """Return the motion at instants along a path.
 
@@ -130,7 +113,7 @@ class ClosedChunk:
     Attributes:
         solver: what closed them.
         index: which instants they are, (k,).
-        instants: themselves.
+        instants: themselves; of d designs each d times in a row.
         q: coordinates of the tree there.
         linearised: about them.
     """
@@ -148,11 +131,13 @@ def closed_chunks(path: ContinuationPath, instants: Instants) -> Iterator[Closed
     Raises:
         AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
     """
+    size = max(1, CHUNK // path.count)
     for solver, index, rows in path.chunks(instants.parameter):
-        for i in range(0, len(index), CHUNK):
-            indices = index[i : i + CHUNK]
-            chunk = instants.select(indices)
-            yield ClosedChunk(solver, indices, chunk, *_closed(path, solver, chunk, rows[i : i + CHUNK]))
+        for i in range(0, len(index), size):
+            indices = index[i : i + size]
+            q = path.unflat(rows[i : i + size], instants.parameter[indices])
+            chunk = instants.select(np.repeat(indices, path.count))
+            yield ClosedChunk(solver, indices, chunk, *_closed(path, solver, chunk, q))
 
 
 def merged(chunks: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
@@ -165,10 +150,9 @@ def merged(chunks: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
 
 
 def _closed(
-    path: ContinuationPath, solver: LoopSolver, instants: Instants, rows: Array
+    path: ContinuationPath, solver: LoopSolver, instants: Instants, q: Coordinates
 ) -> tuple[Coordinates, Linearised]:
     """Return poses closed from those of the polynomials, and the loops there."""
-    q = path.unflat(rows, instants.parameter)
     driven = list(path.loops.driven)
     start = q.values[driven]
     offset = instants.value - start
@@ -213,13 +197,13 @@ def regularised(matrix: Array, singular: NDArray[np.bool_]) -> Array:
     return np.where(singular[:, None, None], np.eye(matrix.shape[1]), matrix) if singular.any() else matrix
 
 
-def with_rates(path: SingularPath | None, chunk: ClosedChunk, *, conditioned: bool = True) -> LoopMotion:
+def with_rates(path: ContinuationPath | None, chunk: ClosedChunk, *, conditioned: bool = True) -> LoopMotion:
     """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for.
 
     A path of None is one on which the loops tell everything everywhere.
     """
     solver, q, linearised, instants = chunk.solver, chunk.q, chunk.linearised, chunk.instants
-    loops = solver.loops
+    loops = solver.loops.at_instants(len(q))
     singular = (
         np.zeros(len(q), dtype=np.bool_) if path is None else path.near_change_point(instants.parameter)
     )
@@ -295,7 +279,7 @@ def _conditioning(linearised: Linearised, unknown: NDArray[np.intp], rank: int) 
     return np.asarray(values[:, rank - 1], dtype=np.float64)
 
 
-def rates_of_polynomial(path: SingularPath, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
+def rates_of_polynomial(path: ContinuationPath, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
     """Return first and second derivatives of the coordinates by the parameter, off the polynomials."""
     first, second = path.derivatives(angle)
     first_rates, second_rates = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()

@@ -30,7 +30,8 @@ class Segment(Interpolant):
 
     Attributes:
         solver: of its poses.
-        adequate: whether the solver's rows are well conditioned at each node, (k,); None if unknown.
+        adequate: whether the solver's rows are well conditioned at the last node, for each design, (d,); None
+            if unknown.
     """
 
     solver: LoopSolver
@@ -41,25 +42,54 @@ class Segment(Interpolant):
         return replace(super().restricted(low, high), adequate=None)
 
 
-class PathStates:
-    """Poses along a path of the drivers as state vectors.
+@dataclass(frozen=True)
+class ClosedNodes:
+    """Nodes of a segment, each closed for d designs; d is 1 for one mechanism.
 
     Attributes:
-        loops: of the mechanism.
-        prescribed: values of the prescribed coordinates along the path.
+        states: of the nodes, (k, d w).
+        linearised: the loops there; of k d instants each d in a row are those of the designs.
+        displacement: of the corrector, the largest of each design's nodes, (d,).
+        valid: which designs are closed after an admissible displacement, (d,).
     """
 
-    def __init__(self, loops: TreeLoops, prescribed: PrescribedValues):
-        self.loops, self.prescribed = loops, prescribed
+    states: Array
+    linearised: Linearised
+    displacement: Array
+    valid: NDArray[np.bool_]
+
+    @property
+    def error(self) -> Array:
+        """Interpolation error of each design by half of the nodes, (d,)."""
+        return interpolation_error(self.states).reshape(len(self.valid), -1).max(1)
+
+
+class PathStates:
+    """Poses along a path of the drivers as state vectors, those of d designs in a row.
+
+    Attributes:
+        loops: of the mechanism, or of the designs.
+        prescribed: values of the prescribed coordinates along the path.
+        count: number of designs, d; 1 for one mechanism.
+    """
+
+    def __init__(self, loops: TreeLoops, prescribed: PrescribedValues, count: int = 1):
+        self.loops, self.prescribed, self.count = loops, prescribed, count
 
     def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Coordinates:
-        """Return coordinates from approximate states at parameters (n,)."""
-        return self.loops.unflat(rows, self.prescribed(s) if driven is None else driven)
+        """Return coordinates, (n d) sets, from approximate states (n, d w) at parameters (n,)."""
+        driven = self.prescribed(s) if driven is None else driven
+        if self.count > 1:
+            rows, driven = rows.reshape(len(s) * self.count, -1), np.repeat(driven, self.count, 1)
+        return self.loops.unflat(rows, driven)
 
-    def closed(
-        self, solver: LoopSolver, s: Array, rows: Array, tolerance: float = 0.0
-    ) -> tuple[Array, Linearised, float] | None:
-        """Return closed states from approximate ones, the loops there, and the displacement; None on failure.
+    def flat(self, q: Coordinates) -> Array:
+        """Return states, (n, d w), of coordinates, (n d) sets."""
+        rows = self.loops.flat(q)
+        return rows.reshape(len(rows) // self.count, -1)
+
+    def closed(self, solver: LoopSolver, s: Array, rows: Array, tolerance: float = 0.0) -> ClosedNodes | None:
+        """Return nodes at parameters (k,) closed from approximate states; None if they do for no design.
 
         To rounding, or to a residual below the tolerance.
         """
@@ -76,11 +106,12 @@ class PathStates:
                 "rkn,nk->rn", linearised.jacobian.take(linearised.unknown, 1), result.unverified
             )
             linearised = replace(linearised, residual=linearised.residual + change)
-        residual = np.abs(linearised.residual).max(initial=0.0)
-        displacement = float(result.displacement.max())
-        if not (residual <= max(CLOSED, tolerance) and displacement < CONTROL.max_correction):
-            return None
-        return self.loops.flat(result.q), linearised, displacement
+        largest = np.abs(linearised.residual).max(0, initial=0.0)
+        residual, displacement = (
+            values.reshape(-1, self.count).max(0) for values in (largest, result.displacement)
+        )
+        valid = (residual <= max(CLOSED, tolerance)) & (displacement < CONTROL.max_correction)
+        return ClosedNodes(self.flat(result.q), linearised, displacement, valid) if valid.any() else None
 
 
 # largest and smallest half length of a segment centred on a change point
@@ -129,8 +160,8 @@ def change_point_between(path: PathStates, segment: Segment, a: float, b: float)
     """
 
     def linearised_at(s: Array) -> Linearised | None:
-        linearised = path.closed(segment.solver, s, segment.evaluate(s))
-        return None if linearised is None else linearised[1]
+        closed = path.closed(segment.solver, s, segment.evaluate(s))
+        return None if closed is None else closed.linearised
 
     at_ends = linearised_at(np.array([a, b])) if abs(b - a) > LAST_SPACING else None
     if at_ends is None:
@@ -193,14 +224,15 @@ def segment_through(
             nodes, weights = nodes_between(
                 change_point - direction * half_length, change_point + direction * half_length, NODES
             )
-            solution = path.closed(segment.solver, nodes, segment.evaluate(nodes))
-            if solution is not None:
-                signs = np.sign(solution[1].signed_distance)
+            closed = path.closed(segment.solver, nodes, segment.evaluate(nodes))
+            if closed is not None:
+                signs = np.sign(closed.linearised.signed_distance)
                 same_sign = abs(signs.sum()) == NODES
                 sign_change = abs((signs * np.sign(nodes - change_point)).sum()) == NODES
-                candidate = Segment(nodes, solution[0], weights, segment.solver)
+                candidate = Segment(nodes, closed.states, weights, segment.solver)
                 if (same_sign or sign_change) and candidate.truncation_error() < MAX_TRUNCATION:
-                    determinants = replace(candidate, states=np.linalg.det(solution[1].matrix)[:, None])
+                    values = np.linalg.det(closed.linearised.matrix)
+                    determinants = replace(candidate, states=values[:, None])
                     return candidate, _root_near(
                         determinants.derivative() if same_sign else determinants, change_point
                     )
@@ -237,12 +269,13 @@ def branch_segment(path: PathStates, segment: Segment, change_point: float) -> S
         same_branch = path.closed(segment.solver, nodes, segment.evaluate(nodes))
         other_branch = path.closed(segment.solver, nodes, segment.evaluate(nodes) + offset)
         if same_branch is not None and other_branch is not None:
-            candidate = Segment(nodes, other_branch[0], weights, segment.solver)
-            deviation = np.abs(other_branch[0] - segment.evaluate(nodes) - offset).max(1)
+            candidate = Segment(nodes, other_branch.states, weights, segment.solver)
+            distances = [branch.linearised.signed_distance for branch in (same_branch, other_branch)]
+            deviation = np.abs(other_branch.states - segment.evaluate(nodes) - offset).max(1)
             near_prediction = (deviation < MAX_DEVIATION * np.abs(offset).max(1)).all()
             if (
                 near_prediction
-                and (same_branch[1].signed_distance * other_branch[1].signed_distance < 0.0).all()
+                and (distances[0] * distances[1] < 0.0).all()
                 and candidate.truncation_error() < MAX_TRUNCATION
             ):
                 return candidate.restricted(change_point, change_point + half_length)

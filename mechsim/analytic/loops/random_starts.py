@@ -54,7 +54,7 @@ def random_poses(
     chunk_size = max(1, int(CHUNK_BYTES / (8 * (loops.rows + tree.count + 1) * (tree.count + 1))))
     for first in range(0, count, chunk_size):
         indices = np.arange(first, min(first + chunk_size, count))
-        yield int(indices[-1]) + 1, closed(loops, select(initial, indices))
+        yield int(indices[-1]) + 1, closed(loops, initial.select(indices))
 
 
 def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
@@ -63,30 +63,24 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
     _, values, right = np.linalg.svd(jacobian[:, loops.unknown, 0])
     null_space = right[int(significant(values, BRANCH_CUTOFF).sum()) :]
     if not len(null_space):
-        return select(q, np.zeros(len(q), dtype=np.bool_))
+        return q.select(np.zeros(len(q), dtype=np.bool_))
     draw = np.random.default_rng(0)
     directions = draw.normal(size=(DIRECTIONS, len(null_space))) @ null_space
     step = np.zeros((loops.tree.count, DIRECTIONS))
     step[loops.unknown] = (BRANCH_DISTANCE * directions / np.linalg.norm(directions, axis=1)[:, None]).T
-    copies = Coordinates(np.repeat(q.values, DIRECTIONS, 1), np.repeat(q.turns, DIRECTIONS, -1))
-    return closed(loops, loops.displaced(copies, step))
+    return closed(loops, loops.displaced(q.repeated(DIRECTIONS), step))
 
 
 def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     """Return coordinates closed from rough ones; those that do not close are left out."""
     system = LoopSystem(loops, loops.unknown)
     result = newton(system, q, APPROACH, _damped)
-    nearly_closed = select(result.q, result.residual < NEARLY_CLOSED)
+    nearly_closed = result.q.select(result.residual < NEARLY_CLOSED)
     result = newton(
         system, nearly_closed, POLISH, lambda matrix, right: least_norm(matrix, right, STEP_CUTOFF)
     )
-    q = select(result.q, result.residual < CLOSED)
-    return select(q, axes_aligned(loops, q))
-
-
-def select(q: Coordinates, which: NDArray[np.bool_] | NDArray[np.intp]) -> Coordinates:
-    """Return some of many coordinates."""
-    return Coordinates(q.values[:, which], q.turns[..., which])
+    q = result.q.select(result.residual < CLOSED)
+    return q.select(axes_aligned(loops, q))
 
 
 def _damped(jacobian: Array, residual: Array) -> Array:

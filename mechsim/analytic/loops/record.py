@@ -10,6 +10,7 @@ from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.link_poses import rotated
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
@@ -43,8 +44,8 @@ def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
 
 
 def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
-    """Return the motion of a point fixed in a moving link."""
-    arm = link.rotation @ np.asarray(local)
+    """Return the motion of a point fixed in a moving link, (3,), or another at each instant, (n, 3)."""
+    arm = rotated(link.rotation, np.asarray(local))
     tangential = cross(link.angular_velocity, arm)
     acceleration = cross(link.angular_acceleration, arm) + cross(link.angular_velocity, tangential)
     return PointMotion(link.position + arm, link.velocity + tangential, link.acceleration + acceleration)
@@ -53,7 +54,7 @@ def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
 def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, JointMotion]:
     """Return the motion of each coordinate of a joint from those of its links; angles are unwrapped."""
     kind = KINDS[joint.kind]
-    a, b = (_link_motion(end.link, links) for end in (joint.a, joint.b))
+    a, b = (link_motion(end.link, links) for end in (joint.a, joint.b))
     values = joint_coordinate(joint, *(Pose(link.position, link.rotation) for link in (a, b)))
     translations, angles = _slides(joint, a, b), _turns(joint, a, b)
     motions: dict[str, JointMotion] = {}
@@ -134,7 +135,8 @@ def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
     ) / sine_squared
 
 
-def _link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
+def link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
+    """Return the motion of a link, or of the ground, which stands still."""
     if name != GROUND:
         return links[name]
     zero = np.zeros_like(next(iter(links.values())).position)

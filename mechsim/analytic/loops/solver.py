@@ -1,6 +1,6 @@
 """Linearised loops of many instants as square systems: independent rows, and a null-space basis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -69,6 +69,21 @@ class Linearised:
             return np.ones(len(self.matrix))
         return self._determinant[0] * self.singular_values[:, -1]
 
+    def last(self, count: int) -> "Linearised":
+        """Return the loops about the last so many of them."""
+        return replace(
+            self,
+            residual=self.residual[:, -count:],
+            jacobian=self.jacobian[..., -count:],
+            matrix=self.matrix[-count:],
+            rhs=self.rhs[-count:],
+        )
+
+    @property
+    def determinant_sign(self) -> Array:
+        """The signs of the determinants, (n,)."""
+        return self._determinant[0]
+
     @property
     def log_determinant(self) -> Array:
         """The logarithm of the determinants' size, (n,)."""
@@ -89,7 +104,7 @@ class LoopSolver:
         loops: the equations.
         rows: indices of independent rows, (r,).
         null_space: basis of the undetermined motion of the unknowns, (nullity, unknowns).
-        reference: coordinates without displacement along it, one set.
+        reference: coordinates without displacement along it, one set, or that of each design.
     """
 
     loops: TreeLoops
@@ -163,13 +178,13 @@ class LoopSolver:
 
     def _pin(self, q: Coordinates, rows: Array, offsets: Array) -> None:
         """Fill in the null-space rows: displacement from the reference along the null-space basis."""
-        loops = self.loops
-        displacement = ((q.values - self.reference.values) / loops.units[:, None])[loops.unknown]
+        loops, reference = self.loops, self.reference.repeated(len(q) // len(self.reference))
+        displacement = ((q.values - reference.values) / loops.units[:, None])[loops.unknown]
         offsets[:] = (self.null_space @ displacement).T
         rows[:] = self.null_space
-        for ball, rotation, reference in zip(loops.tree.balls, q.turns, self.reference.turns, strict=True):
+        for ball, rotation, other in zip(loops.tree.balls, q.turns, reference.turns, strict=True):
             columns = np.searchsorted(loops.unknown, ball.first_angle) + np.arange(3)
-            relative = product(rotation, np.broadcast_to(reference, rotation.shape).transpose(1, 0, 2))
+            relative = product(rotation, other.transpose(1, 0, 2))
             vector = 0.5 * (relative - relative.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
             offsets += (self.null_space[:, columns] @ vector).T
             trace = np.einsum("iin->n", relative)
@@ -198,7 +213,8 @@ def loop_solver(
 
     Args:
         loops: the equations.
-        reference: one set of closed coordinates, away from singular ones.
+        reference: closed coordinates, away from singular ones: one set, or those of each design, of which
+            the first counts.
         previous: null-space basis so far, to which the new one is aligned.
         jacobian: of all rows there, (rows, count, 1), where it is nonzero.
     """

@@ -9,7 +9,7 @@ from mechsim.analytic.loops.assembly_errors import CLOSED, assembly_failure, clo
 from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
 from mechsim.analytic.loops.oracle import completed_poses
-from mechsim.analytic.loops.random_starts import random_poses, select
+from mechsim.analytic.loops.random_starts import random_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS, antiparallel_message
 from mechsim.model.joints import joint_coordinate
@@ -77,7 +77,7 @@ def _from_random_starts(
         raise _closes_elsewhere(loops, initial, batches) or first_error
     best: tuple[float, float] = (MAX_DISTANCE, np.inf)
     chosen: Coordinates | None = None
-    for q in (select(batch, np.array([i])) for batch in batches for i in range(len(batch))):
+    for q in (batch.select(np.array([i])) for batch in batches for i in range(len(batch))):
         rank = (
             _distance_from_guess(mechanism, loops, link_poses(loops.tree, q)),
             float(np.abs(q.values / loops.units[:, None]).max(initial=0.0)),

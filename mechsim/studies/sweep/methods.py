@@ -196,9 +196,7 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
         if assembled is None:
             return every
         started, index = assembled.started, assembled.which
-        motion, valid = many_motion(
-            task.loops, started, angles, task.path_speed, task.joints, rates=task.rated
-        )
+        motion, valid = many_motion(task.loops, started, angles, task.path_speed, task.joints)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return every
     if closed:
@@ -226,7 +224,7 @@ def _loop_swings(
             return others[:0]
         crank = task.within(swings.low, swings.high)
         motion, valid = tracer.motion(
-            swings, crank.angle, crank.speed, crank.acceleration, task.joints, rates=task.rated
+            swings, crank.angle, crank.speed, crank.acceleration, task.joints
         )
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return others[:0]

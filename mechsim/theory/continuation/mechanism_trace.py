@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import require_determined
-from mechsim.analytic.loops.random_starts import poses_around_branch_point, random_poses, select
+from mechsim.analytic.loops.random_starts import poses_around_branch_point, random_poses
 from mechsim.analytic.loops.solver import loop_solver
 from mechsim.analytic.loops.start import assembled
 from mechsim.errors import AssemblyError, InputError, MobilityError
@@ -57,7 +57,7 @@ class CurveSearch:
         by_unknowns = jacobian[:, self.loops.loops.unknown].transpose(2, 0, 1)
         values = np.linalg.svd(by_unknowns, compute_uv=False)
         rank = significant(values, RANK_TOLERANCE).sum(1)
-        self.poses += [select(poses, np.array([i])) for i in range(len(poses))]
+        self.poses += [poses.select(np.array([i])) for i in range(len(poses))]
         self.features = np.concatenate([self.features, self.loops.features.values(placed)])
         self.singular_values = np.concatenate([self.singular_values, self.loops.singular_value(jacobian)])
         self.dofs = np.concatenate([self.dofs, 1 + self.loops.rank - rank])
@@ -268,7 +268,7 @@ def _starting_point(loops: TreeLoops, own: Coordinates) -> tuple[FreeLoops, Coor
     except MobilityError:
         neighbours = poses_around_branch_point(loops, own)
         for i in range(len(neighbours)):
-            neighbour = select(neighbours, np.array([i]))
+            neighbour = neighbours.select(np.array([i]))
             try:
                 return free_loops(loops, neighbour), neighbour
             except MobilityError:

@@ -221,7 +221,7 @@ def _next_segment(
     guesses = [loops.unflat(traced[-1].predicted(loops, low + arcs))] if traced else []
     if length < SHORT_LENGTH or not traced:
         # near high curvature the tangent is less affected by rounding than the polynomial prediction
-        guesses.append(loops.loops.displaced(_repeated(start), straight))
+        guesses.append(loops.loops.displaced(start.repeated(NODES), straight))
     segment = nodes = None
     for guess in guesses:
         nodes = loops.close(solver, guess)
@@ -348,10 +348,6 @@ def _crank(loops: FreeLoops) -> Array:
     along = np.zeros(tree.count)
     along[tree.index_of[tree.mechanism.drivers[0]]] = 1.0
     return along[loops.loops.unknown]
-
-
-def _repeated(coordinates: Coordinates) -> Coordinates:
-    return Coordinates(np.repeat(coordinates.values, NODES, 1), np.repeat(coordinates.turns, NODES, -1))
 
 
 def _blocked_message(loops: FreeLoops, coordinates: Coordinates) -> str:
