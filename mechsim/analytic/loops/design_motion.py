@@ -101,8 +101,8 @@ def many_motion(
     count = started.arrays.count
     motion, solved = empty_motion(like, count * len(angles)), np.zeros(count, dtype=np.bool_)
     for path in _paths_from_start(like, started):
-        for part in followed(path, (angles.max(), angles.min())):
-            for rows in _stored(part, instants, motion):
+        for subset in followed(path, (angles.max(), angles.min())):
+            for rows in _stored(subset, instants, motion):
                 solved[rows] = True
     angle, rate, second = (
         np.tile(values, count) for values in (angles, instants.speed, instants.acceleration)
@@ -150,10 +150,10 @@ def empty_motion(like: SharedLoops, count: int) -> LoopMotion:
     return LoopMotion(*(np.zeros((count, *shape)) for shape in shapes))
 
 
-def store(motion: LoopMotion, index: Rows, part: LoopMotion) -> None:
+def store(motion: LoopMotion, index: Rows, subset: LoopMotion) -> None:
     """Put the motion at some instants into that at all."""
     for field in fields(LoopMotion):
-        getattr(motion, field.name)[index] = getattr(part, field.name)
+        getattr(motion, field.name)[index] = getattr(subset, field.name)
 
 
 def design_record(

@@ -124,11 +124,11 @@ class Divided(Exception):  # noqa: N818
     """Designs cannot go on with the same segments.
 
     Attributes:
-        parts: of them that can, each with the length of its next segment.
+        subsets: of them that can, each with the length of its next segment.
     """
 
-    def __init__(self, *parts: tuple["DesignPaths", float]):
-        self.parts = parts
+    def __init__(self, *subsets: tuple["DesignPaths", float]):
+        self.subsets = subsets
 
 
 class DesignPaths(ContinuationPath):
@@ -153,10 +153,10 @@ class DesignPaths(ContinuationPath):
             id(solver): replace(solver, loops=loops, reference=solver.reference.select(which))
             for solver in (self.first, *(each.solver for half in self.segments.values() for each in half))
         }
-        part = DesignPaths(solvers[id(self.first)], self.prescribed, self.initial, self.policy, self.words)
-        part.sign = self.sign[which]
+        subset = DesignPaths(solvers[id(self.first)], self.prescribed, self.initial, self.policy, self.words)
+        subset.sign = self.sign[which]
         for direction, segments in self.segments.items():
-            part.segments[direction] = [
+            subset.segments[direction] = [
                 replace(
                     segment,
                     states=segment.states.reshape(len(segment.nodes), self.count, -1)[:, which].reshape(
@@ -167,7 +167,7 @@ class DesignPaths(ContinuationPath):
                 )
                 for segment in segments
             ]
-        return part
+        return subset
 
     def accepted(self, segment: Segment, closed: ClosedNodes, direction: int) -> tuple[Segment | None, float]:
         """Return a segment, None if it is rejected for all designs, and the length to try next.
@@ -194,9 +194,9 @@ class DesignPaths(ContinuationPath):
             return segment, longer
         rejected = self.select(~valid)
         segments.append(segment)
-        good = self.select(valid)
-        good.sign = sign[valid]
-        raise Divided((good, longer), (rejected, 0.5 * step))
+        kept = self.select(valid)
+        kept.sign = sign[valid]
+        raise Divided((kept, longer), (rejected, 0.5 * step))
 
     def _solver(self, current: float, direction: int) -> LoopSolver:
         adequate = self.segments[direction][-1].adequate if self.segments[direction] else None
@@ -208,18 +208,18 @@ class DesignPaths(ContinuationPath):
 
 def followed(paths: DesignPaths, targets: Sequence[float]) -> list[DesignPaths]:
     """Return designs followed to parameters, divided as they need; those that fail are left out."""
-    done = [paths]
+    finished = [paths]
     for target in targets:
-        waiting: list[tuple[DesignPaths, float | None]] = [(path, None) for path in done]
-        done = []
+        waiting: list[tuple[DesignPaths, float | None]] = [(path, None) for path in finished]
+        finished = []
         while waiting:
             path, length = waiting.pop()
             try:
                 path.reach(target, 1 if target > path.initial else -1, length)
             except Divided as divided:
-                waiting += divided.parts
+                waiting += divided.subsets
             except AssemblyError:
                 continue
             else:
-                done += [] if path.change_points else [path]
-    return done
+                finished += [] if path.change_points else [path]
+    return finished

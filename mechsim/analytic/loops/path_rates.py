@@ -131,11 +131,11 @@ def closed_chunks(path: ContinuationPath, instants: Instants) -> Iterator[Closed
     Raises:
         AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
     """
-    size = max(1, CHUNK // path.count)
+    per_chunk = max(1, CHUNK // path.count)
     for solver, index, rows in path.chunks(instants.parameter):
-        for i in range(0, len(index), size):
-            indices = index[i : i + size]
-            q = path.unflat(rows[i : i + size], instants.parameter[indices])
+        for i in range(0, len(index), per_chunk):
+            indices = index[i : i + per_chunk]
+            q = path.unflat(rows[i : i + per_chunk], instants.parameter[indices])
             chunk = instants.select(np.repeat(indices, path.count))
             yield ClosedChunk(solver, indices, chunk, *_closed(path, solver, chunk, q))
 
