@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ball_joints import fourth_order_only
 from typed_call import Call
 
 from mechsim import __version__, catalog, cli, files
@@ -300,6 +301,7 @@ def test_validate_prints_the_contracts_json_and_nothing_else(mechsim: Call) -> N
             assert check["passed"] is (check["worst"] <= check["tolerance"])
 
 
+@fourth_order_only
 def test_validate_swings_a_crank_that_cannot_turn_fully(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "--set", "rocker=9mm", "--json")
     assert answer.code == 0

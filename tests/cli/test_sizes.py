@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from ball_joints import fourth_order_only
 
 from mechsim import catalog, cli, dynamics, files, motors, units
 from mechsim.analytic.dynamics.free_motion import Runner
@@ -242,7 +243,9 @@ def test_long_work_says_how_long_it_goes_on(
     ]
 
 
-@pytest.mark.parametrize(("method", "roads"), [("pose", 3), ("step", 3), ("none", 1)])
+@pytest.mark.parametrize(
+    ("method", "roads"), [("pose", 3), pytest.param("step", 3, marks=fourth_order_only), ("none", 1)]
+)
 def test_dynamics_say_on_every_road_how_far_they_have_come(
     method: str, roads: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
