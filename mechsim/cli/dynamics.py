@@ -52,9 +52,12 @@ from mechsim.verdict.checks import Verdict
 # numbers of an instant besides those of its joints, and bytes of memory for each
 INSTANT_NUMBERS, NUMBER_BYTES = 40.0, 16.0
 # columns of efforts that state instant and motion of the crank -> unit
-INSTANT_UNITS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"}
-# and of free runs
-INSTANT_UNITS |= {"motor": "N m", "work": "J", "lost": "J"}
+INSTANT_UNITS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"} | {
+    # of free runs
+    "motor": "N m",
+    "work": "J",
+    "lost": "J",
+}
 
 STIFF_MOTOR = (
     "only energies differ: the motor brings the crank to its speed within a few records of MuJoCo's run, "

@@ -1,6 +1,6 @@
 """Command `mechsim extremes`: every axis pushed until a run fails."""
 
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated, TypedDict, cast
 
 import typer
 
@@ -87,8 +87,8 @@ def extremes(
         plots.write(folder / "extremes.svg", extremes_map(result))
         write_json(folder / "extremes.json", result.as_dict())
         files = [str(folder / "extremes.svg"), str(folder / "extremes.json")]
-    data = result.as_dict()
-    return Result(data, lambda: _print(result), result.passed, files)  # pyright: ignore[reportArgumentType]
+    data = cast("ExtremesJson", result.as_dict())
+    return Result(data, lambda: _print(result), result.passed, files)
 
 
 def _print(result: "StabilityMap") -> None:

@@ -1,7 +1,7 @@
 """Command `mechsim plot`: one of the kinds of `report.plot_table` in a file."""
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -114,5 +114,5 @@ def plot(
 
 
 def _written(name: str, kind: str, output: str, masses: Sequence[LinkMass] = ()) -> Result[PlotJson]:
-    data: PlotJson = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
+    data = cast("PlotJson", {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)})
     return Result(data, lambda: print_masses(masses), files=[output])

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import typer
@@ -228,8 +228,8 @@ def _written(
         typer.echo(f"wrote {'' if frames is None else f'{frames} frames to '}{output}")
         print_masses(masses)
 
-    data: RenderJson = {"mechanism": name, "output": output, "frames": frames, **masses_in_json(masses)}
-    return Result(data, text)
+    data = {"mechanism": name, "output": output, "frames": frames, **masses_in_json(masses)}
+    return Result(cast("RenderJson", data), text)
 
 
 def _assembly_curve(

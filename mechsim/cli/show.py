@@ -1,7 +1,7 @@
 """Commands `mechsim list` and `mechsim show`: the mechanisms, and what is known of one without a run."""
 
 import math
-from typing import Annotated, Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
@@ -159,7 +159,7 @@ def show(
         elif data["duration"] is not None:
             typer.echo(f"duration of the motion laws: {number(data['duration'])} s")
 
-    return Result(data | findings_in_json(findings), text)  # pyright: ignore[reportArgumentType]
+    return Result(cast("ShowJson", data | findings_in_json(findings)), text)
 
 
 def _print_structure(data: dict[str, Any]) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 import typer
@@ -176,7 +176,7 @@ def simulate(
 
     data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
     data |= digits_in_json(few) | findings_in_json(findings)
-    return Result(data, text, run.outcome == "passed")  # pyright: ignore[reportArgumentType]
+    return Result(cast("RunJson", data), text, run.outcome == "passed")
 
 
 def _print_written(output: str | None, rows: int) -> None:

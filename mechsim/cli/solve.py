@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
+from typing import TypedDict, cast
 
 import numpy as np
 import typer
@@ -188,21 +188,20 @@ def _whole(
 
     data = {"mechanism": solver.name, "rows": len(motion), "output": None if path is None else str(path)}
     data |= {"columns": dict(motion.columns())} | digits_in_json(few)
-    return Result(data, text)  # pyright: ignore[reportArgumentType]
+    return Result(cast("SolveJson", data), text)
 
 
 def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) -> None:
     """Write or print a motion as .csv chunk by chunk, in constant memory."""
-    instants, few = task.instants, None
+    instants, fewest = task.instants, list[FewDigits]()
     if not isinstance(task.solver, ClosedForm):
         # loop equations that cannot be followed over the whole motion fail before a row is written
         task.motion_at(np.array([instants.min(), instants.max()]))
 
     def chunks() -> Iterator[files.Tabled]:
-        nonlocal few
         for first in range(0, len(instants), CHUNK):
             motion = task.motion_at(instants[first : first + CHUNK])
-            few = fewest_digits(few, few_digits(task.solver, motion))
+            fewest.extend(filter(None, [few_digits(task.solver, motion)]))
             yield _labelled(motion, shown)
             report()
 
@@ -211,7 +210,8 @@ def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) ->
             _print_csv(chunks())
         else:
             files.write_records(path, chunks())
-    if isinstance(few, FewDigits):
+    few = fewest_digits(*fewest)
+    if few is not None:
         few.warn()
     if path is not None:
         typer.echo(f"wrote {len(instants)} rows to {path}")

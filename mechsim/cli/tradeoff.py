@@ -2,7 +2,7 @@
 
 import textwrap
 from pathlib import Path
-from typing import Annotated, Any, NotRequired, TypedDict
+from typing import Annotated, Any, NotRequired, TypedDict, cast
 
 import numpy as np
 import typer
@@ -171,7 +171,7 @@ def tradeoff(
             f"mechsim: took {timer.spent:.2g} s, more than the budget of {timer.seconds:g} s: a short trial, "
             "with what must be loaded and built for it, takes that long"
         )
-    return Result(data, text, files=[output, plot])  # pyright: ignore[reportArgumentType]
+    return Result(cast("TradeoffJson", data), text, files=[output, plot])
 
 
 def _timed_budget(budget: str, *, drawn: bool) -> Budget:

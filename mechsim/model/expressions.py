@@ -24,6 +24,10 @@ MAX_CHARACTERS, MAX_DEPTH = 500, 50
 MAX_EXPONENT = 64.0
 
 
+# which value without a unit was added to quantities with one
+Mixed = Literal["", "number", "variable"]
+
+
 @dataclass(frozen=True, slots=True)
 class Term:
     """A value in an expression.
@@ -36,7 +40,7 @@ class Term:
 
     value: Any
     powers: Powers = PLAIN
-    without_unit: Literal["", "number", "variable"] = ""
+    without_unit: Mixed = ""
 
     @property
     def dimensionless(self) -> bool:
@@ -223,13 +227,22 @@ def _of_shared_unit(terms: Sequence[Term]) -> Term:
             raise InputError(
                 f"puts {with_unit[0].description} and {term.description} together; give both one unit"
             )
-    added: list[Literal["", "number", "variable"]] = [term.without_unit for term in terms]
-    if with_unit:
-        bare = [term for term in terms if term.dimensionless and not term.zero]
-        added += [
-            "variable" if isinstance(term.value, Jet) or np.ndim(term.value) else "number" for term in bare
-        ]
-    return replace(terms[0], powers=with_unit[0].powers if with_unit else PLAIN, without_unit=max(added))
+    powers = with_unit[0].powers if with_unit else PLAIN
+    added = [*terms, *map(_added, terms)] if with_unit else terms
+    return replace(terms[0], powers=powers, without_unit=_mixed(added))
+
+
+def _added(term: Term) -> Term:
+    """Return a term that is added to quantities with a unit."""
+    if not term.dimensionless or term.zero:
+        return term
+    varies = isinstance(term.value, Jet) or np.ndim(term.value) > 0
+    return replace(term, without_unit="variable" if varies else "number")
+
+
+def _mixed(terms: Sequence[Term]) -> Mixed:
+    kinds = {term.without_unit for term in terms}
+    return "variable" if "variable" in kinds else "number" if "number" in kinds else ""
 
 
 def _sum(first: Term, second: Term) -> Term:
@@ -242,12 +255,12 @@ def _difference(first: Term, second: Term) -> Term:
 
 def _product(first: Term, second: Term) -> Term:
     powers = tuple(a + b for a, b in zip(first.powers, second.powers, strict=True))
-    return Term(first.value * second.value, powers, max(first.without_unit, second.without_unit))
+    return Term(first.value * second.value, powers, _mixed([first, second]))
 
 
 def _quotient(first: Term, second: Term) -> Term:
     powers = tuple(a - b for a, b in zip(first.powers, second.powers, strict=True))
-    return Term(first.value / second.value, powers, max(first.without_unit, second.without_unit))
+    return Term(first.value / second.value, powers, _mixed([first, second]))
 
 
 def _power(base: Term, exponent: Term) -> Term:

@@ -454,7 +454,7 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
         cosine = 0.5 * (relative[0][0] + relative[1][1] + relative[2][2] - 1.0)
         axis = [0.5 * (relative[i - 1][i - 2] - relative[i - 2][i - 1]) for i in range(3)]
         if signed and normal is not None:
-            return turn_of(sum(n * a for n, a in zip(normal, axis, strict=True)), cosine)
+            return turn_of(np.sum([n * a for n, a in zip(normal, axis, strict=True)], axis=0), cosine)
         return turn_of(_length(axis), cosine)
 
     return columns, angle, "rad"

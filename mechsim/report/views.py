@@ -58,9 +58,10 @@ def crank_grids(
     Raises:
         AssemblyError: where its own assembly can stand nowhere.
     """
-    if not isinstance(solver, ClosedForm):
+    if isinstance(solver, LoopForm):
         # by hand it goes everywhere that the crank's own range lets it
         return [crank_grid(replace(solver, ranges={}), "own assembly", speed, limits)]
+    assert isinstance(solver, ClosedForm)
     return [crank_grid(assembly, _called(assembly), speed, limits) for assembly in (solver, *_others(solver))]
 
 

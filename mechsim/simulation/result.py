@@ -102,6 +102,4 @@ class SteppedFreeRun(RunRecord):
 
     efforts: ForceRecord
     free: FreeRun
-    timestep: float
-    settings: Settings
     masses: tuple[LinkMass, ...] = ()

@@ -1,5 +1,6 @@
 """Motions along mode shapes, to be drawn: a vibration of visible amplitude about an equilibrium."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,15 +50,7 @@ def mode_motion(equilibrium: Equilibrium, number: int, samples: int = 72) -> Mod
         raise InputError(f"there is no mode {number}; this equilibrium has modes 1 to {count}")
     mode, linear = equilibrium.modes[number - 1], equilibrium.linear
     period = 1.0 / mode.frequency if mode.frequency > 0.0 else STILL_PERIOD
-    amplitude = AMPLITUDE
-    for halving in range(HALVINGS + 1):
-        try:
-            motion = _cycle(linear, mode, amplitude, period, samples)
-            break
-        except AssemblyError:
-            if halving == HALVINGS:
-                raise
-            amplitude *= 0.5
+    motion = _largest_cycle(linear, mode, period, samples)
     damping = f"{mode.damping_ratio:.3g}"
     return ModeMotion(f"mode {number}: {mode.frequency:.4g} Hz, damping ratio {damping}", period, motion)
 
@@ -65,6 +58,16 @@ def mode_motion(equilibrium: Equilibrium, number: int, samples: int = 72) -> Mod
 def mode_motions(equilibrium: Equilibrium, samples: int = 72) -> list[ModeMotion]:
     """Return a cycle along each mode shape; see `mode_motion`."""
     return [mode_motion(equilibrium, number, samples) for number in range(1, len(equilibrium.modes) + 1)]
+
+
+def _largest_cycle(linear: LinearModel, mode: Mode, period: float, samples: int) -> Motion:
+    """Return configurations along a mode shape, at the largest amplitude at which the loops close."""
+    amplitude = AMPLITUDE
+    for _ in range(HALVINGS):
+        with suppress(AssemblyError):
+            return _cycle(linear, mode, amplitude, period, samples)
+        amplitude *= 0.5
+    return _cycle(linear, mode, amplitude, period, samples)
 
 
 def _cycle(linear: LinearModel, mode: Mode, amplitude: float, period: float, samples: int) -> Motion:

@@ -176,7 +176,7 @@ def response(
     at_rest = equations.kinematics(linear.q, np.zeros((equations.loops.tree.count, 1)))
     entry, reading = (change_from(equations, at_rest, each) for each in (displacement, quantity))
     frequencies = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
-    derivative: NDArray[np.complex128] = (2j * np.pi * frequencies) ** order
+    derivative = np.asarray((2j * np.pi * frequencies) ** order, dtype=np.complex128)
     return derivative * linear.response(entry, reading, frequencies)
 
 

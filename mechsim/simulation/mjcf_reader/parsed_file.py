@@ -119,8 +119,8 @@ def _spec_of_model(model: mujoco.MjModel) -> mujoco.MjSpec:
         spec.copy_back(model)
         same = bytes(compiled(spec).names) == bytes(model.names)
     except (mujoco.FatalError, ValueError):
-        same = False
-    if not same:
+        spec, same = None, False
+    if spec is None or not same:
         raise InputError(
             f"{model_label(model)} is not the model that MuJoCo loaded last from XML, so that its "
             "specification is unknown; give the MjSpec or the file"

@@ -302,6 +302,7 @@ def _other_assemblies(evaluation: EvaluationPoints) -> list[tuple[str, Form]]:
     solver = evaluation.solver
     if isinstance(solver, ClosedForm):
         return list(_of_catalogue(solver, float(evaluation.angle[len(evaluation) // 3])))
+    assert isinstance(solver, LoopForm)
     return _assemblies_from_random_starts(solver)
 
 

@@ -105,7 +105,8 @@ def attempt(
         expected=expected,
     )
     try:
-        run = simulate(solver.mechanism if source is None else source, **{"method": "step", **options})
+        arguments: dict[str, Any] = {"method": "step", **options}
+        run = simulate(solver.mechanism if source is None else source, **arguments)
     except MechsimError:
         return replace(trial, right=expected or ("passed" if reachable else "cannot assemble"))
     right, error = _true_outcome(solver, run)

@@ -390,7 +390,7 @@ def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -
     return f"<!--\n{text}\n-->\n{reduction.text}"
 
 
-def line(item: LeftOut, by: str, unit: str) -> str:
+def line(item: LeftOut, by: By, unit: str) -> str:
     """Return the line of an applied candidate."""
     error, ratio = item.alone_errors.by(by), item.time_ratio
     if not error < float("inf"):

@@ -157,7 +157,7 @@ def _singularity_distance(run: SceneRun) -> Array:
     with np.errstate(all="ignore"):
         jacobian = loops.linearise(run.scene.closure.coordinates_of(run.qpos))[1]
     matrix = np.moveaxis(jacobian[:, loops.unknown], -1, 0)
-    valid = np.isfinite(matrix).all(axis=(1, 2))
+    valid = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
     values = np.linalg.svd(np.where(valid[:, None, None], matrix, 0.0), compute_uv=False)
     rank = int(significant(values[0], floor=0.0).sum())
     least = values[:, rank - 1] / values[0, rank - 1] if rank else np.ones(len(valid))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import select_instants
@@ -138,7 +138,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
 
 def with_closed_start(solver: Form) -> Form:
     """Return a design that starts assembled, so that MuJoCo and the formulas use the same assembly."""
-    if isinstance(solver, ClosedForm):
+    if not isinstance(solver, LoopForm):
         return solver
     return replace(solver, mechanism=with_closed_guess(solver.mechanism))
 

@@ -10,6 +10,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import AXES
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.python_object import PythonObject
@@ -64,7 +65,7 @@ class OfToml:
         changed = {name: as_text(value, self.units.get(name, "1")) for name, value in values.items()}
         solver = toml_model(self.source, {**self.fixed, **changed}).solver
         mechanism = solver.mechanism
-        if len(mechanism.guess) == len(mechanism.links):
+        if not isinstance(solver, LoopForm) or len(mechanism.guess) == len(mechanism.links):
             return solver
         return replace(solver, mechanism=replace(mechanism, guess={**self.guess, **mechanism.guess}))
 

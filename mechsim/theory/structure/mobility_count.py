@@ -253,7 +253,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     Source: papers.md sections 1-4 for the counts; rank of the loop Jacobian, `closure.dof_count`.
     """
     stands = _stands(mechanism)
-    ranked: list[tuple[DofCount, dict[str, Pose]]] = [
+    ranked: list[tuple[DofCount, Mapping[str, Pose]]] = [
         (dof_count(mechanism, poses), poses) for poses in stands
     ]
     best, poses = max(ranked, key=lambda item: item[0].rank)
@@ -272,7 +272,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     )
 
 
-def _stands(mechanism: Mechanism) -> list[dict[str, Pose]]:
+def _stands(mechanism: Mechanism) -> list[Mapping[str, Pose]]:
     """Return the assembled start, then what closes a little to either side of it."""
     stands = [assemble(mechanism, [mechanism.start])]
     for aside in (ASIDE, -ASIDE):
