@@ -36,7 +36,12 @@ STATISTICS: dict[str, Callable[[Array], Array]] = {
 FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
 # name -> unit of vibrations and runs from an initial state; of peaks that of the quantity
 RELEASED = {"frequency": "Hz", "damping_ratio": "1", "settling": "s", "peak": ""}
-WORDS = ("range:J", "stroke:P", *(f"{word}:Q" for word in STATISTICS), "at:ANGLE:Q", *FACTS) + (
+WORDS = (
+    "range:J",
+    "stroke:P",
+    *(f"{word}:Q" for word in STATISTICS),
+    "at:ANGLE:Q",
+    *FACTS,
     "frequency:N",
     "damping_ratio:N",
     "settling:Q",
