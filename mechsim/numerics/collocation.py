@@ -34,6 +34,11 @@ class Interpolant:
         return float(min(self.nodes[0], self.nodes[-1]))
 
     @property
+    def high(self) -> float:
+        """Its highest parameter."""
+        return float(max(self.nodes[0], self.nodes[-1]))
+
+    @property
     def length(self) -> float:
         """The range of the parameter."""
         return abs(float(self.nodes[-1] - self.nodes[0]))
@@ -50,6 +55,10 @@ class Interpolant:
             weights[cancelled] = np.eye(len(self.nodes))[np.abs(distance[cancelled]).argmin(1)]
             total[cancelled] = 1.0
         return (weights / total) @ self.states
+
+    def value_at(self, s: float) -> Array:
+        """Return the polynomial at one parameter, (w,)."""
+        return self.evaluate(np.array([s]))[0]
 
     def derivative(self) -> Self:
         """Return the polynomial's derivative, through the same nodes."""
@@ -99,28 +108,17 @@ def _chebyshev(count: int) -> tuple[Array, Array]:
     return np.cos(np.pi * np.arange(count) / (count - 1)), weights
 
 
-def fitted(x: Array, values: Array) -> Array:
-    """Return the coefficients (n, w) of the polynomials through values (n, w) at x (n,) in [-1, 1].
-
-    Raises:
-        LinAlgError: where two x are one.
-    """
-    return np.linalg.solve(chebyshev.chebvander(x, len(x) - 1), values).astype(np.float64, copy=False)
+def through(nodes: Array, states: Array) -> Interpolant:
+    """Return the polynomial through values (k, w) at any nodes (k,)."""
+    distance = 4.0 * (nodes[:, None] - nodes) / np.ptp(nodes)
+    np.fill_diagonal(distance, 1.0)
+    return Interpolant(nodes, states, 1.0 / distance.prod(1))
 
 
-def smoothed(x: Array, values: Array, degree: int) -> Array:
-    """Return the coefficients (degree + 1, w) of the polynomials nearest to values (n, w) at x (n,)."""
-    return np.linalg.lstsq(chebyshev.chebvander(x, degree), values)[0].astype(np.float64, copy=False)
-
-
-def value(coefficients: Array, x: Array) -> Array:
-    """Return polynomials at x (n,), (n, w)."""
-    return np.asarray(chebyshev.chebval(x, coefficients), dtype=np.float64).T
-
-
-def derivative(coefficients: Array, order: int = 1) -> Array:
-    """Return the coefficients of a derivative by x."""
-    return np.asarray(chebyshev.chebder(coefficients, order), dtype=np.float64)
+def extrapolated(x: Array, values: Array, degree: int, points: Array) -> Array:
+    """Return the polynomials of a degree nearest to values (n, w) at x (n,) in [-1, 1], beyond it (m, w)."""
+    coefficients = np.linalg.lstsq(chebyshev.chebvander(x, degree), values)[0]
+    return np.asarray(chebyshev.chebval(points, coefficients), dtype=np.float64).T
 
 
 def integral(x: Array, values: Array) -> Array:
@@ -131,5 +129,5 @@ def integral(x: Array, values: Array) -> Array:
     """
     half = 0.5 * (x[-1] - x[0])
     scaled = (x - x[0]) / half - 1.0
-    whole = np.asarray(chebyshev.chebint(fitted(scaled, values[:, None]), lbnd=-1.0), dtype=np.float64)
-    return half * value(whole, scaled)[:, 0]
+    coefficients = np.linalg.solve(chebyshev.chebvander(scaled, len(x) - 1), values)
+    return half * np.asarray(chebyshev.chebval(scaled, chebyshev.chebint(coefficients, lbnd=-1.0)))

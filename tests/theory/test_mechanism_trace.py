@@ -220,7 +220,7 @@ def test_poses_of_one_curve_are_not_taken_for_those_of_another():
     loops = found.curves[0].loops
     for i, curve in enumerate(found.curves):
         walked = curve.traced.segments[3]
-        marks = walked.evaluate(walked.feature_coefficients, np.linspace(walked.low, walked.high, 7))
+        marks = walked.features.evaluate(np.linspace(walked.low, walked.high, 7))
         on = [mechanism_trace.lie_on(other, marks).all() for other in found.curves]
         assert on == [k == i for k in range(len(found.curves))]
         astray = marks + 1e-5 * np.eye(marks.shape[1])[0]

@@ -1,7 +1,7 @@
 """One closed curve of assemblies: poses anywhere along it, and where its coordinates turn back."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion, short_repr
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.collocation import derivative
+from mechsim.numerics.collocation import Interpolant
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import FreeLoops
@@ -102,9 +102,9 @@ class CurveJoints:
         return np.array([column.unit == "rad" for column in self.columns], dtype=np.float64)
 
     @cached_property
-    def tables(self) -> list[Array]:
-        """Coefficients of their polynomials for each segment, (k, columns)."""
-        tables: list[Array] = []
+    def tables(self) -> list[Interpolant]:
+        """Their polynomials for each segment."""
+        tables: list[Interpolant] = []
         last: Array | None = None
         angles = self.angular > 0.0
         for segment in self.traced.segments:
@@ -113,13 +113,12 @@ class CurveJoints:
             if last is not None:
                 values += self.angular * REVOLUTION * np.round((last - values[0]) / REVOLUTION)
             last = values[-1]
-            tables.append(segment.fitted(values))
+            tables.append(Interpolant(segment.nodes, values, segment.weights))
         return tables
 
     def interpolated(self, arc: float) -> Array:
         """Return the interpolated coordinates at an arc, (columns,)."""
-        i = self.traced.segment_index(arc)
-        return self.traced.segments[i].evaluate(self.tables[i], np.array([arc]))[0]
+        return self.tables[self.traced.segment_index(arc)].value_at(arc)
 
     @cached_property
     def gains(self) -> Array:
@@ -128,6 +127,13 @@ class CurveJoints:
             self.angular
             * REVOLUTION
             * np.round((self.interpolated(self.traced.length) - self.interpolated(0.0)) / REVOLUTION)
+        )
+
+    def rate(self, column: int, arc: float, order: int = 1) -> float:
+        """Return a derivative of a coordinate by arc."""
+        table = self.tables[self.traced.segment_index(arc)]
+        return float(
+            _differentiated(replace(table, states=table.states[:, [column]]), order).value_at(arc)[0]
         )
 
     def turns(self) -> list[tuple[int, bool, float]]:
@@ -149,10 +155,10 @@ class CurveJoints:
     def _samples(self) -> tuple[Array, Array, Array]:
         """Return arcs over the whole curve, and values and rates there, (n, columns)."""
         chunks: list[tuple[Array, Array, Array]] = []
-        for segment, table in zip(self.traced.segments, self.tables, strict=True):
-            grid = np.linspace(segment.low, segment.high, SAMPLES, endpoint=False)
+        for table in self.tables:
+            grid = np.linspace(table.low, table.high, SAMPLES, endpoint=False)
             grid = grid[grid < self.traced.length]
-            chunks.append((grid, segment.evaluate(table, grid), segment.evaluate(derivative(table), grid)))
+            chunks.append((grid, table.evaluate(grid), table.derivative().evaluate(grid)))
         grid, values, rates = (np.concatenate(column) for column in zip(*chunks, strict=True))
         return grid, values, rates
 
@@ -160,9 +166,7 @@ class CurveJoints:
         """Return the arc between two at which a coordinate has a turning point."""
 
         def rate(arc: float) -> float:
-            i = self.traced.segment_index(arc)
-            fit = derivative(self.tables[i][:, [column]])
-            return float(self.traced.segments[i].evaluate(fit, np.array([arc]))[0, 0])
+            return self.rate(column, arc)
 
         return root(rate, low, high) if rate(low) * rate(high) < 0.0 else high
 
@@ -308,10 +312,8 @@ class AssemblyCurve:
             singular = np.zeros(len(rows), dtype=np.bool_)
             for branch_point in self.branch_points:
                 singular |= np.abs(arcs[rows] - branch_point) < MIN_DISTANCE_FROM_BRANCH_POINT
-            placed = self.loops.corrected(
-                segment.solver, segment.evaluate(segment.coefficients, arcs[rows]), singular
-            )
-            interpolated = segment.evaluate(self.joints.tables[i], arcs[rows])
+            placed = self.loops.corrected(segment.solver, segment.evaluate(arcs[rows]), singular)
+            interpolated = self.joints.tables[i].evaluate(arcs[rows])
             joints = read_joints(tree, placed)
             joints += self.joints.angular * REVOLUTION * np.round((interpolated - joints) / REVOLUTION)
             chunks.append((joints, placed.position, placed.rotation))
@@ -379,7 +381,10 @@ def even_motion(curve: AssemblyCurve, steps: int, duration: float) -> Motion:
         name: _link_motion(poses.poses[name], first[:, i], second[:, i])
         for name, i in curve.loops.loops.tree.links.items()
     }
-    crank = [np.array([_crank_rate(curve, value, order) for value in arc.tolist()]) for order in (1, 2)]
+    column = curve.joints.columns.index(curve.driver)
+    crank = [
+        np.array([curve.joints.rate(column, value, order) for value in arc.tolist()]) for order in (1, 2)
+    ]
     return Motion(
         source="loop equations",
         angle=poses.angle,
@@ -404,17 +409,14 @@ def _rates(curve: AssemblyCurve, arc: Array, order: int) -> Array:
         segment, poses = traced.segments[i], link_poses(tree, traced.segments[i].coordinates)
         links, n = poses.position.shape[0], poses.position.shape[2]
         states = np.concatenate([poses.position, poses.rotation.reshape(links, 9, n)], 1)
-        fit = derivative(segment.fitted(states.reshape(-1, n).T), order)
-        scale = (2.0 / (segment.high - segment.low)) ** order
-        rates[indices == i] = scale * segment.evaluate(fit, arc[indices == i]).reshape(-1, links, 12)
+        table = _differentiated(Interpolant(segment.nodes, states.reshape(-1, n).T, segment.weights), order)
+        rates[indices == i] = table.evaluate(arc[indices == i]).reshape(-1, links, 12)
     return rates
 
 
-def _crank_rate(curve: AssemblyCurve, arc: float, order: int) -> float:
-    i = curve.traced.segment_index(arc)
-    segment, column = curve.traced.segments[i], curve.joints.columns.index(curve.driver)
-    fit = derivative(curve.joints.tables[i][:, [column]], order)
-    return float(segment.evaluate(fit, np.array([arc]))[0, 0]) * (2.0 / (segment.high - segment.low)) ** order
+def _differentiated(table: Interpolant, order: int) -> Interpolant:
+    """Return a derivative of a polynomial."""
+    return table if order == 0 else _differentiated(table.derivative(), order - 1)
 
 
 def _link_motion(pose: Pose, first: Array, second: Array) -> LinkMotion:

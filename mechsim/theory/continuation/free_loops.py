@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, cross, twists
-from mechsim.analytic.loops.solver import LoopSolver
+from mechsim.analytic.loops.path_rates import regularised
+from mechsim.analytic.loops.solver import NEARBY, Linearised, LoopSolver
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.errors import MobilityError
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import significant
 
 # component of a unit motion below which a coordinate or a point is at rest
@@ -138,10 +140,36 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
     )
 
 
-# residual of a converged pose, and limit on Newton steps
-MAX_RESIDUAL, MAX_STEPS = 1e-12, 8
-# Newton step, in radians or relative to the characteristic length, beyond which the corrector gives up
-MAX_STEP = 0.3
+# residual of a converged pose, in [rad] and characteristic lengths
+MAX_RESIDUAL = 1e-12
+# Newton's method from the prediction of a node, to rounding; and two steps from a pose that is interpolated
+CORRECTOR = NewtonSettings(tolerance=1e-15, max_displacement=NEARBY.max_displacement)
+FINAL = NewtonSettings(max_iterations=2, last_step=0.0)
+
+
+@dataclass(frozen=True)
+class PlacedNodes:
+    """The equations of nodes at given lengths along the tangent of a solver, for `numerics.newton`.
+
+    Attributes:
+        solver: the equations; its first null-space vector is the tangent.
+        rank: number of independent equations: the row after them measures the length.
+        length: of each node, (n,).
+    """
+
+    solver: LoopSolver
+    rank: int
+    length: Array
+
+    def linearise(self, q: Coordinates) -> Linearised:
+        """Return the equations linearised about n configurations."""
+        linearised = self.solver.linearise(q)
+        linearised.rhs[:, self.rank] -= self.length
+        return linearised
+
+    def retract(self, q: Coordinates, step: Array) -> Coordinates:
+        """Return configurations displaced by steps of the unknowns, (n, u)."""
+        return self.solver.retract(q, step)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,24 +235,14 @@ class FreeLoops:
 
     def close(self, solver: LoopSolver, guess: Coordinates) -> CorrectedNodes | None:
         """Return a guess corrected perpendicular to the curve; None where Newton's method fails."""
-        coordinates, system = guess, solver.linearise(guess)
-        length, before = system.rhs[:, self.rank].copy(), np.inf
-        for _ in range(MAX_STEPS):
-            right = system.rhs.copy()
-            right[:, self.rank] -= length
-            worst = float(np.abs(right).max())
-            if worst <= 1e-15 or (worst < 1e-13 and worst > 0.1 * before):
-                break
-            before = worst
-            try:
-                step = solver.step(system.matrix, right)
-            except np.linalg.LinAlgError:
-                return None
-            if not np.abs(step).max() < MAX_STEP:
-                return None
-            coordinates = self.loops.displaced(coordinates, step)
-            system = solver.linearise(coordinates)
-        if not np.abs(system.residual).max(initial=0.0) < MAX_RESIDUAL:
+        length = solver.linearise(guess).rhs[:, self.rank].copy()
+        try:
+            result = newton(PlacedNodes(solver, self.rank, length), guess, CORRECTOR)
+        except np.linalg.LinAlgError:
+            return None
+        coordinates, system = result.q, result.linearised
+        largest = float(np.abs(system.residual).max(initial=0.0))
+        if not (largest < MAX_RESIDUAL and np.isfinite(result.displacement).all()):
             return None
         ahead = np.zeros(system.matrix.shape[1])
         ahead[self.rank] = 1.0
@@ -250,15 +268,13 @@ class FreeLoops:
 
     def corrected(self, solver: LoopSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
         """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""
-        coordinates = self.unflat(rows)
-        system = solver.linearise(coordinates)
-        for _ in range(2):
-            right = np.where(singular[:, None], 0.0, system.rhs)
+
+        def solve(matrix: Array, right: Array) -> Array:
+            right = np.where(singular[:, None], 0.0, right)
             right[:, self.rank :] = 0.0
-            matrix = np.where(singular[:, None, None], np.eye(system.matrix.shape[1]), system.matrix)
-            coordinates = self.loops.displaced(coordinates, solver.step(matrix, right))
-            system = solver.linearise(coordinates)
-        return system.poses
+            return square_solution(regularised(matrix, singular), right)
+
+        return newton(solver, self.unflat(rows), FINAL, solve).linearised.poses
 
     def nearest_singularity(
         self, rows: Callable[[Array], Array], low: float, high: float

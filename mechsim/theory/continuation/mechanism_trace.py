@@ -83,7 +83,7 @@ class CurveSearch:
         curve = self.curves[index]
         for arc in curve.branch_points:
             segment = curve.traced.segments[curve.traced.segment_index(arc)]
-            coordinates = self.loops.unflat(segment.evaluate(segment.coefficients, np.array([arc])))
+            coordinates = self.loops.unflat(segment.evaluate(np.array([arc])))
             self.add(poses_around_branch_point(self.loops.loops, coordinates), counted=False)
 
     def trace_all(self) -> None:
@@ -127,9 +127,7 @@ class CurveSearch:
 def lie_on(curve: AssemblyCurve, features: Array) -> NDArray[np.bool_]:
     """Return which of n poses, given by their features, lie on a curve, (n,)."""
     arcs = np.concatenate([segment.nodes for segment in curve.traced.segments])
-    node_features = np.concatenate(
-        [segment.evaluate(segment.feature_coefficients, segment.nodes) for segment in curve.traced.segments]
-    )
+    node_features = np.concatenate([segment.features.states for segment in curve.traced.segments])
     on, spacing = np.zeros(len(features), dtype=np.bool_), (np.diff(arcs, append=curve.length) ** 2).max()
     for i, pose in enumerate(features):
         distances = ((node_features - pose) ** 2).sum(1)
@@ -147,10 +145,9 @@ def _distance(curve: AssemblyCurve, arc: float, features: Array) -> float:
     for _ in range(6):
         arc %= curve.length
         segment = curve.traced.segments[curve.traced.segment_index(arc)]
-        position = np.array([arc])
-        gap = features - segment.evaluate(segment.feature_coefficients, position)[0]
+        gap = features - segment.features.value_at(arc)
         distance = float(np.abs(gap).max())
-        derivative = segment.evaluate(segment.feature_derivatives, position)[0]
+        derivative = segment.feature_rates.value_at(arc)
         step = float(gap @ derivative) / float(derivative @ derivative)
         # converged: the step no longer changes the distance
         if abs(step) < 0.1 * ON_CURVE:
@@ -283,7 +280,7 @@ def _merged_branch_points(curves: tuple[AssemblyCurve, ...]) -> tuple[BranchPoin
     for i, curve in enumerate(curves):
         for arc in curve.branch_points:
             segment = curve.traced.segments[curve.traced.segment_index(arc)]
-            values = segment.evaluate(segment.feature_coefficients, np.array([arc]))[0]
+            values = segment.features.value_at(arc)
             index = next(
                 (k for k, other in enumerate(features) if np.abs(other - values).max() < ON_CURVE), None
             )

@@ -7,7 +7,7 @@ located, and no node lies near it, since the equations are singular there.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,9 +16,9 @@ from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.errors import AssemblyError
-from mechsim.numerics import collocation
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.collocation import Interpolant, extrapolated, integral, through
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import CorrectedNodes, FreeLoops
 
@@ -79,56 +79,36 @@ MAX_SEGMENTS = 3000
 
 
 @dataclass(frozen=True)
-class CurveSegment:
-    """A segment of a curve.
+class CurveSegment(Interpolant):
+    """A segment of a curve: polynomials over arc through the flattened coordinates of its nodes.
 
     Attributes:
-        low: arc at its start.
-        high: arc at its end.
-        nodes: arcs of its corrected poses, (k,).
         coordinates: at the nodes.
-        coefficients: polynomials of the flattened coordinates over arc, (k, w).
-        feature_coefficients: polynomials of the pose features over arc, (k, m).
+        features: polynomials of the pose features.
         tangent: rates of the unknown coordinates at its end, in their units, (unknowns,).
         solver: solves its poses.
         largest_singular_value: maximum so far of the singular value that vanishes at branch points.
     """
 
-    low: float
-    high: float
-    nodes: Array
     coordinates: Coordinates
-    coefficients: Array
-    feature_coefficients: Array
+    features: Interpolant
     tangent: Array
     solver: LoopSolver
     largest_singular_value: float
 
-    def evaluate(self, coefficients: Array, arc: Array) -> Array:
-        """Return polynomials at arcs (n,), (n, w)."""
-        return collocation.value(coefficients, self.scaled(arc))
-
-    def fitted(self, values: Array) -> Array:
-        """Return the coefficients of the polynomials through values at the nodes, (k, w)."""
-        return collocation.fitted(self.scaled(self.nodes), values)
-
     @cached_property
-    def feature_derivatives(self) -> Array:
-        """Coefficients of the derivatives of the pose features by arc, (k - 1, m)."""
-        return collocation.derivative(self.feature_coefficients) * 2.0 / (self.high - self.low)
+    def feature_rates(self) -> Interpolant:
+        """Derivatives of the pose features by arc."""
+        return self.features.derivative()
 
-    def predicted(self, loops: FreeLoops, arc: Array) -> Array:
+    def predicted(self, arc: Array) -> Array:
         """Return flattened coordinates extrapolated beyond its end by a polynomial of lower degree.
 
         A higher degree amplifies the rounding of the nodes, most of all in short segments.
         """
-        degree = NODES // 2 if self.high - self.low > SHORT_LENGTH else LOW_DEGREE
-        fit = collocation.smoothed(self.scaled(self.nodes), loops.loops.flat(self.coordinates), degree)
-        return collocation.value(fit, self.scaled(arc))
-
-    def scaled(self, arc: Array) -> Array:
-        """Return arcs scaled to the segment: -1 at its start, 1 at its end."""
-        return (2.0 * arc - self.low - self.high) / (self.high - self.low)
+        degree = NODES // 2 if self.length > SHORT_LENGTH else LOW_DEGREE
+        scaled, ahead = ((2.0 * values - self.low - self.high) / self.length for values in (self.nodes, arc))
+        return extrapolated(scaled, self.states, degree, ahead)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +174,7 @@ def trace_curve(
         if progress is not None:
             progress(len(segments), MAX_SEGMENTS)
         largest = max(largest, segment.largest_singular_value)
-        start = loops.unflat(segment.evaluate(segment.coefficients, np.array([segment.high])))
+        start = loops.unflat(segment.states[-1:])
         require_return(loops.loops, initial, start)
         solver = loops.solver(start, segment.tangent)
     raise AssemblyError(
@@ -218,7 +198,7 @@ def _next_segment(
     arcs = 0.5 * length * (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1)))
     straight = np.zeros((loops.loops.tree.count, NODES))
     straight[loops.loops.unknown] = np.outer(solver.null_space[0], arcs)
-    guesses = [loops.unflat(traced[-1].predicted(loops, low + arcs))] if traced else []
+    guesses = [loops.unflat(traced[-1].predicted(low + arcs))] if traced else []
     if length < SHORT_LENGTH or not traced:
         # near high curvature the tangent is less affected by rounding than the polynomial prediction
         guesses.append(loops.loops.displaced(start.repeated(NODES), straight))
@@ -230,7 +210,8 @@ def _next_segment(
             break
     if segment is None or nodes is None:
         return None, [], 0.5 * length
-    error = _interpolation_error(loops, segment)
+    half = through(segment.nodes[::2], segment.states[::2])
+    error = float(np.abs(half.evaluate(segment.nodes[1::2]) - segment.states[1::2]).max())
     if error > MAX_INTERPOLATION_ERROR:
         return None, [], min(0.5, 0.9 * (MAX_INTERPOLATION_ERROR / error) ** (2.0 / NODES)) * length
     branch_points = _branch_points(loops, segment, nodes)
@@ -241,7 +222,7 @@ def _next_segment(
     if any(np.abs(segment.nodes - arc).min() < MIN_DISTANCE_FROM_BRANCH_POINT for arc in branch_points):
         return None, [], 0.87 * length
     growth = 0.8 * (MAX_INTERPOLATION_ERROR / max(error, 1e-16)) ** (2.0 / NODES)
-    return segment, branch_points, min(MAX_LENGTH, max(0.5, min(growth, 2.0)) * (segment.high - segment.low))
+    return segment, branch_points, min(MAX_LENGTH, max(0.5, min(growth, 2.0)) * segment.length)
 
 
 def _accepted_segment(
@@ -259,27 +240,17 @@ def _accepted_segment(
     distinct = np.diff(nodes.length) > 1e-14 * max(1.0, low)
     if not (cosines.min() > MIN_COSINE and distinct.all()):
         return None
-    arcs = low + collocation.integral(nodes.length, speed)
-    high, nothing = float(arcs[-1]), np.empty(0)
-    largest = max(largest, float(nodes.singular_values.max()))
-    segment = CurveSegment(
-        low, high, arcs, nodes.coordinates, nothing, nothing, nodes.tangents[-1], solver, largest
-    )
+    arcs = low + integral(nodes.length, speed)
     predicted = loops.features.values(link_poses(loops.loops.tree, guess))
-    if not np.abs(predicted - nodes.features).max() < MAX_CORRECTOR_DISPLACEMENT * (high - low):
+    if not np.abs(predicted - nodes.features).max() < MAX_CORRECTOR_DISPLACEMENT * (arcs[-1] - low):
         return None
-    return replace(
-        segment,
-        coefficients=segment.fitted(loops.loops.flat(nodes.coordinates)),
-        feature_coefficients=segment.fitted(nodes.features),
+    curve, features = (
+        through(arcs, values) for values in (loops.loops.flat(nodes.coordinates), nodes.features)
     )
-
-
-def _interpolation_error(loops: FreeLoops, segment: CurveSegment) -> float:
-    """Return the error of interpolating the odd nodes from the even ones."""
-    states = loops.loops.flat(segment.coordinates)
-    fit = collocation.fitted(segment.scaled(segment.nodes[::2]), states[::2])
-    return float(np.abs(collocation.value(fit, segment.scaled(segment.nodes[1::2])) - states[1::2]).max())
+    largest = max(largest, float(nodes.singular_values.max()))
+    return CurveSegment(
+        arcs, curve.states, curve.weights, nodes.coordinates, features, nodes.tangents[-1], solver, largest
+    )
 
 
 def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNodes) -> list[float]:
@@ -294,7 +265,7 @@ def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNode
         ):
             continue
         arc, value, residual = loops.nearest_singularity(
-            lambda arc: segment.evaluate(segment.coefficients, arc),
+            segment.evaluate,
             float(segment.nodes[before]),
             float(segment.nodes[after]),
         )
@@ -309,20 +280,17 @@ def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNode
 
 def _closing_arc(segment: CurveSegment, start: Array, plane: Array, first: bool) -> float | None:
     """Return the arc at which a segment returns to the start of the curve; None where it does not."""
-    ahead = (segment.evaluate(segment.feature_coefficients, segment.nodes) - start) @ plane
+    ahead = (segment.features.states - start) @ plane
     for i in np.flatnonzero((ahead[:-1] < 0.0) & (ahead[1:] >= 0.0)):
         if first and i == 0:
             continue
 
         def past(arc: float) -> float:
-            return float((segment.evaluate(segment.feature_coefficients, np.array([arc]))[0] - start) @ plane)
+            return float((segment.features.value_at(arc) - start) @ plane)
 
         low, high = float(segment.nodes[i]), float(segment.nodes[i + 1])
         root_arc = root(past, low, high) if past(low) < 0.0 < past(high) else high
-        if (
-            np.abs(segment.evaluate(segment.feature_coefficients, np.array([root_arc]))[0] - start).max()
-            < SAME_POSE_TOLERANCE
-        ):
+        if np.abs(segment.features.value_at(root_arc) - start).max() < SAME_POSE_TOLERANCE:
             return root_arc
     return None
 
@@ -336,10 +304,7 @@ def _same_revolutions(loops: FreeLoops, segment: CurveSegment, arc: float, initi
         if not coupling.turns
     ]
     counted = np.flatnonzero(np.sum(weights, 0)) if weights else []
-    displacement = (
-        segment.evaluate(segment.coefficients, np.array([arc]))[0, : tree.count]
-        - initial.values[:, 0] / loops.loops.units
-    )
+    displacement = segment.value_at(arc)[: tree.count] - initial.values[:, 0] / loops.loops.units
     return bool((np.abs(displacement[counted]) < 1e-6).all())
 
 
