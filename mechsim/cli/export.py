@@ -1,6 +1,7 @@
 """Command `mechsim export`: the MuJoCo model of a mechanism, or of all; the mechanism as TOML."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
@@ -27,6 +28,14 @@ from mechsim.studies.export import LEVEL
 from mechsim.studies.export import export as export_model
 
 
+class VerificationJson(TypedDict):
+    """Random configurations that were compared with the loop equations, and the largest differences."""
+
+    configurations: int
+    position: float
+    gravity_torque: float
+
+
 class ExportJson(TypedDict):
     """A written model, its text without -o, or all models of the catalogue."""
 
@@ -35,6 +44,7 @@ class ExportJson(TypedDict):
     format: NotRequired[Literal["xml", "toml"]]
     text: NotRequired[str | None]
     shortfall: NotRequired[str]
+    verification: NotRequired[VerificationJson | None]
     mechanisms: NotRequired[list[str]]
 
 
@@ -55,6 +65,14 @@ def export(
     file_format: Annotated[
         str, typer.Option("--format", metavar="xml|toml", help="A MuJoCo model, or the mechanism itself.")
     ] = "xml",
+    style: Annotated[
+        str,
+        typer.Option(
+            metavar="plain|menagerie",
+            help="menagerie: position actuators, keyframe `home`, and numbers that compare the model with "
+            "the loop equations.",
+        ),
+    ] = "plain",
     timestep: Annotated[
         str | None, typer.Option(help="Time step of the file; a bare number is seconds. [default: 0.1 ms]")
     ] = None,
@@ -100,6 +118,7 @@ def export(
             load_model(model, sets, driven),
             path,
             format=file_format,
+            style=style,
             scene=scene,
             cut=tuple(cut.split(",")) if cut else (),
             timestep=timestep,
@@ -114,11 +133,14 @@ def export(
             typer.echo(result.text, nl=False)
         else:
             typer.echo(f"wrote {output}")
+        if result.verification is not None:
+            typer.echo(result.verification.markdown(), nl=False, err=path is None)
         if result.shortfall:
             typer.echo(result.shortfall, err=True)
 
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
     data |= {"text": result.text if path is None else None, "shortfall": result.shortfall}
+    data["verification"] = None if result.verification is None else asdict(result.verification)
     return Result(data, text, not result.shortfall)
 
 

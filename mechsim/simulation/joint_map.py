@@ -277,7 +277,7 @@ def map_over_grid(
     derivative, exact = _jacobian_derivative(evaluator, qpos[valid])
     qpos, reached = qpos[valid][exact], grid[valid][exact]
     output, jacobian = evaluator.evaluate(qpos)
-    inertia, holding = _inertia_and_holding(path, qpos)
+    inertia, holding = inertia_and_holding(path, qpos)
     table = JointMap(
         names,
         tuple(outputs),
@@ -350,7 +350,7 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> tuple[Array, NDArr
     return derivative, closed & np.isfinite(derivative).all((1, 2, 3))
 
 
-def _inertia_and_holding(path: StraightPath, qpos: Array) -> tuple[Array, Array]:
+def inertia_and_holding(path: StraightPath, qpos: Array) -> tuple[Array, Array]:
     """Return inertia and holding torque at the inputs, (n, k, k) and (n, k), by virtual work."""
     model, rates = path.loops.model, input_rates(path, qpos)
     data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))

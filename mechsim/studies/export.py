@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from mechsim import files
+from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
@@ -15,6 +16,7 @@ from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
 from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.studies.menagerie import SERVO_TIMESTEP, Verification, verification, with_servos
 from mechsim.studies.scene import turning_model
 from mechsim.studies.scene.settings import plain_settings
 from mechsim.subjects.readers import load
@@ -24,6 +26,7 @@ from mechsim.units import crank_speed, si
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
 FORMATS = ("xml", "toml")
+STYLES = ("plain", "menagerie")
 
 
 @dataclass(frozen=True)
@@ -35,12 +38,14 @@ class ExportedModel:
         format: "xml" or "toml".
         text: of the file.
         shortfall: by how much the requested tolerance is missed, in a sentence; empty where it is satisfied.
+        verification: of a model in the style of Menagerie; None of any other.
     """
 
     name: str
     format: str
     text: str
     shortfall: str = ""
+    verification: Verification | None = None
 
     def __str__(self) -> str:
         return self.text
@@ -52,6 +57,7 @@ def export(
     *,
     set: Mapping[str, str | float] | None = None,
     format: str = "xml",
+    style: str = "plain",
     scene: str = LEVEL,
     cut: Sequence[str] = (),
     timestep: float | str | None = None,
@@ -68,6 +74,8 @@ def export(
         output: path of the file; None writes none.
         set: parameter -> its value, as `load` takes it.
         format: "xml" or "toml".
+        style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms, and a
+            comparison with the loop equations at random configurations.
         scene: contents of the MuJoCo model: "pose", "motion", "dynamics" or "picture".
         cut: joints at which loops are cut; by default the generator chooses.
         timestep: of the file, in [s] or text; by default 0.1 ms.
@@ -88,8 +96,14 @@ def export(
     settings = settings or {}
     _require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
     solver = model if isinstance(model, LoopForm) else load(model, set, **options)
-    shortfall = ""
-    if format == "toml":
+    shortfall, verified = "", None
+    if style == "menagerie":
+        _require_plain(format, scene, speed, tolerance)
+        text = _menagerie_text(solver, tuple(cut), settings, timestep)
+        verified = verification(text, solver)
+    elif style != "plain":
+        raise InputError(f"there is no style {style!r}; known are {', '.join(STYLES)}")
+    elif format == "toml":
         text = to_toml(solver if isinstance(solver, LoopForm) else solver.mechanism)
     else:
         contents = Scene(level=cast(Level, scene), cut=tuple(cut) or None, forces=solver.forces)
@@ -99,7 +113,7 @@ def export(
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(text)
-    return ExportedModel(solver.name, format, text, shortfall)
+    return ExportedModel(solver.name, format, text, shortfall, verified)
 
 
 def _require_compatible(
@@ -123,6 +137,29 @@ def _require_compatible(
         )
     if tolerance is not None and has_settings:
         raise InputError("--tolerance chooses the settings by itself; leave out the others")
+
+
+def _require_plain(format: str, scene: str, speed: float | str | None, tolerance: float | str | None) -> None:
+    """Raise InputError for options that a model in the style of Menagerie excludes."""
+    if format != "xml" or scene != LEVEL or speed is not None or tolerance is not None:
+        raise InputError(
+            "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene, "
+            "--speed and --tolerance"
+        )
+
+
+def _menagerie_text(
+    solver: KinematicSolver,
+    cut: tuple[str, ...],
+    settings: Mapping[str, Any],
+    timestep: float | str | None,
+) -> str:
+    """Return the text of a model with pictures, position actuators and a closed keyframe."""
+    spec = exported(solver.mechanism, Scene(level="picture", cut=cut or None, forces=solver.forces))
+    settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
+    step = SERVO_TIMESTEP if timestep is None else timestep
+    plain_settings(settings, step, float(spec.option.timestep), crank_speed(SPEED)).put_into(spec)
+    return mjcf.to_xml(with_servos(spec, solver.mechanism))
 
 
 def _mjcf_text(

@@ -1,0 +1,161 @@
+"""Models in the style of MuJoCo Menagerie: position actuators, a closed home keyframe, verified numbers."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from mechsim.analytic.dynamics import dynamic_model
+from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+from mechsim.analytic.forms import KinematicSolver
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.closed_configurations import CLOSED, StraightPath, scalar_dof, straight_path
+from mechsim.simulation.joint_map import inertia_and_holding
+from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.subjects.driver_positions import driver_path
+
+HOME = "home"
+# time step in [s] of a model with servos
+SERVO_TIMESTEP = 1e-3
+# natural frequency in [Hz] of a position actuator, critically damped, against the inertia of the mechanism
+SERVO_FREQUENCY = 10.0
+# configurations that are drawn, largest distance of a driver from home in [rad] or characteristic lengths, and
+# the seed of their random numbers
+DRAWN, RADIUS, SEED = 100, 0.25, 0
+
+
+@dataclass(frozen=True)
+class Verification:
+    """How far a written model is from the loop equations of its mechanism.
+
+    Attributes:
+        configurations: number of random closed configurations that were compared.
+        position: largest difference of the tracked points, in [m].
+        gravity_torque: largest difference of the torque or force of the drivers that holds the mechanism at
+            rest, in [N m] or [N].
+    """
+
+    configurations: int
+    position: float
+    gravity_torque: float
+
+    def markdown(self) -> str:
+        """Return the numbers as a section of a README."""
+        return (
+            "## Verification\n\n"
+            f"- Tracked points match the loop-closure equations over {self.configurations} seeded random "
+            f"configurations within {RADIUS} rad of home: largest difference {self.position:.1e} m.\n"
+            "- Largest difference of the torques that hold the mechanism against gravity: "
+            f"{self.gravity_torque:.1e} N m.\n"
+            f"- The keyframe `{HOME}` closes all loops.\n"
+        )
+
+
+def with_servos(spec: mujoco.MjSpec, mechanism: Mechanism) -> mujoco.MjSpec:
+    """Return a model with a position actuator on each driver and a closed keyframe at its start.
+
+    Args:
+        spec: of the mechanism, with masses.
+        mechanism: with drivers.
+
+    Raises:
+        InputError: for a mechanism without drivers.
+    """
+    spec = spec.copy()
+    for key in list(spec.keys):
+        spec.delete(key)
+    names = _driver_joints(mechanism)
+    path = _path(spec.compile(), names)
+    inertia = np.diagonal(inertia_and_holding(path, path.reference[None])[0][0])
+    for name, dof, reflected in zip(names, path.drivers, inertia, strict=True):
+        servo = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+        stiffness = float(reflected) * (2.0 * np.pi * SERVO_FREQUENCY) ** 2
+        servo.set_to_position(kp=stiffness, kv=2.0 * np.sqrt(stiffness * float(reflected)))
+        joint = int(path.loops.model.dof_jntid[dof])
+        if path.loops.model.jnt_limited[joint]:
+            servo.ctrllimited, servo.ctrlrange = 1, path.loops.model.jnt_range[joint]
+    spec.add_key(name=HOME, qpos=path.reference, ctrl=path.reference[path.addresses])
+    return spec
+
+
+def _driver_joints(mechanism: Mechanism) -> list[str]:
+    if not mechanism.drivers:
+        raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
+    return [CRANK] if mechanism.has_crank else list(mechanism.drivers)
+
+
+def _path(model: mujoco.MjModel, names: list[str]) -> StraightPath:
+    return straight_path(model, [scalar_dof(model, name) for name in names])
+
+
+def verification(text: str, solver: KinematicSolver) -> Verification:
+    """Compare a written model with the loop equations at random closed configurations.
+
+    Args:
+        text: of the file.
+        solver: of the mechanism that it models.
+
+    Raises:
+        AssemblyError: where a configuration cannot be reached by the loop equations.
+    """
+    mechanism = solver.mechanism
+    path = _path(mujoco.MjModel.from_xml_string(text), _driver_joints(mechanism))
+    drawn = _drawn(path)
+    qpos = drawn[_nearest_first(drawn[:, path.addresses], path.reference[path.addresses])]
+    values = np.vstack([path.reference[path.addresses], qpos[:, path.addresses]])
+    laws = driver_path(solver, dict(zip(mechanism.drivers, values.T, strict=True)), "the configurations")
+    loops = LoopForm(mechanism, motion_laws=laws.motion_laws, ranges=solver.ranges, forces=solver.forces)
+    rest = np.zeros(len(values))
+    points = loops.solve_along(laws.times, rest, rest).points
+    sites = _site_positions(path, qpos)
+    gaps = [
+        np.linalg.norm(points[name].position[1:] - sites[name], axis=1).max()
+        for name in points
+        if name in sites
+    ]
+    study = prescribed_along(
+        dynamic_model(loops, solver.forces or Forces(gravity=tuple(path.loops.model.opt.gravity))),
+        laws.times,
+        rest,
+        time=laws.times,
+    )
+    torques = np.stack([study.efforts.drives[name][1:] for name in mechanism.drivers], 1)
+    held = inertia_and_holding(path, qpos)[1]
+    return Verification(len(qpos), float(max(gaps, default=0.0)), float(np.abs(held - torques).max()))
+
+
+def _drawn(path: StraightPath) -> Array:
+    """Return random closed configurations near home, (n, nq)."""
+    model, home = path.loops.model, path.reference[path.addresses]
+    reach, joints = RADIUS * path.loops.units[path.drivers], model.dof_jntid[path.drivers]
+    limited = model.jnt_limited[joints] != 0
+    low, high = model.jnt_range[joints].T
+    low = np.where(limited, np.maximum(low, home - reach), home - reach)
+    high = np.where(limited, np.minimum(high, home + reach), home + reach)
+    qpos, error = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
+    return qpos[(error < CLOSED) & ~path.outside(qpos).any(1)]
+
+
+def _site_positions(path: StraightPath, qpos: Array) -> dict[str, Array]:
+    """Return the positions of the sites, name -> (n, 3) in [m]."""
+    model = path.loops.model
+    position, rotation, _ = path.loops.posed.batch_poses(qpos)
+    return {
+        model.site(i).name: position[:, body] + rotation[:, body] @ model.site_pos[i]
+        for i, body in enumerate(model.site_bodyid.tolist())
+    }
+
+
+def _nearest_first(values: Array, start: Array) -> list[int]:
+    """Return an order in which each row, (n, k), is the nearest to the one before that is left."""
+    order, remaining, current = list[int](), np.ones(len(values), dtype=np.bool_), start
+    for _ in range(len(values)):
+        distance = np.where(remaining, np.abs(values - current).max(1), np.inf)
+        nearest = int(np.argmin(distance))
+        order.append(nearest)
+        remaining[nearest], current = False, values[nearest]
+    return order
