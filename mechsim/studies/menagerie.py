@@ -23,8 +23,10 @@ HOME = "home"
 SERVO_TIMESTEP = 1e-3
 # natural frequency in [Hz] of a position actuator, critically damped, against the inertia of the mechanism
 SERVO_FREQUENCY = 10.0
-# configurations that are drawn, largest distance of a driver from home in [rad] or characteristic lengths, and
-# the seed of their random numbers
+# largest deflection of an actuator under the weight at home, in [rad] or characteristic lengths
+DEFLECTION = 0.01
+# random configurations, largest distance of a driver from home in them in [rad] or characteristic lengths, and
+# their seed
 DRAWN, RADIUS, SEED = 100, 0.25, 0
 
 
@@ -70,11 +72,16 @@ def with_servos(spec: mujoco.MjSpec, mechanism: Mechanism) -> mujoco.MjSpec:
         spec.delete(key)
     names = _driver_joints(mechanism)
     path = _path(spec.compile(), names)
-    inertia = np.diagonal(inertia_and_holding(path, path.reference[None])[0][0])
-    for name, dof, reflected in zip(names, path.drivers, inertia, strict=True):
+    matrices, weights = inertia_and_holding(path, path.reference[None])
+    inertias = np.diagonal(matrices[0])
+    stiffness = np.maximum(
+        inertias * (2.0 * np.pi * SERVO_FREQUENCY) ** 2,
+        np.abs(weights[0]) / (DEFLECTION * path.loops.units[path.drivers]),
+    )
+    damping = 2.0 * np.sqrt(stiffness * inertias)
+    for name, dof, kp, kv in zip(names, path.drivers, stiffness.tolist(), damping.tolist(), strict=True):
         servo = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
-        stiffness = float(reflected) * (2.0 * np.pi * SERVO_FREQUENCY) ** 2
-        servo.set_to_position(kp=stiffness, kv=2.0 * np.sqrt(stiffness * float(reflected)))
+        servo.set_to_position(kp=kp, kv=kv)
         joint = int(path.loops.model.dof_jntid[dof])
         if path.loops.model.jnt_limited[joint]:
             servo.ctrllimited, servo.ctrlrange = 1, path.loops.model.jnt_range[joint]
@@ -124,8 +131,8 @@ def verification(text: str, solver: KinematicSolver) -> Verification:
         time=laws.times,
     )
     torques = np.stack([study.efforts.drives[name][1:] for name in mechanism.drivers], 1)
-    held = inertia_and_holding(path, qpos)[1]
-    return Verification(len(qpos), float(max(gaps, default=0.0)), float(np.abs(held - torques).max()))
+    holding = inertia_and_holding(path, qpos)[1]
+    return Verification(len(qpos), float(max(gaps, default=0.0)), float(np.abs(holding - torques).max()))
 
 
 def _drawn(path: StraightPath) -> Array:
