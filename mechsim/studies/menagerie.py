@@ -25,8 +25,8 @@ SERVO_TIMESTEP = 1e-3
 SERVO_FREQUENCY = 10.0
 # largest deflection of an actuator under the weight at home, in [rad] or characteristic lengths
 DEFLECTION = 0.01
-# random configurations, largest distance of a driver from home in them in [rad] or characteristic lengths, and
-# their seed
+# number of random configurations, largest distance of a driver from home in [rad] or characteristic lengths,
+# and the seed
 DRAWN, RADIUS, SEED = 100, 0.25, 0
 
 
