@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
     from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
-    from mechsim.subjects.gallery import list
+    from mechsim.subjects.listing import list
     from mechsim.subjects.readers import load
     from mechsim.subjects.simulate_by_name import simulate
     from mechsim.theory.continuation import trace
@@ -92,7 +92,7 @@ _HOMES = _MODULES | {
     "export": "studies.export",
     "fit": "studies.fit.calibration",
     "joint_map": "studies.joint_map",
-    "list": "subjects.gallery",
+    "list": "subjects.listing",
     "load": "subjects.readers",
     "moved": "studies.sensitivity.sensitivity",
     "optimise": "studies.optimise.search",

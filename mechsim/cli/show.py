@@ -13,7 +13,7 @@ from mechsim.cli.unit_warnings import warn_about_angle
 from mechsim.cli.verdict_text import findings_in_json, print_findings, scene_findings
 from mechsim.model.finding import Finding
 from mechsim.report.facts import facts
-from mechsim.subjects import gallery
+from mechsim.subjects import gallery, listing
 from mechsim.units import parse_angle
 
 # significant digits of parameters and coupling coefficients, which are inputs
@@ -116,7 +116,7 @@ def list_mechanisms() -> Result[ListJson]:
     mechsim list
     mechsim list --json
     """
-    known: Any = gallery.list()
+    known: Any = listing.list()
 
     def text() -> None:
         print_table("Catalogue", ("name", "what it is"), known["mechanisms"].items())

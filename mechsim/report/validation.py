@@ -36,12 +36,15 @@ PLOT_COLOURS, PICTURE_QUALITY = 32, 80
 # plots of a comparison: of the quantities with the largest error / tolerance
 MAX_PLOTS = 4
 
+# time to draw a mechanism with a video, in times of one without (measured on the default report)
+VIDEO_TIME = 3.0
+
 
 def write_validation_report(
     folder: Path,
     cases: Mapping[str, Case],
     results: Mapping[str, Any],
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
     descriptions: Mapping[str, str] | None = None,
 ) -> list[str]:
     """Write a page with its pictures and plots inside, and views and videos in files of their own.
@@ -50,7 +53,7 @@ def write_validation_report(
         folder: made if it is not there.
         cases: name -> case.
         results: as `mechsim validate --json` prints them.
-        progress: called with the name of each mechanism that is drawn.
+        progress: called with the name of each mechanism that is drawn, and the finished fraction.
         descriptions: name -> one sentence on what the mechanism is.
 
     Returns:
@@ -60,6 +63,7 @@ def write_validation_report(
     folder.mkdir(exist_ok=True)
     notes: list[str] = []
     sections: list[Section] = []
+    finished, whole = 0.0, sum(1.0 if case.quick else VIDEO_TIME for case in cases.values())
     for name, case in cases.items():
         picture = _picture(case.solver, case.run.motion, notes)
         about = (
@@ -79,7 +83,8 @@ def write_validation_report(
                 settings=_settings(case),
             )
         )
-        progress(name)
+        finished += VIDEO_TIME if sections[-1].video else 1.0
+        progress(name, finished / whole)
     write_report(folder, results, sections, notes=notes, studies=studies_in(folder))
     return notes
 

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-from mechsim.analytic import catalog
-
 PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -17,19 +15,6 @@ def folder() -> Path:
 def files() -> dict[str, Path]:
     """Return the mechanisms of the gallery: name -> its file."""
     return {path.stem: path for path in sorted(folder().glob("*.toml"))}
-
-
-def list() -> dict[str, dict[str, str]]:
-    """Return the mechanisms that come with mechsim: catalogue and gallery, name -> what it is.
-
-    Example:
-        >>> sorted(ms.list())
-        ['gallery', 'mechanisms']
-    """
-    return {
-        "mechanisms": {name: (cls.__doc__ or "").splitlines()[0] for name, cls in catalog.DRIVES.items()},
-        "gallery": {name: description(path) for name, path in files().items()},
-    }
 
 
 def description(path: Path) -> str:
