@@ -230,7 +230,7 @@ def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
 
 
 def _degrees(angle: float) -> str:
-    return number(round(math.degrees(angle), 6), INPUT_DIGITS)
+    return number(round(math.degrees(angle), 6))
 
 
 def _sum(terms: dict[str, float]) -> str:

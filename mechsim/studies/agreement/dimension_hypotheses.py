@@ -34,6 +34,8 @@ TRIED = 6
 LEAST = 0.25
 # largest change of a dimension, relative to itself or to the size
 MAX_CHANGE = 3.0
+# part of its own value below which a changed dimension is reported as 0
+ROUNDED_TO_ZERO = 1e-4
 # step of differences, relative to the size
 STEP = 1e-5
 
@@ -133,7 +135,8 @@ def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: flo
         large = abs(dimension.value) > 1e-3 * scale
         fraction = f" ({100 * change / dimension.value:+.3g} %)" if large else ""
         value = dimension.value + change
-        now = f"{value if abs(value) > 1e-12 * scale else 0.0:.6g}"
+        noise = max(1e-12 * scale, ROUNDED_TO_ZERO * abs(dimension.value))
+        now = f"{value if abs(value) > noise else 0.0:.6g}"
         return f"{name} is {now}{unit} instead of {dimension.value:.6g}{unit}{fraction}"
 
     kind = _kind(designs, dimension, evaluation.solver)
