@@ -467,9 +467,10 @@ def _free_tolerance(run: SteppedFreeRun | None) -> dict[str, Any] | None:
 
 
 def _tolerance_data(run: Any, report: Any) -> dict[str, Any]:
-    names = ("tolerance", "satisfied", "estimate", "margin", "order", "trials", "reason")
+    names = ("tolerance", "satisfied", "estimate", "order", "trials", "reason")
     settings = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
-    return {name: getattr(report, name) for name in names} | {"steps": run.steps, "settings": settings}
+    data = {"margin": report.safety_factor, "steps": run.steps, "settings": settings}
+    return {name: getattr(report, name) for name in names} | data
 
 
 def _verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:

@@ -286,11 +286,12 @@ def _print_tolerances(study: ToleranceStudy) -> None:
     sampled = study.sampled
     if sampled is None:
         return
-    how = {1: "to first order", 2: "to second order", 0: "each solved"}[sampled.order]
-    note = f"; {sampled.failed} could not be assembled" if sampled.failed else ""
-    if sampled.order:
-        note = f"; {sampled.solved} of them solved: {sampled.miss:.2g} standard deviations off at most"
-    print_text(f"{sampled.samples} random mechanisms {how}{note} (seed {sampled.seed})")
+    sampling = sampled.sampling
+    how = {1: "to first order", 2: "to second order", 0: "each solved"}[sampling.order]
+    note = f"; {sampling.failed} could not be assembled" if sampling.failed else ""
+    if sampling.order:
+        note = f"; {sampling.solved} of them solved: {sampling.miss:.2g} standard deviations off at most"
+    print_text(f"{sampled.samples} random mechanisms {how}{note} (seed {sampling.seed})")
 
 
 def _drawn(table: Sensitivity, study: ToleranceStudy | None) -> Any:

@@ -121,30 +121,41 @@ MISS, LEAST = 0.02, 1e-2
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
-    """What came of many mechanisms at random within tolerances.
+class Sampling:
+    """How many mechanisms at random within tolerances were taken.
 
     Attributes:
-        samples: how many were asked for, or were taken where each had to be solved by itself.
-        solved: how many of them were solved.
-        failed: how many of these could not be put together.
+        solved: how many were solved.
+        failed: how many of these could not be assembled.
         order: to which all are taken, 1 or 2; 0 where each was solved.
         miss: largest difference between that and those solved, in standard deviations.
         seed: of the random numbers.
-        mean: by how much the mean is off, (k,), in SI.
-        deviation: standard deviation, (k,).
-        low: above which all but 2.5 % lie, as off, (k,).
-        high: below which all but 2.5 % lie, (k,).
-        least: lowest of all, (k,).
-        most: highest, (k,).
     """
 
-    samples: int
     solved: int
     failed: int
     order: int
     miss: float
     seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Statistics of many mechanisms at random within tolerances.
+
+    Attributes:
+        sampling: how they were taken.
+        samples: how many were requested, or were taken where each had to be solved by itself.
+        mean: of the deviations from the nominal mechanism, (k,), in SI.
+        deviation: standard deviation, (k,).
+        low: deviation above which all but 2.5 % lie, (k,).
+        high: deviation below which all but 2.5 % lie, (k,).
+        least: lowest of all, (k,).
+        most: highest, (k,).
+    """
+
+    sampling: Sampling
+    samples: int
     mean: Array
     deviation: Array
     low: Array
@@ -180,7 +191,7 @@ def sampled(
     Raises:
         InputError: where tolerances leave no assembly.
     """
-    random = np.random.default_rng(seed)
+    random, width = np.random.default_rng(seed), derivative.shape[1]
     fractions = _fractions(random, count, len(derivative), tolerances)
     ends = np.concatenate([np.eye(len(derivative)), -np.eye(len(derivative))])
     if (
@@ -190,8 +201,8 @@ def sampled(
         whole, lost = samples
         _require_assembled(solved, ends, lost[: len(ends)])
         whole, lost = replace(whole, fractions=whole.fractions[len(ends) :]), lost[len(ends) :]
-        about = _About(count, int(lost.sum()), 0, 0.0, seed)
-        return _statistics(whole.blocks(), len(whole.fractions), derivative.shape[1], plays, random, about)
+        sampling = Sampling(count, int(lost.sum()), 0, 0.0, seed)
+        return _statistics(whole.blocks(), len(whole.fractions), width, plays, random, sampling)
     checked = fractions[: CHECKED if len(derivative) else 0]
     exact, failed = _each(solved, checked, advance)
     spread = _spread(derivative * tolerances.spread, len(solved.columns))
@@ -200,11 +211,11 @@ def sampled(
         off = expanded.features(checked[~failed]) @ expanded.weights - exact
         miss = float((np.abs(off) / spread).max(initial=0.0))
         if miss <= MISS and not failed.any():
-            about = _About(len(checked), 0, expanded.order, miss, seed)
-            return _statistics(expanded.blocks(fractions), count, derivative.shape[1], plays, random, about)
+            sampling = Sampling(len(checked), 0, expanded.order, miss, seed)
+            return _statistics(expanded.blocks(fractions), count, width, plays, random, sampling)
     exact, failed = _each(solved, fractions[:EACH], advance)
-    about = _About(len(failed), int(failed.sum()), 0, 0.0, seed)
-    return _statistics(iter([(EVERY, exact)]), len(exact), derivative.shape[1], plays, random, about)
+    sampling = Sampling(len(failed), int(failed.sum()), 0, 0.0, seed)
+    return _statistics(iter([(EVERY, exact)]), len(exact), width, plays, random, sampling)
 
 
 def _require_assembled(solved: Solved, ends: Array, lost: NDArray[np.bool_]) -> None:
@@ -222,17 +233,6 @@ def _spread(derivative: Array, columns: int) -> Array:
     spread = np.sqrt((derivative**2).sum(0)).reshape(columns, -1)
     least = np.maximum(spread, LEAST * spread.max(1, keepdims=True, initial=0.0)).ravel()
     return np.where(least > 0.0, least, np.inf)
-
-
-@dataclass(frozen=True, slots=True)
-class _About:
-    """How samples were taken."""
-
-    solved: int
-    failed: int
-    order: int
-    miss: float
-    seed: int
 
 
 def _fractions(random: np.random.Generator, count: int, dimensions: int, tolerances: Tolerances) -> Array:
@@ -262,7 +262,7 @@ def _statistics(
     width: int,
     plays: Sequence[Array],
     random: np.random.Generator,
-    about: _About,
+    sampling: Sampling,
 ) -> Sampled:
     """Return the statistics of so many mechanisms, whose quantities (width,) come in blocks."""
     pins = [_pin_positions(len(play), count, random) for play in plays]
@@ -272,9 +272,7 @@ def _statistics(
             off = off + positions @ derivative[:, which]
         low, high = np.quantile(off, TAILS, axis=0)
         statistics[:, which] = off.mean(0), off.std(0), low, high, off.min(0), off.max(0)
-    return Sampled(
-        count + about.failed, about.solved, about.failed, about.order, about.miss, about.seed, *statistics
-    )
+    return Sampled(sampling, count + sampling.failed, *statistics)
 
 
 def _pin_positions(directions: int, count: int, random: np.random.Generator) -> Array:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from mechsim import units
 from mechsim.analytic.derivatives import DesignFamily, Dimension
 from mechsim.analytic.forms import Form
 from mechsim.analytic.path_instants import path_instants
-from mechsim.errors import AssemblyError, InputError, MissingToolError
+from mechsim.errors import AssemblyError, InputError, needs
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import short_repr
@@ -84,7 +83,9 @@ class Sensitivity:
         Raises:
             MissingToolError: where pandas is not installed.
         """
-        return library("pandas").DataFrame(dict(self.columns()))
+        with needs("tables"):
+            from pandas import DataFrame as PandasDataFrame
+        return PandasDataFrame(dict(self.columns()))
 
     def to_xarray(self) -> "Dataset":
         """Return quantities over instants, and derivatives "QUANTITY/" over instants and dimensions.
@@ -106,7 +107,9 @@ class Sensitivity:
             "unit": ("dimension", [dimension.unit for dimension in self.dimensions.values()]),
             "value": ("dimension", [dimension.value for dimension in self.dimensions.values()]),
         }
-        return library("xarray").Dataset(variables, coordinates, {"mechanism": self.name})
+        with needs("tables"):
+            from xarray import Dataset as XarrayDataset
+        return XarrayDataset(variables, coordinates, {"mechanism": self.name})
 
 
 def per(unit: str, by: str) -> str:
@@ -114,18 +117,6 @@ def per(unit: str, by: str) -> str:
     if unit == by:
         return "1"
     return unit if by == "1" else f"{'1' if unit == '1' else unit}/{by}"
-
-
-def library(name: str) -> Any:
-    """Return a library that is not always there.
-
-    Raises:
-        MissingToolError: where it is not.
-    """
-    try:
-        return import_module(name)
-    except ImportError:
-        raise MissingToolError(f"{name} is not installed; pip install 'mechsim[tables]' brings it") from None
 
 
 def dimension_names(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:

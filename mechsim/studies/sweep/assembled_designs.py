@@ -84,5 +84,5 @@ def _made(task: SweepTask, rows: Mapping[str, Array]) -> Iterator[Mechanism | No
         with suppress(MechsimError, ArithmeticError, ValueError):
             solver = task.subject.make(_row(rows, i))
             same_forces = (solver.forces or Forces()) == task.forces
-            mechanism = solver.mechanism if same_forces or not task.loaded else None
+            mechanism = solver.mechanism if same_forces or not task.measures.loaded else None
         yield mechanism

@@ -1,6 +1,6 @@
 """Measures of a design: one number from a turn, read from text as `range:rocker` or `max:P3.vx`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,6 +14,7 @@ from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.model.quantities import (
     AXES,
     Quantity,
+    Source,
     coordinate_units,
     numeric_quantity,
     record_columns,
@@ -263,7 +264,7 @@ def _number(where: str, value: object) -> float:
 
 def measures(
     texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, motion_laws: MotionLaws = CRANK
-) -> tuple[TurnMeasure, ...]:
+) -> "MeasureSet":
     """Return the measures that texts name, each once.
 
     Raises:
@@ -271,12 +272,87 @@ def measures(
     """
     if not texts:
         raise InputError(f"no measure is requested; give one of {', '.join(WORDS)}")
-    return tuple(measure(text, mechanism, motion_laws) for text in dict.fromkeys(texts))
+    return MeasureSet(tuple(measure(text, mechanism, motion_laws) for text in dict.fromkeys(texts)))
 
 
-def table_of(
-    measures: "tuple[TurnMeasure, ...]", turns: Turns, indices: Mapping[float, int]
-) -> dict[str, Array]:
+@dataclass(frozen=True)
+class MeasureSet:
+    """The measures of a sweep, and what they need.
+
+    Attributes:
+        items: the measures.
+    """
+
+    items: tuple[TurnMeasure, ...]
+
+    def __iter__(self) -> Iterator[TurnMeasure]:
+        return iter(self.items)
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    @property
+    def rated(self) -> bool:
+        """Whether velocities or accelerations are needed."""
+        return any(measure.rated for measure in self)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether forces are needed."""
+        return any(measure.loaded for measure in self)
+
+    @property
+    def released(self) -> bool:
+        """Whether a measure is of a vibration or of a run from an initial state."""
+        return any(measure.released for measure in self)
+
+    @property
+    def jointed(self) -> bool:
+        """Whether motions of joints are needed."""
+        return any(measure.jointed for measure in self)
+
+    @property
+    def facts(self) -> list[str]:
+        """The kinds of `FACTS` that are measured."""
+        return [measure.kind for measure in self if measure.kind in FACTS]
+
+    @property
+    def quantities(self) -> list[Quantity]:
+        """The quantities that are measured."""
+        return [measure.quantity for measure in self if measure.quantity is not None]
+
+    @property
+    def joints(self) -> list[str]:
+        """The joint coordinates that are measured."""
+        return [*dict.fromkeys(name for quantity in self.quantities for name in quantity.subjects("joint"))]
+
+    @property
+    def force_columns(self) -> set[str]:
+        """The columns of forces from which measures follow."""
+        loaded = [quantity for quantity in self.quantities if quantity.loaded]
+        return {column.name for quantity in loaded for column in quantity.columns}
+
+    @property
+    def accelerated(self) -> bool:
+        """Whether rates of points, or accelerations, are measured."""
+        return any(
+            quantity.order == 2 or (quantity.order == 1 and quantity.uses("point"))
+            for quantity in self.quantities
+        )
+
+    def uses(self, *sources: Source) -> bool:
+        """Whether a quantity that is measured follows from columns of these sources."""
+        return any(quantity.uses(*sources) for quantity in self.quantities)
+
+    def wants(self, kind: str) -> bool:
+        """Whether a measure is of a kind, or of a quantity of a kind."""
+        return any(
+            kind == measure.kind or (measure.quantity is not None and measure.quantity.kind == kind)
+            for measure in self
+        )
+
+
+def table_of(measures: Iterable[TurnMeasure], turns: Turns, indices: Mapping[float, int]) -> dict[str, Array]:
     """Return all measures of designs: name -> (designs,).
 
     Args:

@@ -31,7 +31,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.sweep.assembled_designs import assembled_designs
-from mechsim.studies.sweep.measures import FACTS, Turns, table_of
+from mechsim.studies.sweep.measures import FACTS, Turns
 from mechsim.studies.sweep.released_measures import released_alone
 from mechsim.studies.sweep.stepped_runs import stepped_alone, stepped_together
 from mechsim.studies.sweep.task import CrankRows, Measured, SweepTask, nothing_measured, swings_between
@@ -74,7 +74,7 @@ def _formula(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Ro
     if turning_ranges is None:
         return np.arange(len(result.outcome))
     certain, selected = ~turning_ranges.doubtful, ~turning_ranges.doubtful
-    facts = _facts(task, turning_ranges) if any(measure.kind in FACTS for measure in task.measures) else {}
+    facts = _facts(task, turning_ranges) if task.measures.facts else {}
     remaining: list[Rows] = []
     if len(task.angles):
         remaining = _swing_blocks(task, rows, valid, turning_ranges, facts, result)
@@ -111,10 +111,8 @@ def _swing_blocks(
         block = certain[first : first + step]
         own = {name: values[block] for name, values in facts.items()}
         values = _block(task, rows, valid[block], task.within(low[block], high[block]), own)
-        finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
-        kept = {name: column[finite] for name, column in values.items()}
-        result.store_swings(valid[block[finite]], kept, low[block[finite]], high[block[finite]])
-        remaining.append(valid[block[~finite]])
+        stored = result.store_finite(valid[block], values, swings=(low[block], high[block]))
+        remaining.append(np.setdiff1d(valid[block], stored))
     return remaining
 
 
@@ -124,7 +122,6 @@ def _block(
     """Return the measures of designs along crank motions, (poses,) or (designs, poses), by one formula."""
     solver = task.subject.solver
     assert isinstance(solver, ClosedForm)
-    jointed = any(measure.jointed for measure in task.measures)
     with np.errstate(all="ignore"):
         motion = solved(
             solver,
@@ -132,11 +129,11 @@ def _block(
             crank.angle,
             crank.speed,
             crank.acceleration,
-            rates=task.rated,
-            joints=jointed,
+            rates=task.measures.rated,
+            joints=task.measures.jointed,
         )
         turns = Turns(len(block), crank.angle.shape[-1], motion, facts=facts)
-        return table_of(task.measures, turns, task.angle_index)
+        return task.values(turns)
 
 
 def _stepped(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
@@ -157,7 +154,7 @@ def _facts(task: SweepTask, turning_ranges: object) -> dict[str, Array]:
     widths, ends = ranges(turning_ranges)  # pyright: ignore[reportArgumentType]
     facts_known = {"crank_range": widths, "dead_centres": ends.astype(float)}
     facts_known["assemblies"] = np.where(widths > 0.0, 2.0, 0.0)
-    return {measure.kind: facts_known[measure.kind] for measure in task.measures if measure.kind in FACTS}
+    return {kind: facts_known[kind] for kind in task.measures.facts}
 
 
 def _blocks(
@@ -175,12 +172,11 @@ def _blocks(
             values = _block(task, rows, block, task.revolution, own)
         else:
             motion = select_instants(solver.solve(np.zeros(1), links=False), slice(0, 0))
-            values = table_of(task.measures, Turns(len(block), 0, motion, facts=own), task.angle_index)
-        finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
-        if "crank_range" in own:
-            finite &= own["crank_range"] > 0.0
-        result.store(block[finite], {name: column[finite] for name, column in values.items()})
-        remaining.append(block[~finite])
+            values = task.values(Turns(len(block), 0, motion, facts=own))
+        stored = result.store_finite(
+            block, values, own["crank_range"] > 0.0 if "crank_range" in own else True
+        )
+        remaining.append(np.setdiff1d(block, stored))
     return remaining
 
 
@@ -196,18 +192,18 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
         if assembled is None:
             return every
         started, index = assembled.started, assembled.which
-        motion, valid = many_motion(task.loops, started, angles, task.path_speed, task.joints)
+        motion, valid = many_motion(task.loops, started, angles, task.path_speed, task.measures.joints)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return every
     if closed:
         valid &= come_back(motion, len(index))
         motion = select_instants(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
     with np.errstate(all="ignore"):
-        values = table_of(task.measures, Turns(len(index), len(task.angles), motion), task.angle_index)
-    valid &= np.all([np.isfinite(column) for column in values.values()], axis=0)
-    result.store(index[valid], {name: column[valid] for name, column in values.items()})
-    swinging = _loop_swings(task, started, index, np.flatnonzero(~valid), result)
-    return np.setdiff1d(every, np.union1d(index[valid], swinging))
+        values = task.values(Turns(len(index), len(task.angles), motion))
+    stored = result.store_finite(index, values, valid)
+    others = np.flatnonzero(~np.isin(index, stored))
+    swinging = _loop_swings(task, started, index, others, result)
+    return np.setdiff1d(every, np.union1d(stored, swinging))
 
 
 def _loop_swings(
@@ -223,17 +219,13 @@ def _loop_swings(
         if swings is None:
             return others[:0]
         crank = task.within(swings.low, swings.high)
-        motion, valid = tracer.motion(swings, crank.angle, crank.speed, crank.acceleration, task.joints)
+        motion, valid = tracer.motion(swings, crank.angle, crank.speed, crank.acceleration, task.measures.joints)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return others[:0]
     with np.errstate(all="ignore"):
         turns = Turns(len(crank.angle), crank.angle.shape[1], motion)
-        values = table_of(task.measures, turns, task.angle_index)
-    valid &= np.all([np.isfinite(column) for column in values.values()], axis=0)
-    rows = index[others[swings.rows[valid]]]
-    own = {name: column[valid] for name, column in values.items()}
-    result.store_swings(rows, own, swings.low[valid], swings.high[valid])
-    return rows
+        values = task.values(turns)
+    return result.store_finite(index[others[swings.rows]], values, valid, (swings.low, swings.high))
 
 
 def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
@@ -278,9 +270,8 @@ def _outcome(error: MechsimError) -> str:
 
 def facts_alone(task: SweepTask, solver: Form) -> dict[str, float]:
     """Return the requested properties of a design that need no motion."""
-    kinds = [measure.kind for measure in task.measures if measure.kind in FACTS]
     result: dict[str, float] = {}
-    for kind in kinds:
+    for kind in task.measures.facts:
         arcs = solver.crank_range()
         if kind == "crank_range":
             result[kind] = float(sum(high - low for low, high in arcs.arcs))
@@ -349,17 +340,15 @@ def _solved_alone(
     motion = solver.solve_along(angles, path_speed, crank.acceleration)
     shape = (1, len(angles))
     more: dict[str, Array] = {}
-    if task.loaded:
+    if task.measures.loaded:
         acting = solver.forces or Forces()
         study = prescribed_along(dynamic_model(solver, acting), angles, path_speed, crank.acceleration)
         more = {name: column.reshape(shape) for name, column in study.columns()}
-    if task.wants(TRANSMISSION):
+    if task.measures.wants(TRANSMISSION):
         angle = closed_form(solver, "a transmission angle").transmission_angle(angles)
         more[TRANSMISSION] = angle.reshape(shape)
     turns = Turns(1, len(angles), motion, more, kept)
-    return {
-        name: float(values[0]) for name, values in table_of(task.measures, turns, task.angle_index).items()
-    }
+    return {name: float(values[0]) for name, values in task.values(turns).items()}
 
 
 def require_measurable(task: SweepTask) -> None:

@@ -28,7 +28,7 @@ from mechsim.simulation.many.stepped_designs import (
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
 from mechsim.studies.sweep.assembled_designs import assembled_designs
-from mechsim.studies.sweep.measures import Turns, table_of
+from mechsim.studies.sweep.measures import Turns
 from mechsim.studies.sweep.task import Measured, SweepTask
 
 Rows = NDArray[np.intp]
@@ -51,7 +51,7 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, re
         return index
     assert task.settings is not None
     assembled = assembled_designs(
-        task, {name: values[index] for name, values in rows.items()}, with_mechanisms=task.loaded
+        task, {name: values[index] for name, values in rows.items()}, with_mechanisms=task.measures.loaded
     )
     if assembled is None:
         return index
@@ -83,19 +83,19 @@ def _measure(task: SweepTask, stepped: SteppedDesigns, rows: Rows, numbers: Rows
     if not len(rows):
         return
     motion, forces = design_motion(stepped, rows, task.records, _detail(task)), dict[str, Array]()
-    if task.loaded:
+    if task.measures.loaded:
         assert task.settings is not None
         forces["torque"] = design_torque(stepped, rows, task.records, task.settings.compliance_used)
     turns = Turns(len(rows), len(task.records), motion, forces)
-    values = table_of(task.measures, turns, task.angle_index)
+    values = task.values(turns)
     result.store(numbers[rows], values)
 
 
 def _detail(task: SweepTask) -> Content:
     """Return the level of detail that the measures need."""
-    if task.accelerated:
+    if task.measures.accelerated:
         return "rates"
-    return "places" if task.wants("stroke") or task.uses("point") else "joints"
+    return "places" if task.measures.wants("stroke") or task.measures.uses("point") else "joints"
 
 
 def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str, str]:
@@ -117,7 +117,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
     if run.outcome in ("diverged", "changed assembly"):
         return {}, run.outcome, run.motion.broken or "it went on in another assembly"
     motion, forces = run.motion, {}
-    if task.loaded:
+    if task.measures.loaded:
         acting = solver.forces
         study = driven(solver.mechanism, acting, **options)
         motion = study.motion
@@ -130,9 +130,7 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
         }
         motion = replace(motion, joints=joints)
     turns = Turns(1, len(task.records), select_instants(motion, task.records), forces)
-    values = {
-        name: float(value[0]) for name, value in table_of(task.measures, turns, task.angle_index).items()
-    }
+    values = {name: float(value[0]) for name, value in task.values(turns).items()}
     return values, run.outcome, "" if run.outcome == "passed" else too_far(run.estimate, run.tolerance)
 
 

@@ -200,7 +200,12 @@ def _hard_enough(task: SweepTask) -> SweepTask:
     torque of a Bennett linkage, whose rows are redundant, and made no other better.
     """
     settings = task.settings
-    if settings is None or settings.compliance is not None or not task.loaded or task.like is not None:
+    if (
+        settings is None
+        or settings.compliance is not None
+        or not task.measures.loaded
+        or task.like is not None
+    ):
         return task
     return replace(task, settings=replace(settings, compliance=HARD.compliance))
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import PART_OF_RANGE
-from mechsim.model.quantities import TRANSMISSION, Quantity, Source
+from mechsim.model.quantities import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import SharedModel, shared_model
@@ -21,7 +21,7 @@ from mechsim.simulation.recording import CHUNK
 from mechsim.simulation.settings import Settings
 from mechsim.studies.release import Release
 from mechsim.studies.sweep.designs import Designs
-from mechsim.studies.sweep.measures import FACTS, TurnMeasure
+from mechsim.studies.sweep.measures import MeasureSet, Turns, table_of
 from mechsim.studies.sweep.subject import SweptSubject
 
 # outcomes of designs, stored by index
@@ -74,7 +74,7 @@ class SweepTask:
 
     subject: SweptSubject
     designs: Designs
-    measures: tuple[TurnMeasure, ...]
+    measures: MeasureSet
     samples: int
     speed: float
     settings: Settings | None = None
@@ -114,7 +114,7 @@ class SweepTask:
         """
         low, high = np.asarray(low)[..., None], np.asarray(high)[..., None]
         fixed = np.broadcast_to([*self.angle_index], (*low.shape[:-1], len(self.angle_index)))
-        if self.rated or self.loaded:
+        if self.measures.rated or self.measures.loaded:
             phase = REVOLUTION * np.arange(self.samples) / self.samples
             reach = 0.5 * PART_OF_RANGE * (high - low)
             angle = 0.5 * (low + high) - reach * np.cos(phase)
@@ -131,39 +131,11 @@ class SweepTask:
         return CrankRows(*(np.concatenate(pairs, -1) for pairs in rows))
 
     @property
-    def rated(self) -> bool:
-        """Whether velocities or accelerations are needed."""
-        return any(measure.rated for measure in self.measures)
-
-    @property
-    def loaded(self) -> bool:
-        """Whether forces are needed."""
-        return any(measure.loaded for measure in self.measures)
-
-    @property
-    def released(self) -> bool:
-        """Whether a measure is of a vibration or of a run from an initial state."""
-        return any(measure.released for measure in self.measures)
-
-    @property
-    def quantities(self) -> list[Quantity]:
-        """The quantities that are measured."""
-        return [measure.quantity for measure in self.measures if measure.quantity is not None]
-
-    def uses(self, *sources: Source) -> bool:
-        """Whether a quantity that is measured follows from columns of these sources."""
-        return any(quantity.uses(*sources) for quantity in self.quantities)
-
-    @property
     def single_only(self) -> bool:
         """Whether each design is solved by itself, as for forces and orientations of links."""
-        special = self.wants("function") or self.wants(TRANSMISSION) or self.uses("link")
-        return self.loaded or self.released or special
-
-    @property
-    def joints(self) -> list[str]:
-        """The joint coordinates that are measured."""
-        return [*dict.fromkeys(name for quantity in self.quantities for name in quantity.subjects("joint"))]
+        measures = self.measures
+        special = measures.wants("function") or measures.wants(TRANSMISSION) or measures.uses("link")
+        return measures.loaded or measures.released or special
 
     @property
     def revolution(self) -> CrankRows:
@@ -175,22 +147,25 @@ class SweepTask:
     def loops(self) -> SharedLoops | None:
         """The common loops of designs traced together; None if each must be solved alone."""
         solver = self.subject.solver
-        alone = self.single_only or any(measure.kind in FACTS for measure in self.measures)
+        alone = self.single_only or bool(self.measures.facts)
         if alone or solver.change_point != "smooth":
             return None
         with suppress(MechsimError):
-            return shared_loops(solver.mechanism, self.joints, solver.motion_laws)
+            return shared_loops(solver.mechanism, self.measures.joints, solver.motion_laws)
         return None
 
     @cached_property
     def like(self) -> SharedModel | None:
         """The model with which designs are stepped together; None if each must be stepped alone."""
         solver = self.subject.solver
-        alone = self.settings is None or self.wants("function") or self.uses("link") or self.samples > CHUNK
-        if alone or not solver.motion_laws.crank or (self.loaded and not self._weighed):
+        measures = self.measures
+        single = measures.wants("function") or measures.uses("link") or self.samples > CHUNK
+        if self.settings is None or single or not solver.motion_laws.crank:
+            return None
+        if measures.loaded and not self._weighed:
             return None
         with suppress(MechsimError):
-            return shared_model(solver.mechanism, self.forces.gravity if self.loaded else None)
+            return shared_model(solver.mechanism, self.forces.gravity if measures.loaded else None)
         return None
 
     @property
@@ -202,18 +177,7 @@ class SweepTask:
     def _weighed(self) -> bool:
         """Whether the drive torque against gravity and inertia is the only force measured."""
         plain = self.forces == Forces(gravity=self.forces.gravity)
-        columns = {
-            column.name for quantity in self.quantities if quantity.loaded for column in quantity.columns
-        }
-        return plain and columns == {"torque"} and not self.accelerated
-
-    @property
-    def accelerated(self) -> bool:
-        """Whether rates of points, or accelerations, are measured."""
-        return any(
-            quantity.order == 2 or (quantity.order == 1 and quantity.uses("point"))
-            for quantity in self.quantities
-        )
+        return plain and self.measures.force_columns == {"torque"} and not self.measures.accelerated
 
     @property
     def intervals(self) -> int:
@@ -250,12 +214,9 @@ class SweepTask:
             result = np.append(result, round(index) % rows)
         return result
 
-    def wants(self, kind: str) -> bool:
-        """Whether a measure is of a kind, or of a quantity of a kind."""
-        return any(
-            kind == measure.kind or (measure.quantity is not None and measure.quantity.kind == kind)
-            for measure in self.measures
-        )
+    def values(self, turns: Turns) -> dict[str, Array]:
+        """Return all measures of designs from their motions: name -> (designs,)."""
+        return table_of(self.measures, turns, self.angle_index)
 
 
 @dataclass
@@ -279,13 +240,29 @@ class Measured:
         self.outcome[rows] = PASSED
         self.reason[rows] = ""
 
-    def store_swings(
-        self, rows: NDArray[np.intp], result: Mapping[str, Array], low: Array, high: Array
-    ) -> None:
-        """Store measures of some designs whose cranks swing, with their reachable ranges."""
-        self.store(rows, result)
-        self.outcome[rows] = OUTCOMES.index("swings")
-        self.reason[rows] = [swings_between(*ends) for ends in zip(low, high, strict=True)]
+    def store_finite(
+        self,
+        rows: NDArray[np.intp],
+        result: Mapping[str, Array],
+        valid: NDArray[np.bool_] | Literal[True] = True,
+        swings: tuple[Array, Array] | None = None,
+    ) -> NDArray[np.intp]:
+        """Store the measures of the designs of which all are finite; return these designs.
+
+        Args:
+            rows: designs, (n,).
+            result: measure -> (n,).
+            valid: which of them may be stored, (n,).
+            swings: lower and upper ends of the reachable ranges, (n,) each in [rad], of cranks that swing.
+        """
+        finite = valid & np.all([np.isfinite(values) for values in result.values()], axis=0)
+        stored = rows[finite]
+        self.store(stored, {name: values[finite] for name, values in result.items()})
+        if swings is not None:
+            low, high = (ends[finite] for ends in swings)
+            self.outcome[stored] = OUTCOMES.index("swings")
+            self.reason[stored] = [swings_between(*ends) for ends in zip(low, high, strict=True)]
+        return stored
 
     def reject(self, rows: NDArray[np.intp], outcome: str, reason: str) -> None:
         """Store outcome and reason of some designs."""

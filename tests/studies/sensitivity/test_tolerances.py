@@ -55,17 +55,17 @@ def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     asked = tolerances_of(given, found.moved.designs.dimensions, found.moved.solver.mechanism, distribution)
     study = tolerance_study(found, asked, samples=40_000)
     random = study.random("rocker.q")
-    assert study.sampled.order == 1
+    assert study.sampled.sampling.order == 1
     assert np.abs(random["std"] / study.deviation("rocker.q") - 1.0).max() <= 0.02
-    assert study.sampled.miss > 0.0
+    assert study.sampled.sampling.miss > 0.0
 
 
 def test_large_tolerances_are_taken_to_second_order_and_agree_with_mechanisms_that_are_solved():
     names = ("crank", "arm", "ground")
     found = table("hoeken", of=("rocker",))
     study = tolerance_study(found, dict.fromkeys(names, 2e-3), samples=20_000)
-    assert study.sampled.order == 2
-    assert study.sampled.miss <= 0.02
+    assert study.sampled.sampling.order == 2
+    assert study.sampled.sampling.miss <= 0.02
     values, solved, weights = found.moved.designs.values(), [], []
     # Gauss's points, three a dimension, are exact for terms up to the fifth order
     for places in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
@@ -89,7 +89,7 @@ def test_where_no_expansion_holds_each_is_solved_and_what_cannot_be_put_together
     monkeypatch.setattr(monte_carlo, "CHECKED", 20)
     found = derivative_table(MovedFamily(parametric_model("hoeken"), np.array([1.0]), 1.0), ["rocker"])
     study = tolerance_study(found, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=500)
-    assert (study.sampled.order, study.sampled.samples) == (0, 60)
+    assert (study.sampled.sampling.order, study.sampled.samples) == (0, 60)
 
 
 def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
@@ -108,7 +108,11 @@ def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
     exact = np.array([solved.off(one) for one in parts])
     assert np.abs(off - exact).max() <= 1e-12
     study = tolerance_study(found, bounds, samples=5_000)
-    assert (study.sampled.order, study.sampled.solved, study.sampled.failed) == (0, 5_000, 0)
+    assert (study.sampled.sampling.order, study.sampled.sampling.solved, study.sampled.sampling.failed) == (
+        0,
+        5_000,
+        0,
+    )
 
 
 def test_a_dimension_and_what_it_is_reckoned_from_cannot_both_be_off():
