@@ -1,7 +1,7 @@
 """Command `mechsim sensitivity`: exact derivatives by dimensions, and tolerances propagated to a motion."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, NotRequired, TypedDict
 
 import numpy as np
@@ -209,13 +209,13 @@ def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]
     }
     if study is None:
         return data
-    names = ("samples", "solved", "failed", "order", "miss", "seed")
     sampled = study.sampled
+    monte_carlo = None if sampled is None else {"samples": sampled.samples, **asdict(sampled.sampling)}
     clearances = {joint + CLEARANCE: value for joint, value in study.tolerances.clearances.items()}
     data["tolerances"] = {
         "bounds": {**study.tolerances.bounds, **clearances},
         "distribution": study.tolerances.distribution,
-        "monte_carlo": None if sampled is None else {name: getattr(sampled, name) for name in names},
+        "monte_carlo": monte_carlo,
         "quantities": {quantity: _deviations(study, quantity) for quantity in table.values},
         "paths": {
             path.point: {"worst": float(path.worst.max()), "rss": float(path.squares.max())}

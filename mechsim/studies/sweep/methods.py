@@ -219,7 +219,9 @@ def _loop_swings(
         if swings is None:
             return others[:0]
         crank = task.within(swings.low, swings.high)
-        motion, valid = tracer.motion(swings, crank.angle, crank.speed, crank.acceleration, task.measures.joints)
+        motion, valid = tracer.motion(
+            swings, crank.angle, crank.speed, crank.acceleration, task.measures.joints
+        )
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return others[:0]
     with np.errstate(all="ignore"):
