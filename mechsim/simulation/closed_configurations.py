@@ -11,16 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.simulation.closing import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
-from mechsim.simulation.state import HINGE, SLIDE
+from mechsim.simulation.state import HINGE, SCALAR, scalar_joints
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
 
 # largest step of a driver on the way from the reference, in [rad] or characteristic lengths
 STEP = 0.1
+# largest component of a Newton step, in [rad] or [m]
+MAX_STEP = 0.5
 # Newton's steps of each step of the path, and at its end
 PATH_ITERATIONS, LAST_ITERATIONS = 2, 8
 # closure error in characteristic lengths or [rad]: of a lost configuration on the path, and at its end
@@ -63,14 +67,16 @@ class StraightPath:
         model = self.loops.model
         return model.jnt_qposadr[model.dof_jntid[self.drivers]].astype(np.int64)
 
-    def newton(self, qpos: Array, iterations: int) -> Array:
+    def newton(self, qpos: Array, iterations: int) -> NewtonResult[Array, LinearisedClosure]:
         """Return configurations after Newton's steps in the passive DOFs."""
-        for _ in range(iterations):
-            residual, jacobian = self.loops.linearise(qpos)
-            step = np.zeros((len(qpos), self.loops.model.nv))
-            step[:, self.passive] = -least_squares(jacobian[:, :, self.passive], residual)
-            qpos = self.loops.displaced(qpos, np.clip(step, -0.5, 0.5))
-        return qpos
+        settings = NewtonSettings(max_iterations=iterations, max_step=MAX_STEP)
+        return newton(LoopEquations(self.loops), qpos, settings, self._passive_step)
+
+    def _passive_step(self, jacobian: Array, scaled_residual: Array) -> Array:
+        step = np.zeros((len(jacobian), self.loops.model.nv))
+        residual = scaled_residual / self.loops.scale
+        step[:, self.passive] = least_squares(jacobian[:, :, self.passive], residual)
+        return step
 
     def follow(self, targets: Array) -> tuple[Array, Array]:
         """Return configurations with drivers at targets, (n, k), and their closure errors; inf where lost."""
@@ -78,30 +84,24 @@ class StraightPath:
         units = self.loops.units[self.drivers]
         count = max(1, int(np.ceil(np.abs((targets - start) / units).max(initial=0.0) / STEP)))
         qpos = np.repeat(self.reference[None], len(targets), 0)
-        lost, sign = np.zeros(len(targets), dtype=np.bool_), self.sign(self.reference[None])
+        lost, error = np.zeros(len(targets), dtype=np.bool_), np.zeros(len(targets))
+        matrix = self.loops.linearise(self.reference[None])[1][0][:, self.passive]
+        rows = np.linalg.svd(matrix, full_matrices=False)[0]
+        # the sign of the determinant changes between assemblies
+        sign = np.linalg.slogdet(rows.T @ matrix)[0]
         for i in range(1, count + 1):
             qpos[:, self.addresses] = start + (targets - start) * i / count
-            qpos = self.newton(qpos, PATH_ITERATIONS if i < count else LAST_ITERATIONS)
-            error = self.loops.closure_error(self.loops.residual(qpos))
-            lost |= ~(error < LOST) | (self.sign(qpos) != sign)
+            result = self.newton(qpos, PATH_ITERATIONS if i < count else LAST_ITERATIONS)
+            qpos, error = result.q, result.residual
+            signs = np.linalg.slogdet(rows.T @ result.linearised.matrix[:, :, self.passive])[0]
+            lost |= ~(error < LOST) | (signs != sign)
             qpos[lost] = self.reference
-        error = self.loops.closure_error(self.loops.residual(qpos))
         return qpos, np.where(lost, np.inf, error)
-
-    @cached_property
-    def _rows(self) -> Array:
-        matrix = self.loops.linearise(self.reference[None])[1][0][:, self.passive]
-        return np.linalg.svd(matrix, full_matrices=False)[0]
-
-    def sign(self, qpos: Array) -> Array:
-        """Return the sign of the determinant of the passive Jacobian; it changes between assemblies."""
-        jacobian = self.loops.linearise(qpos)[1][:, :, self.passive]
-        return np.linalg.slogdet(self._rows.T @ jacobian)[0]
 
     def outside(self, qpos: Array) -> NDArray[np.bool_]:
         """Return whether each joint is outside its limits, (n, njnt)."""
         model = self.loops.model
-        scalar = (model.jnt_limited != 0) & np.isin(model.jnt_type, (HINGE, SLIDE))
+        scalar = (model.jnt_limited != 0) & np.isin(model.jnt_type, SCALAR)
         values, (low, high) = qpos[:, model.jnt_qposadr], model.jnt_range.T
         return scalar & ((values < low - 1e-9) | (values > high + 1e-9))
 
@@ -218,9 +218,9 @@ def straight_path(model: mujoco.MjModel, drivers: list[int] | None) -> StraightP
     passive = np.sort(others[order[:rank]])
     if drivers is None:
         free = np.setdiff1d(np.arange(model.nv), passive)
-        drivers = [int(dof) for dof in free if kinds[dof] in (HINGE, SLIDE)]
+        drivers = [int(dof) for dof in free if kinds[dof] in SCALAR]
     path = StraightPath(loops, reference, np.array(drivers, dtype=np.int64), passive)
-    closed = path.newton(reference[None], 20)
+    closed = path.newton(reference[None], 20).q
     if not loops.closure_error(loops.residual(closed))[0] < CLOSED:
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
     return StraightPath(loops, closed[0], path.drivers, passive)
@@ -238,8 +238,7 @@ def driver_ranges(path: StraightPath) -> tuple[Array, Array]:
 
 def scalar_dof(model: mujoco.MjModel, name: str) -> int:
     """Return the degree of freedom of a hinge or slide."""
-    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-    if joint < 0 or model.jnt_type[joint] not in (HINGE, SLIDE):
-        names = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] in (HINGE, SLIDE)]
-        raise InputError(f"there is no hinge or slide {name!r}; known are {', '.join(names) or 'none'}")
-    return int(model.jnt_dofadr[joint])
+    joints = scalar_joints(model)
+    if name not in joints:
+        raise InputError(f"there is no hinge or slide {name!r}; known are {', '.join(joints) or 'none'}")
+    return int(model.jnt_dofadr[joints[name]])

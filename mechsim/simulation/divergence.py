@@ -7,6 +7,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.state import SCALAR
 
 # number of last states that are examined
 LAST_STATES = 20
@@ -64,7 +65,6 @@ def _limited(model: mujoco.MjModel, data: mujoco.MjData) -> str:
 RK4, EULER, DISCRETE = (
     int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "EULER", "DISCRETE")
 )
-SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 def stiffness_cause(model: mujoco.MjModel) -> str:
@@ -90,7 +90,7 @@ def _longest_steps(model: mujoco.MjModel) -> Iterator[tuple[float, str]]:
     damped = bool(model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP))
     integrator = int(model.opt.integrator)
     explicit = integrator == RK4 or (integrator == EULER and damped)
-    for j in np.flatnonzero(np.isin(model.jnt_type, SINGLE)):
+    for j in np.flatnonzero(np.isin(model.jnt_type, SCALAR)):
         dof, name = int(model.jnt_dofadr[j]), model.joint(j).name
         weight = model.dof_invweight0[dof]
         yield _spring(model.jnt_stiffness[j] * weight), f"the spring of joint {name}"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.state import SLIDE, scalar_joints
 
 # name of the hinge joint, and of its body, whose angle is the path parameter
 PARAMETER_JOINT = "mechsim:clock"
@@ -79,11 +80,7 @@ def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
     Raises:
         InputError: for a name that is no hinge or slide of the model.
     """
-    single = {
-        model.joint(i).name: i
-        for i in range(model.njnt)
-        if model.jnt_type[i] in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    }
+    single = scalar_joints(model)
     for name in names:
         if name not in single:
             known_names = ", ".join(joint for joint in single if joint and joint != PARAMETER_JOINT)
@@ -92,7 +89,7 @@ def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
             )
     joints = np.array([single[name] for name in names], dtype=np.intp)
     addresses = model.jnt_qposadr[joints].astype(np.intp)
-    slides = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    slides = model.jnt_type[joints] == SLIDE
     law, text = _constant_law(names, model.qpos0[addresses])
     return Drivers(names, addresses, model.jnt_dofadr[joints].astype(np.intp), slides, law, text)
 

@@ -150,10 +150,10 @@ def constraints(
         first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         kind = mujoco.mjtEq(model.eq_type[i])
         if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
-            welded = kind == mujoco.mjtEq.mjEQ_WELD
-            pairs.append(_point_pair(model, i, first, second, welded=welded))
-            if welded:
-                frames.append(_frame_pair(model, i, first, second))
+            bodies, points, rotations = coincident_frames(model, i)
+            pairs.append(PointPair(bodies, points))
+            if kind == mujoco.mjtEq.mjEQ_WELD:
+                frames.append(FramePair(bodies, rotations))
         elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
             read_sum = _joint if kind == mujoco.mjtEq.mjEQ_JOINT else _tendon
             right = read_sum(model, second) if second >= 0 else None
@@ -168,28 +168,20 @@ def constraints(
     return pairs, frames, couplings
 
 
-def _bodies(model: mujoco.MjModel, i: int, first: int, second: int) -> tuple[int, int]:
+def coincident_frames(
+    model: mujoco.MjModel, i: int
+) -> tuple[tuple[int, int], tuple[Array, Array], tuple[Array, Array]]:
+    """Return two bodies of a `connect` or `weld`, and the frames in them that coincide: points, rotations."""
+    first, second, data = int(model.eq_obj1id[i]), int(model.eq_obj2id[i]), model.eq_data[i]
     if model.eq_objtype[i] == SITE:
-        return int(model.site_bodyid[first]), int(model.site_bodyid[second])
-    return first, max(second, 0)
-
-
-def _point_pair(model: mujoco.MjModel, i: int, first: int, second: int, *, welded: bool) -> PointPair:
-    bodies, data = _bodies(model, i, first, second), model.eq_data[i]
-    if model.eq_objtype[i] == SITE:
-        return PointPair(bodies, (model.site_pos[first].copy(), model.site_pos[second].copy()))
-    # of a weld the second body's point stands first
-    points = data[0:3].copy(), data[3:6].copy()
-    return PointPair(bodies, points[::-1] if welded else points)
-
-
-def _frame_pair(model: mujoco.MjModel, i: int, first: int, second: int) -> FramePair:
-    bodies = _bodies(model, i, first, second)
-    if model.eq_objtype[i] == SITE:
-        return FramePair(
-            bodies, (rotation_matrix(model.site_quat[first]), rotation_matrix(model.site_quat[second]))
-        )
-    return FramePair(bodies, (rotation_matrix(model.eq_data[i, 6:10]), np.eye(3)))
+        bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
+        rotations = rotation_matrix(model.site_quat[first]), rotation_matrix(model.site_quat[second])
+        return bodies, (model.site_pos[first].copy(), model.site_pos[second].copy()), rotations
+    bodies = first, max(second, 0)
+    if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_CONNECT):
+        return bodies, (data[0:3].copy(), data[3:6].copy()), (np.eye(3), np.eye(3))
+    # of a weld the second body's point comes first, then the pose of the second body in the first
+    return bodies, (data[3:6].copy(), data[0:3].copy()), (rotation_matrix(data[6:10]), np.eye(3))
 
 
 def _joint(model: mujoco.MjModel, joint: int) -> Sum:
@@ -198,17 +190,24 @@ def _joint(model: mujoco.MjModel, joint: int) -> Sum:
 
 
 def _tendon(model: mujoco.MjModel, tendon: int) -> Sum:
+    joints, weights = tendon_joints(model, tendon)
+    address, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+    return Sum(address.astype(np.intp), dof.astype(np.intp), model.qpos0[address], weights)
+
+
+def tendon_joints(model: mujoco.MjModel, tendon: int) -> tuple[NDArray[np.int32], Array]:
+    """Return the joints of a fixed tendon and their weights in its length, (k,) each.
+
+    Raises:
+        InputError: for a tendon through sites.
+    """
     rows = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     if (model.wrap_type[rows] != int(mujoco.mjtWrap.mjWRAP_JOINT)).any():
         raise InputError(
-            f"tendon {model.tendon(tendon).name or tendon!r} runs through sites, and its length closes no "
-            "loop here; make it a fixed tendon, a sum of joints"
+            f"tendon {model.tendon(tendon).name or tendon!r} runs through sites, and an equality of its "
+            "length closes no loop here; make it a fixed tendon, a sum of joints, or the equality inactive"
         )
-    joints = model.wrap_objid[rows]
-    address, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-    return Sum(
-        address.astype(np.intp), dof.astype(np.intp), model.qpos0[address], model.wrap_prm[rows].astype(float)
-    )
+    return model.wrap_objid[rows], model.wrap_prm[rows].astype(np.float64)
 
 
 def _cross_matrix(vector: Array) -> Array:

@@ -343,8 +343,8 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> tuple[Array, NDArr
         change = np.zeros((len(qpos), len(evaluator.names), len(path.drivers)))
         for multiple, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
             displaced = path.newton(path.loops.displaced(qpos, multiple * step * rates[:, :, i]), 6)
-            closed &= path.loops.closure_error(path.loops.residual(displaced)) < CLOSED
-            change = change + weight * evaluator.evaluate(displaced)[1]
+            closed &= displaced.residual < CLOSED
+            change = change + weight * evaluator.evaluate(displaced.q)[1]
         columns.append(change / (12.0 * step))
     derivative = np.stack(columns, -1)
     return derivative, closed & np.isfinite(derivative).all((1, 2, 3))

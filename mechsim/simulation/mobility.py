@@ -14,7 +14,7 @@ from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.state import FREE, HINGE, SLIDE
+from mechsim.simulation.state import FREE, HINGE, SCALAR, SLIDE
 
 # residual, relative to the largest Jacobian entry, above which the other DOFs cannot follow a driver
 LOCKED_FRACTION = 1e-6
@@ -179,7 +179,7 @@ def _limited(closed: ClosedModel) -> list[int]:
     model = closed.model
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
         return []
-    return [i for i in np.flatnonzero(model.jnt_limited).tolist() if model.jnt_type[i] in (HINGE, SLIDE)]
+    return [i for i in np.flatnonzero(model.jnt_limited).tolist() if model.jnt_type[i] in SCALAR]
 
 
 def _drivers(closed: ClosedModel) -> str:
@@ -213,7 +213,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
         moved_bodies[model.body_parentid[body]] |= moved_bodies[body]
     for i, (kind, address) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
         scale = loops.characteristic_length if kind == SLIDE else 1.0
-        if kind not in (HINGE, SLIDE) or abs(moved[address] - state[address]) <= THRESHOLD * scale:
+        if kind not in SCALAR or abs(moved[address] - state[address]) <= THRESHOLD * scale:
             continue
         # a link that spins about its own axis has not moved
         if moved_bodies[model.jnt_bodyid[i]]:

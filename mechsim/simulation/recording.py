@@ -13,7 +13,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import actuation, loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.state import HINGE, ONE_THREAD, SLIDE, rotated
+from mechsim.simulation.state import HINGE, ONE_THREAD, rotated, scalar_joints
 
 OFF = mujoco.mjtDisableBit
 # forces that may be large: actuators, springs and dampers
@@ -146,19 +146,7 @@ def _evaluated(
     names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
     fields = {name: sims.bind(name) for name in names}
     sims.forward()
-    sensors = {
-        model.sensor(i).name: fields["sensordata"][:, adr : adr + 3] for i, adr in enumerate(model.sensor_adr)
-    }
-    gravity = _gravity(model)
-    links = link_motions(model, track, fields)
-    points = {
-        name: PointMotion(
-            fields["site_xpos"][:, model.site(name).id],
-            sensors[f"{name}.linvel"],
-            sensors[f"{name}.linacc"] + gravity,
-        )
-        for name in track.points
-    }
+    links, points = link_motions(model, track, fields), _point_motions(model, track, fields)
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
     if crank_acceleration is None and has_dry_friction(model):
@@ -186,12 +174,31 @@ def _evaluated(
     )
 
 
-def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]) -> dict[str, LinkMotion]:
-    """Return the motion of each link from fields xpos, xmat and sensordata of a batch at n states."""
-    sensors = {
+def _sensors(model: mujoco.MjModel, fields: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the values of all sensors, name -> (n, 3)."""
+    return {
         model.sensor(i).name: fields["sensordata"][:, adr : adr + 3] for i, adr in enumerate(model.sensor_adr)
     }
-    gravity = _gravity(model)
+
+
+def _point_motions(
+    model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]
+) -> dict[str, PointMotion]:
+    """Return the motion of each point from fields site_xpos and sensordata of a batch at n states."""
+    sensors, gravity = _sensors(model, fields), _gravity(model)
+    return {
+        name: PointMotion(
+            fields["site_xpos"][:, model.site(name).id],
+            sensors[f"{name}.linvel"],
+            sensors[f"{name}.linacc"] + gravity,
+        )
+        for name in track.points
+    }
+
+
+def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]) -> dict[str, LinkMotion]:
+    """Return the motion of each link from fields xpos, xmat and sensordata of a batch at n states."""
+    sensors, gravity = _sensors(model, fields), _gravity(model)
     return {
         name: LinkMotion(
             fields["xpos"][:, model.body(name).id],
@@ -305,9 +312,8 @@ def _moved_point(
 
 def _joints(loops: ModelLoops, track: Track, states: States, qacc: Array) -> dict[str, JointMotion]:
     model, joints = loops.model, {}
-    for i in range(model.njnt):
-        name = model.joint(i).name
-        if model.jnt_type[i] in (HINGE, SLIDE) and name and name != PARAMETER_JOINT:
+    for name, i in scalar_joints(model).items():
+        if name and name != PARAMETER_JOINT:
             address, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
             called, chunk = track.name(name)
             joints[called] = JointMotion(

@@ -24,6 +24,7 @@ from mechsim.simulation.mjcf.generator import lock_joints, require_single
 from mechsim.simulation.mjcf.joints import CRANK, model_names
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
+from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
 from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses.driver_moves import move_drivers
@@ -165,12 +166,7 @@ def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
     """Return the state of a keyframe, (nq,); None without a name."""
     if key is None:
         return None
-    model = compiled(spec.copy())
-    names = [model.key(i).name for i in range(model.nkey)]
-    if key not in names:
-        listing = ", ".join(names) or "none"
-        raise InputError(f"{spec.modelname}: there is no keyframe {key!r} (it has {listing})")
-    return model.key_qpos[names.index(key)]
+    return initial_qpos(spec.modelname, compiled(spec.copy()), key)
 
 
 def from_mechanism(

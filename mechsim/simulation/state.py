@@ -21,6 +21,9 @@ FREE, BALL, SLIDE, HINGE = (
     )
 )
 
+# joints with one coordinate
+SCALAR = (HINGE, SLIDE)
+
 # body and points on it, (n, 3) -> the Jacobians of the points and of the body's rotation, (n, 3, nv) each
 PointJacobians = Callable[[int, Array], tuple[Array, Array]]
 
@@ -110,6 +113,11 @@ class PosedBodies:
         return self._batches[n]
 
 
+def scalar_joints(model: mujoco.MjModel) -> dict[str, int]:
+    """Return the hinges and slides of a model: name -> index."""
+    return {model.joint(j).name: j for j in range(model.njnt) if model.jnt_type[j] in SCALAR}
+
+
 def angular_dofs(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return whether each DOF is an angle, (nv,); of the six of a free joint the first three are lengths."""
     kinds = model.jnt_type[model.dof_jntid]
@@ -143,7 +151,7 @@ def displaced(model: mujoco.MjModel, qpos: Array, step: Array) -> Array:
         mujoco.mj_integratePos(model, out[0], step[0], 1.0)
         return out
     for kind, address, dof in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
-        if kind in (HINGE, SLIDE):
+        if kind in SCALAR:
             out[:, address] += step[:, dof]
             continue
         if kind == FREE:

@@ -139,7 +139,7 @@ def test_what_a_model_has_not_is_named():
         simulate(text, motion_laws=by_name({"X": steady(0.0, 1.0)}, 1.0))
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to hold"):
         swept(text, drive="motor", speed=1.0, lock={"X": 0.0})
-    with pytest.raises(InputError, match=r"no keyframe 'behind' \(it has ahead\)"):
+    with pytest.raises(InputError, match=r"there is no keyframe 'behind'; there are ahead"):
         swept(text, drive="motor", speed=1.0, key="behind")
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.equality_constraints import tendon_joints
-from mechsim.simulation.mjcf_reader.kinematic_tree import BALL, DRIVABLE, FREE, Carrier
+from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
+from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
+from mechsim.simulation.state import BALL, FREE, scalar_joints
 
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
@@ -22,7 +23,7 @@ MAX_LISTED = 12
 
 def coordinates(model: mujoco.MjModel) -> list[str]:
     """Return the names of the hinges and slides of a model."""
-    return [model.joint(j).name for j in range(model.njnt) if int(model.jnt_type[j]) in DRIVABLE]
+    return [*scalar_joints(model)]
 
 
 def listed(names: Sequence[str]) -> str:
@@ -104,7 +105,7 @@ def actuated_joints(model: mujoco.MjModel, actuator: int) -> list[str]:
     if kind == ON_TENDON and int(model.wrap_type[model.tendon_adr[target]]) == int(
         mujoco.mjtWrap.mjWRAP_JOINT
     ):
-        return list(tendon_joints(model, target))
+        return list(tendon_weights(model, target))
     return []
 
 

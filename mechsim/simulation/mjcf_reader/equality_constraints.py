@@ -10,8 +10,8 @@ from mechsim.errors import InputError
 from mechsim.model.couplings import Coupling
 from mechsim.model.joints import End, Joint
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.equality_rows import coincident_frames, tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier
-from mechsim.simulation.state import rotation_matrix
 
 CONNECT, WELD, JOINT, TENDON = (
     int(kind)
@@ -71,22 +71,12 @@ def equalities(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Equalities
 
 def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:
     """Return the joint of a connect or weld; None where both its bodies are one link."""
-    data, weld = model.eq_data[i], int(model.eq_type[i]) == WELD
-    first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
-    if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
-        bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
-        points = model.site_pos[first], model.site_pos[second]
-        rotations = rotation_matrix(model.site_quat[first]), rotation_matrix(model.site_quat[second])
-    else:
-        bodies = first, max(second, 0)
-        # of a weld the anchor comes first, in body 2; then where body 2 is in body 1
-        points = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
-        rotations = rotation_matrix(data[6:10]) if weld else np.eye(3), np.eye(3)
+    bodies, points, rotations = coincident_frames(model, i)
     carriers = [carried[body] for body in bodies]
     if carriers[0].link == carriers[1].link:
         return None
     # without torque a weld holds the point alone
-    kind = FRAMES if weld and data[10] != 0.0 else POINTS
+    kind = FRAMES if int(model.eq_type[i]) == WELD and model.eq_data[i, 10] != 0.0 else POINTS
     ends = [
         End(
             carrier.link,
@@ -124,24 +114,13 @@ def _one_joint(model: mujoco.MjModel, j: int) -> tuple[dict[str, float], float]:
 def _tendon(model: mujoco.MjModel, t: int) -> tuple[dict[str, float], float]:
     if t < 0:
         return {}, 0.0
-    return tendon_joints(model, t), float(model.tendon_length0[t])
+    return tendon_weights(model, t), float(model.tendon_length0[t])
 
 
-def tendon_joints(model: mujoco.MjModel, t: int) -> dict[str, float]:
-    """Return the joints of a fixed tendon and their weights in its length.
-
-    Raises:
-        InputError: for a tendon through sites.
-    """
-    name = model.tendon(t).name
-    first = int(model.tendon_adr[t])
+def tendon_weights(model: mujoco.MjModel, t: int) -> dict[str, float]:
+    """Return the joints of a fixed tendon and their weights in its length; InputError for another one."""
     weights: dict[str, float] = {}
-    for k in range(first, first + int(model.tendon_num[t])):
-        if int(model.wrap_type[k]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
-            raise InputError(
-                f"tendon {name!r} runs through sites and is held by an equality; "
-                "only tendons of joints (fixed) are read: leave the equality out or make it inactive"
-            )
-        joint = model.joint(int(model.wrap_objid[k])).name
-        weights[joint] = weights.get(joint, 0.0) + float(model.wrap_prm[k])
+    for j, weight in zip(*tendon_joints(model, t), strict=True):
+        name = model.joint(int(j)).name
+        weights[name] = weights.get(name, 0.0) + float(weight)
     return weights

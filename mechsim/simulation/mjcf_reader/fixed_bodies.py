@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.mjcf_reader.kinematic_tree import BALL, FREE
-from mechsim.simulation.state import rotation_matrix
+from mechsim.simulation.state import BALL, FREE, rotation_matrix
 
 # kind of joint -> its coordinates and freedoms
 ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}

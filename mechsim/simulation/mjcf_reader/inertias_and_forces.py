@@ -9,8 +9,8 @@ import numpy as np
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia, Link
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, Carrier, vector
-from mechsim.simulation.state import rotation_matrix
+from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier, vector
+from mechsim.simulation.state import SCALAR, rotation_matrix
 
 # fraction of the heaviest link's mass that a massless link gets: negligible, but not zero
 MASSLESS = 1e-12
@@ -83,7 +83,7 @@ def forces_of_model(model: mujoco.MjModel) -> Forces:
     friction: list[Friction] = []
     springs: list[JointSpring] = []
     for j in range(model.njnt):
-        if int(model.jnt_type[j]) not in DRIVABLE:
+        if int(model.jnt_type[j]) not in SCALAR:
             continue
         name, dof, address = model.joint(j).name, model.jnt_dofadr[j], model.jnt_qposadr[j]
         viscous, coulomb = _linear(model.dof_damping[dof]), float(model.dof_frictionloss[dof])

@@ -12,7 +12,7 @@ from mechsim.model.joint_kinds import KINDS, KindName, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.state import rotation_matrix
+from mechsim.simulation.state import BALL, FREE, HINGE, SLIDE, rotation_matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +62,6 @@ def vector(values: Array) -> Vector:
     return x, y, z
 
 
-HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
-# those whose one coordinate can be prescribed
-DRIVABLE = (HINGE, SLIDE)
-
 OF_JOINT: dict[int, KindName] = {
     HINGE: "revolute",
     SLIDE: "prismatic",
@@ -76,9 +71,6 @@ OF_JOINT: dict[int, KindName] = {
 # points meet; points and frames meet
 POINTS: KindName = "spherical"
 FRAMES: KindName = "fixed"
-
-
-# begins the name of a link between two joints of one body; no user sees it
 
 
 @dataclass(frozen=True)

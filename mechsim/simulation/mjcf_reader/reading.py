@@ -32,10 +32,6 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import (
 )
 from mechsim.simulation.mjcf_reader.inertias_and_forces import forces_of_model, with_inertias
 from mechsim.simulation.mjcf_reader.kinematic_tree import (
-    BALL,
-    DRIVABLE,
-    FREE,
-    SLIDE,
     Carrier,
     KinematicTree,
     kinematic_tree,
@@ -53,6 +49,7 @@ from mechsim.simulation.mjcf_reader.parsed_file import (
 )
 from mechsim.simulation.mjcf_reader.pose_chains import with_pose_chains
 from mechsim.simulation.mjcf_reader.repairs import minimum_mass
+from mechsim.simulation.state import BALL, FREE, SCALAR, SLIDE
 
 
 def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
@@ -60,7 +57,7 @@ def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
     return {
         model.joint(j).name: float(qpos[model.jnt_qposadr[j]])
         for j in range(model.njnt)
-        if int(model.jnt_type[j]) in DRIVABLE
+        if int(model.jnt_type[j]) in SCALAR
     }
 
 
@@ -102,7 +99,7 @@ def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
     return {
         model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
         for j in range(model.njnt)
-        if model.jnt_limited[j] and int(model.jnt_type[j]) in DRIVABLE
+        if model.jnt_limited[j] and int(model.jnt_type[j]) in SCALAR
     }
 
 
@@ -361,7 +358,7 @@ def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
     out = np.repeat(model.qpos0[None], len(motion), 0)
     for j, joint in enumerate(tree.joints):
         address = int(model.jnt_qposadr[j])
-        if int(model.jnt_type[j]) in DRIVABLE:
+        if int(model.jnt_type[j]) in SCALAR:
             out[:, address] = motion.joints[joint.name].value
             continue
         link = motion.links[link_name(model, int(model.jnt_bodyid[j]))]
