@@ -8,7 +8,7 @@ import numpy as np
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected
-from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, SLIDE
+from mechsim.simulation.state import SCALAR, SLIDE
 
 # rounding of the triangle inequality, in parts of the largest moment
 ROUNDING = 1e-9
@@ -173,7 +173,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
     hinges = [
         int(j)
         for j in np.flatnonzero(model.jnt_limited)
-        if int(model.jnt_type[j]) in DRIVABLE and int(model.jnt_type[j]) != SLIDE
+        if int(model.jnt_type[j]) in SCALAR and int(model.jnt_type[j]) != SLIDE
     ]
     widths = {j: float(np.abs(model.jnt_range[j]).max()) for j in hinges}
     wide = [j for j, width in widths.items() if width > WIDE_RANGE and _in_loop(scene, j)]

@@ -9,7 +9,7 @@ from mechsim.model.finding import NO_POSITION, FilePosition, Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, null_space, swing
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.mjcf_reader.kinematic_tree import DRIVABLE, SLIDE
+from mechsim.simulation.state import SCALAR, SLIDE
 
 # what digits of a file leave, in parts of the range
 ROUNDING = 1e-6
@@ -27,12 +27,12 @@ def outside_limits(scene: Inspected) -> Iterator[Finding]:
     for j in np.flatnonzero(model.jnt_limited):
         kind, name, address = int(model.jnt_type[j]), str(model.joint(j).name), int(model.jnt_qposadr[j])
         value = float(scene.read.qpos[address])
-        if kind not in DRIVABLE:  # a ball's limit is on how far it is turned
+        if kind not in SCALAR:  # a ball's limit is on how far it is turned
             value = 2.0 * float(np.arccos(min(1.0, abs(value))))
         unit = "m" if kind == SLIDE else "rad"
         location, (low, high) = scene.location(joints[name]), model.jnt_range[j]
         yield from _outside(f"joint {name}", name, value, (low, high), unit, location)
-        dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in DRIVABLE else 3))
+        dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in SCALAR else 3))
         if low == high and value == low and free[:, dofs].max(initial=0.0) > SIGNIFICANT:
             yield _immobile(name, float(low), unit, location)
     tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
