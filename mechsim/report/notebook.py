@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
-    from mechsim.model.mechanism import Mechanism
+    from mechsim.model.mechanism import Mechanism, Up
     from mechsim.model.motion import Motion
     from mechsim.pictures.render import Look
     from mechsim.verdict.checks import Verdict
@@ -96,7 +96,7 @@ def view(
     *,
     set: "Mapping[str, str | float] | None" = None,
     speed: float | str = SPEED,
-    up: str | None = None,
+    up: "Up | None" = None,
     height: int = 720,
     **options: Any,
 ) -> FramedPage:

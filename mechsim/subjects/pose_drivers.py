@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.mobility import driver_determinacy
@@ -79,6 +78,8 @@ def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
 
 def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
     """Return a mechanism with the chain of one point or link."""
+    from scipy.spatial.transform import Rotation
+
     is_link = subject not in mechanism.points or rotates
     link, point = (subject, ORIGIN) if is_link else mechanism.points[subject]
     pose = mechanism.guess[link]
@@ -115,6 +116,8 @@ def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
 
 def _cardan_angles(link: str, rotation: Array) -> list[float]:
     """Return the angles about x, the turned y and the turned z of a rotation matrix, (3, 3), in [rad]."""
+    from scipy.spatial.transform import Rotation
+
     if abs(abs(rotation[0, 2]) - 1.0) < 0.5 * GIMBAL_LOCK**2:
         raise InputError(f"link {link} starts at {link}.ry = 90 deg, where rx and rz coincide; drive joints")
     return Rotation.from_matrix(rotation).as_euler("XYZ").tolist()

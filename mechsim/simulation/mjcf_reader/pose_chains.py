@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mechsim.errors import InputError
 from mechsim.model.links import VIRTUAL_PREFIX
@@ -69,6 +68,8 @@ def _add_chain(
     spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.MjData, subject: str, rotates: bool
 ) -> Array:
     """Add the chain of a site or body where it stands, and return its coordinates, (3,) or (6,)."""
+    from scipy.spatial.transform import Rotation
+
     located = _find(model, subject)
     assert located is not None
     body, local = located
