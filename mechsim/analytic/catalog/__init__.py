@@ -59,10 +59,6 @@ def with_theory(theory: str) -> str:
     return ", ".join(name for name, mechanism in DRIVES.items() if theory in mechanism.declaration.theories)
 
 
-# names that an error lists next to a suggestion
-MAX_LISTED = 20
-
-
 def nearest(name: str, names: list[str]) -> str:
     """Return the tail of a sentence that says what was probably meant."""
     close = difflib.get_close_matches(name, names)
@@ -72,7 +68,5 @@ def nearest(name: str, names: list[str]) -> str:
         for candidate in names
         if candidate in close
     }
-    hint = f"; did you mean {max(alike, key=alike.__getitem__)!r}?" if alike else ""
-    if hint and len(names) > MAX_LISTED:
-        return hint
-    return f"{hint or ';'} known are {', '.join(names)}"
+    hint = f"; did you mean {max(alike, key=alike.__getitem__)!r}? " if alike else "; "
+    return f"{hint}known are {', '.join(names)}"
