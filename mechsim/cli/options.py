@@ -10,7 +10,7 @@ import typer
 
 from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.derivatives import DesignFamily
+from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.cli import completion
 from mechsim.cli.exit_codes import notes

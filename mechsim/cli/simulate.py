@@ -12,6 +12,12 @@ from mechsim import files, simulation
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.record import with_all_joints
 from mechsim.cli.command import Result, command
+from mechsim.cli.findings_text import (
+    findings_in_json,
+    motion_law_of_crank,
+    print_finding_lines,
+    scene_findings,
+)
 from mechsim.cli.motion_warnings import digits_in_json, few_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
@@ -28,7 +34,6 @@ from mechsim.cli.output_units import Labelled, Units, output_units
 from mechsim.cli.progress import progress
 from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.cli.schema import RunJson
-from mechsim.cli.verdict_text import crank_law, findings_in_json, print_finding_lines, scene_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import POSITION_TOLERANCE, Outcome
 from mechsim.model.motion import select_instants
@@ -147,7 +152,7 @@ def simulate(
         solver,
         None
         if motion is None
-        else crank_law(solver, motion)
+        else motion_law_of_crank(solver, motion)
         if solver.motion_laws.crank
         else solver.motion_laws,
     )

@@ -3,18 +3,16 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
-from mechsim.analytic.forms import Form
+from mechsim.cli.findings_text import print_finding_lines
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
 from mechsim.model.finding import Finding
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.masses import summary
-from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.checks import Check, Verdict, check_table
 
 if TYPE_CHECKING:
@@ -199,51 +197,6 @@ def readable(value: float, unit: str) -> str:
     if unit.startswith(WITHOUT_PREFIX) or not 1e-9 <= value < 1e6:
         return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
     return prefixed(value, unit)
-
-
-def scene_findings(solver: Form, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
-    """Return the findings in an MJCF file, the most severe first; None for any other mechanism.
-
-    Args:
-        solver: the mechanism.
-        laws: motion laws of the drivers; None takes its own.
-    """
-    if not isinstance(solver, MjcfForm) or solver.source is None:
-        return None
-    # MuJoCo is loaded for MJCF files only
-    from mechsim.simulation.findings import findings
-    from mechsim.simulation.mjcf import quiet
-
-    with quiet():
-        return findings(solver.source, laws or solver.motion_laws)
-
-
-def crank_law(solver: Form, motion: CrankProfile) -> MotionLaws | None:
-    """Return the motion of the crank of an MJCF file as a motion law; None for any other mechanism."""
-    if not isinstance(solver, MjcfForm):
-        return None
-    return make_motion_laws(solver.mechanism, {solver.mechanism.drivers[0]: motion.state}, motion.duration)
-
-
-def findings_in_json(findings: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:
-    """Return the entry of a JSON object; none where there is no MJCF file."""
-    return {} if findings is None else {"findings": [finding.as_dict() for finding in findings]}
-
-
-def print_findings(findings: Sequence[Finding] | None) -> None:
-    """Print findings as a table, or that there are none; nothing where there is no MJCF file."""
-    if findings is not None and not findings:
-        typer.echo("findings: none")
-    rows = [
-        (finding.kind, finding.position.removeprefix("line "), finding.advice) for finding in findings or ()
-    ]
-    print_table("Findings in the file", ("kind", "line", "what; remedy"), rows)
-
-
-def print_finding_lines(findings: Sequence[Finding] | None) -> None:
-    """Print findings before a verdict."""
-    for finding in findings or ():
-        _echo(wrapped(f"{finding.kind}: {finding.one_line}", "", "  "))
 
 
 def print_agreement(name: str, agreement: "Agreement", *, verbose: bool) -> None:

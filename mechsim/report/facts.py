@@ -1,13 +1,12 @@
 """What `mechsim show` and the report say about a mechanism."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
@@ -16,6 +15,9 @@ from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+
+if TYPE_CHECKING:
+    from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 
 # what there is to say of a mechanism that is not of the catalogue
 OWN = "a mechanism of one's own, by its loop equations"
@@ -184,7 +186,7 @@ def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 
 
-def _effort_facts(study: InverseDynamics, forces: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
+def _effort_facts(study: "InverseDynamics", forces: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
     """Return peak, mean and root mean square of the torques or forces at joint coordinates."""
     result, mechanism = study.efforts, study.model.mechanism
     angle, time = result.angle, result.time if result.drives else None
@@ -196,7 +198,7 @@ def _effort_facts(study: InverseDynamics, forces: Mapping[str, Array]) -> dict[s
     }
 
 
-def study_facts(study: InverseDynamics, actuators: Mapping[str, Array] | None = None) -> dict[str, Any]:
+def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None = None) -> dict[str, Any]:
     """Return peaks and means of a prescribed motion, and of the forces of its actuators; all in SI."""
     result, angle = study.efforts, study.efforts.angle
     timed = result.time if result.drives else None
@@ -243,7 +245,7 @@ def study_facts(study: InverseDynamics, actuators: Mapping[str, Array] | None = 
 
 
 def _coupling_facts(
-    study: InverseDynamics, peak: Callable[[Array], dict[str, float]]
+    study: "InverseDynamics", peak: Callable[[Array], dict[str, float]]
 ) -> dict[str, dict[str, Any]]:
     """Return each coupling's effort on its driven coordinate, and what carries it."""
     result, mechanism = study.efforts, study.model.mechanism

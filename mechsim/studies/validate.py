@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.analytic import loops
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.derivatives import DesignFamily
+from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError, BudgetError

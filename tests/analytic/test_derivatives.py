@@ -9,8 +9,8 @@ from exact import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
 from mechsim.analytic import catalog
-from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.dimensions import catalog_family, placed_family
+from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_family, changes, placed_family
+from mechsim.analytic.derivatives.motion import motion_derivatives
 from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError

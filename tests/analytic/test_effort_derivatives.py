@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import catalog, dynamics
-from mechsim.analytic.derivatives import changes
-from mechsim.analytic.derivatives.dimensions import catalog_family
+from mechsim.analytic.derivatives.dimensions import catalog_family, changes
 from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers
 from mechsim.analytic.derivatives.motion import followed_motion
 from mechsim.model.forces import Forces, Friction, JointSpring, Spring

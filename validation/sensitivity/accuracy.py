@@ -17,9 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from exact import DIGITS, four_bar_b_place, rssr_p3_place, slider_crank_b_place
 
 from mechsim.analytic import catalog
-from mechsim.analytic.derivatives import changes, motion_derivatives
-from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_family
-from mechsim.analytic.derivatives.motion import motion_beside
+from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_family, changes
+from mechsim.analytic.derivatives.motion import motion_beside, motion_derivatives
 from mechsim.errors import MechsimError
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import parametric_model

@@ -5,8 +5,3 @@ by derivatives of its description (`dimensions`); with these as tiny imaginary p
 closed once more, and what becomes imaginary is the derivative, to rounding: no difference of two motions is
 taken (`motion`).
 """
-
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, changes
-from mechsim.analytic.derivatives.motion import MotionDerivatives, motion_derivatives
-
-__all__ = ["DesignFamily", "Dimension", "MotionDerivatives", "changes", "motion_derivatives"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.derivatives import DesignFamily
+from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.motion import MotionBeside, motion_beside
+from mechsim.analytic.derivatives.dimensions import DesignFamily, changes
+from mechsim.analytic.derivatives.motion import MotionBeside, motion_beside, motion_derivatives
 from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.forms import Form

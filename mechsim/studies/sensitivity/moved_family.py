@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.derivatives import DesignFamily, changes, motion_derivatives
-from mechsim.analytic.derivatives.dimensions import placed_family
+from mechsim.analytic.derivatives.dimensions import DesignFamily, changes, placed_family
 from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers, moved_efforts
 from mechsim.analytic.derivatives.motion import (
     Followed,
@@ -16,6 +15,7 @@ from mechsim.analytic.derivatives.motion import (
     derivatives_along,
     followed_motion,
     motion_beside,
+    motion_derivatives,
 )
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.derivatives import DesignFamily, Dimension
+from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.forms import Form
 from mechsim.analytic.path_instants import path_instants
 from mechsim.errors import AssemblyError, InputError, needs
