@@ -1,4 +1,4 @@
-"""Which joints of a model are driven: those named, else those of its actuators, else a hinge called crank."""
+"""Driven joints and tracked points of a model, and suggestions for mistyped names."""
 
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -15,7 +15,7 @@ from mechsim.simulation.state import BALL, FREE, scalar_joints
 
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
-# the joint that is driven where nothing else says which
+# the joint that is driven by default
 CRANK = "crank"
 # maximum number of names in a message
 MAX_LISTED = 12
@@ -39,7 +39,7 @@ def did_you_mean(name: str, names: Sequence[str]) -> str:
 
 
 def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
-    """Refuse what is no hinge or slide of a model."""
+    """Reject a name that is no hinge or slide of a model."""
     names = coordinates(model)
     if name not in names:
         kinds = {model.joint(j).name: int(model.jnt_type[j]) for j in range(model.njnt)}
@@ -109,14 +109,14 @@ def actuated_joints(model: mujoco.MjModel, actuator: int) -> list[str]:
     return []
 
 
-# body and place in its frame, in [m]
+# body and position in its frame, in [m]
 BodyPoint = tuple[str, Array]
 
 
 def tracked(
     model: mujoco.MjModel, carriers: Sequence[Carrier], requested: Sequence[str]
 ) -> dict[str, BodyPoint]:
-    """Return the tracked points: name -> body and place in its frame.
+    """Return the tracked points: name -> body and position in its frame.
 
     Args:
         model: the model.
@@ -125,7 +125,7 @@ def tracked(
             bodies, or the origins of moving bodies where there are none.
 
     Raises:
-        InputError: for a name that is no site and no body, or a place that is not three numbers.
+        InputError: for a name that is no site and no body, or a position that is not three numbers.
     """
     sites = {
         model.site(s).name: (model.body(model.site_bodyid[s]).name, model.site_pos[s].copy())

@@ -26,12 +26,12 @@ CONNECT, WELD, JOINT, TENDON = (
 
 @dataclass
 class Equalities:
-    """What the equality constraints of a model say.
+    """The equality constraints of a model.
 
     Attributes:
         joints: of connect and weld constraints.
         couplings: of joint and tendon constraints.
-        remarks: sentences on those that are off or say nothing.
+        remarks: sentences on those that are inactive or redundant.
     """
 
     joints: list[Joint] = field(default_factory=list[Joint])
@@ -43,7 +43,7 @@ def equalities(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Equalities
     """Return the active equality constraints of a model as joints and couplings.
 
     Raises:
-        InputError: for one of another kind, or of a tendon that is none of joints.
+        InputError: for a constraint of another kind, or of a tendon through sites.
     """
     result = Equalities()
     off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
@@ -75,7 +75,7 @@ def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], na
     carriers = [carried[body] for body in bodies]
     if carriers[0].link == carriers[1].link:
         return None
-    # without torque a weld holds the point alone
+    # a weld with torquescale 0 constrains the point only
     kind = FRAMES if int(model.eq_type[i]) == WELD and model.eq_data[i, 10] != 0.0 else POINTS
     ends = [
         End(
@@ -90,7 +90,7 @@ def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], na
 
 
 def _coupling(model: mujoco.MjModel, i: int, name: str) -> Coupling:
-    """Return what a joint or tendon equality says, both sides counted from the reference configuration."""
+    """Return a joint or tendon equality, both sides relative to the reference configuration."""
     tendons = int(model.eq_type[i]) == TENDON
     sides = [
         (_tendon if tendons else _one_joint)(model, int(ids[i])) for ids in (model.eq_obj1id, model.eq_obj2id)
@@ -100,7 +100,7 @@ def _coupling(model: mujoco.MjModel, i: int, name: str) -> Coupling:
 
 
 def coefficients(polynomial: Array) -> tuple[float, ...]:
-    """Return the coefficients of a polynomial without the noughts at its end."""
+    """Return the coefficients of a polynomial without trailing zeros."""
     last = int(np.flatnonzero(polynomial).max(initial=0))
     return tuple(polynomial[: last + 1].tolist())
 

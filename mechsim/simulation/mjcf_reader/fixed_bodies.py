@@ -12,7 +12,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.state import BALL, FREE, rotation_matrix
 
-# kind of joint -> its coordinates and freedoms
+# kind of joint -> numbers of its coordinates and DOFs
 ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}
 
 
@@ -22,26 +22,26 @@ def free_bodies(model: mujoco.MjModel) -> list[str]:
 
 
 def free_joints(model: mujoco.MjModel) -> tuple[int, ...]:
-    """Return the free joints of a model, by their numbers."""
+    """Return the indices of the free joints of a model."""
     return tuple(np.flatnonzero(model.jnt_type == FREE).tolist())
 
 
 def rotational_joints(model: mujoco.MjModel) -> dict[str, int]:
-    """Return the balls and free joints of a model: name -> number."""
+    """Return the balls and free joints of a model: name -> index."""
     return {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in ROTATIONAL}
 
 
 @dataclass(frozen=True)
 class FixedBodies:
-    """Balls and free joints of a scene that are held where they start.
+    """Bodies of a scene that are fixed at their initial poses, without their ball or free joints.
 
     Attributes:
-        joints: their numbers in the file.
-        poses: their body -> where it stands in what it hangs on: place in [m] and quaternion, (7,).
-        order: their body -> how many of its joints stand before.
-        moved: bodies that its file has elsewhere.
-        qpos: which of the coordinates remain, (nq,).
-        qvel: which of the freedoms remain, (nv,).
+        joints: indices of the removed joints in the file.
+        poses: body -> its pose in the parent body: position in [m] and quaternion, (7,).
+        order: body -> number of its joints before the removed one.
+        moved: bodies whose initial pose differs from the file's reference configuration.
+        qpos: which coordinates remain, (nq,).
+        qvel: which DOFs remain, (nv,).
     """
 
     joints: tuple[int, ...]
@@ -55,16 +55,16 @@ class FixedBodies:
 def fix_bodies_in_scene(
     spec: mujoco.MjSpec, model: mujoco.MjModel, joints: tuple[int, ...], key: str | None
 ) -> FixedBodies:
-    """Take balls and free joints of a scene away, its keyframes cut to what remains; say what was done.
+    """Remove ball and free joints of a scene and their entries in keyframes.
 
     Args:
         spec: changed in place.
         model: compiled from it.
-        joints: their numbers.
-        key: keyframe as in which the bodies are to stand; None for the reference configuration.
+        joints: indices of the joints.
+        key: keyframe with the poses of the bodies; None for the reference configuration.
 
     Raises:
-        InputError: for a body of theirs without a name.
+        InputError: for a body without a name.
     """
     start = model.qpos0 if key is None else model.key(key).qpos
     poses = {model.body(body).name: pose for body, pose in _body_poses(model, joints, start).items()}
@@ -102,16 +102,16 @@ def fix_bodies_in_scene(
 
 
 def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> Array:
-    """Take balls and free joints away, their bodies standing as at qpos (nq,).
+    """Remove ball and free joints; their bodies keep the poses that they have at qpos, (nq,).
 
     Args:
         spec: changed in place; it has no keyframes.
         model: compiled from it.
-        joints: their numbers.
-        qpos: where the bodies are to stand.
+        joints: indices of the joints.
+        qpos: state with the poses of the bodies.
 
     Returns:
-        What remains of qpos.
+        The remaining coordinates of qpos.
     """
     poses = _body_poses(model, joints, qpos)
     in_order = sorted(spec.joints, key=lambda joint: joint.id)
@@ -125,7 +125,7 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
                 _undo_rotation(inner, in_order[j], rotation_matrix(quaternion))
             _set_pose(bodies[body], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         spec.delete(in_order[j])
-    # a frame round a body moves it: where it is put says by how much
+    # a <frame> element around a body displaces it: the compiled pose shows by how much
     base_model = compiled(spec)
     for body, pose in poses.items():
         frame = base_model.body(body)
@@ -140,7 +140,7 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
 def without_locked_bodies(
     spec: mujoco.MjSpec, locks: Mapping[str, float | None], start: Array | None
 ) -> tuple[mujoco.MjSpec, Mapping[str, float | None], Array | None]:
-    """Return a specification without the balls and free joints that are held, other holds, and the start."""
+    """Return a specification without locked balls and free joints, the other locks, and the initial state."""
     if None not in locks.values():
         return spec, locks, start
     model = compiled(spec.copy())
@@ -156,7 +156,7 @@ def without_locked_bodies(
 
 
 def _undo_rotation(joint: mujoco.MjsJoint, ball: mujoco.MjsJoint, rotation_: Array) -> None:
-    """Leave a joint nearer the ground where it is, its body's frame being turned as a ball of it was."""
+    """Keep a joint before a removed ball of its body in place while the frame of the body rotates."""
     if joint.frame is not None or ball.frame is not None:
         raise InputError(
             f"joint {ball.name!r} cannot be held where it is turned: {joint.name!r} of the same body stands "
@@ -167,12 +167,12 @@ def _undo_rotation(joint: mujoco.MjsJoint, ball: mujoco.MjsJoint, rotation_: Arr
 
 
 def _bodies(model: mujoco.MjModel, joints: Sequence[int]) -> list[tuple[int, int]]:
-    """Return joints and the bodies they move, by their numbers."""
+    """Return the indices of joints and of their bodies."""
     return [(j, int(model.jnt_bodyid[j])) for j in joints]
 
 
 def _body_poses(model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> dict[int, Array]:
-    """Return where bodies stand in what they hang on with these joints as at qpos: number -> (7,)."""
+    """Return the poses of the bodies of some joints in their parents at qpos: index -> (7,)."""
     poses: dict[int, Array] = {}
     for j, body in _bodies(model, joints):
         quaternion = _quaternion(model, j, qpos)
@@ -199,7 +199,7 @@ def _product(first: Array, then: Array) -> Array:
 
 
 def _remaining(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which coordinates (nq,) and freedoms (nv,) remain without some joints."""
+    """Return which coordinates, (nq,), and DOFs, (nv,), remain without some joints."""
     qpos, qvel = np.ones(model.nq, dtype=np.bool_), np.ones(model.nv, dtype=np.bool_)
     for j in joints:
         address, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])

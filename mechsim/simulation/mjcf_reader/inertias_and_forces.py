@@ -1,4 +1,4 @@
-"""What the links of a file weigh and what acts in its joints: gravity, dampers, springs, dry friction."""
+"""Inertias of links, gravity, and springs, dampers and dry friction of joints."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from mechsim.simulation.state import SCALAR, rotation_matrix
 
 # fraction of the heaviest link's mass that a massless link gets: negligible, but not zero
 MASSLESS = 1e-12
-# of a sum of masses
+# relative rounding of a sum of masses
 ROUNDING = 1e-9
 
 
@@ -25,14 +25,14 @@ def with_inertias(
     length: float,
     raised: float = 0.0,
 ) -> tuple[Link, ...]:
-    """Return links with the inertias of all bodies that are part of them.
+    """Return links with the inertias of all their bodies.
 
     Args:
         model: compiled.
         links: the moving links.
         carriers: of each body, the world first.
-        length: of the mechanism in [m], by which a link without mass gets moments.
-        raised: mass in [kg] to which each body without any was raised; 0 where none was.
+        length: of the mechanism in [m], for the moments of inertia of massless links.
+        raised: mass in [kg] that massless bodies were given; 0 if none was.
     """
     bodies = {link.name: list[int]() for link in links}
     for i, carrier in enumerate(carriers):

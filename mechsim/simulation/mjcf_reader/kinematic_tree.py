@@ -1,6 +1,6 @@
-"""The joints of bodies: each body hangs on the one above by its joints, one after the other.
+"""Links and joints of a model's kinematic tree.
 
-Between several joints of one body stand links of no extent, whose names begin with `VIRTUAL_PREFIX`.
+Virtual links, whose names begin with `VIRTUAL_PREFIX`, lie between several joints of one body.
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from mechsim.simulation.state import BALL, FREE, HINGE, SLIDE, rotation_matrix
 
 @dataclass(frozen=True, slots=True)
 class Carrier:
-    """The link that a body is part of, and where the body's frame is in the link's."""
+    """The link that a body belongs to, and the pose of the body in the link."""
 
     link: str
     pose: Pose
 
     def point(self, local: Array) -> Vector:
-        """Return the place of a body's point in the link's frame, in [m]."""
+        """Return the position of a body's point in the link's frame, in [m]."""
         return vector(self.pose.point(vector(local)))
 
     def direction(self, local: Array) -> Vector:
@@ -46,13 +46,13 @@ def carriers(model: mujoco.MjModel) -> list[Carrier]:
 
 
 def link_name(model: mujoco.MjModel, body: int) -> str:
-    """Return what the link of a body is called: as the body, unless that is called as the frame."""
+    """Return the name of a body's link: that of the body, unless it is the ground's."""
     name = model.body(body).name
     return f"{name}_body" if name == GROUND else name
 
 
 def shifted(pose: Pose, position: Array, quaternion: Array) -> Pose:
-    """Return the pose of a frame given in another frame's, that one being at `pose`."""
+    """Return the pose of a frame whose position and quaternion are relative to a frame at `pose`."""
     return Pose(pose.position + pose.rotation @ position, pose.rotation @ rotation_matrix(quaternion))
 
 
@@ -68,7 +68,7 @@ OF_JOINT: dict[int, KindName] = {
     BALL: "spherical",
     FREE: "floating",
 }
-# points meet; points and frames meet
+# kinds of loop-closing joints: points coincide; points and frames coincide
 POINTS: KindName = "spherical"
 FRAMES: KindName = "fixed"
 
@@ -78,9 +78,9 @@ class KinematicTree:
     """The moving links of a model and the joints of its tree, in the order of the model.
 
     Attributes:
-        carriers: of every body.
-        links: the moving links, those between joints of one body too.
-        joints: one for each of the model's.
+        carriers: of all bodies.
+        links: the moving links with the virtual ones.
+        joints: one for each joint of the model.
     """
 
     carriers: list[Carrier]
@@ -133,7 +133,7 @@ def _joint(model: mujoco.MjModel, j: int, parent: Carrier, child: Carrier) -> Jo
 
 
 def poses(model: mujoco.MjModel, tree: KinematicTree, qpos: Array) -> dict[str, Pose]:
-    """Return where the joints put the links at coordinates qpos (nq,)."""
+    """Return the poses of the links at a state, (nq,)."""
     frames: dict[str, Pose] = {GROUND: IDENTITY}
     for j, joint in enumerate(tree.joints):
         parent = frames[joint.a.link]
@@ -146,7 +146,7 @@ def poses(model: mujoco.MjModel, tree: KinematicTree, qpos: Array) -> dict[str, 
 
 
 def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
-    """Return where side b of a joint stands in side a's frame at its own part of qpos."""
+    """Return the position and rotation of side b of a joint in side a at its own entries of qpos."""
     kind = KINDS[joint.kind]
     if kind.floating:
         return vector(qpos[:3]), rotation_matrix(qpos[3:7])

@@ -1,4 +1,4 @@
-"""Numbers in a model that no run can take: not finite, beyond sense, or no rotation."""
+"""Rejects models with numbers that are not finite or too large, or with quaternions of length zero."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,21 +10,21 @@ from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
 
-# no mechanism is farther across, in [m], and no joint's coordinate means anything beyond it, in [m] or [rad]
+# largest length, in [m], and largest joint coordinate, in [m] or [rad]
 MAX_LENGTH = 1e12
 
 
 def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
-    """Refuse a model with NaN, with numbers beyond sense, quaternions that are no turn, or no time step.
+    """Reject a model with numbers that are not finite or too large, invalid quaternions, or no time step.
 
     Args:
         path: of the file.
-        spec: what it says.
-        model: what that compiles to.
-        start: coordinates, (nq,).
+        spec: of the model.
+        model: compiled from it.
+        start: initial state, (nq,).
 
     Raises:
-        InputError: names file, line, the part and what it holds.
+        InputError: with file, line, element and the numbers.
     """
     for what, element, values, limit in _numbers(spec, model):
         invalid = values[~(np.abs(values) <= limit)]
@@ -57,7 +57,7 @@ def _error(path: str, what: str, element: Any, content: str) -> InputError:
 
 
 def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:
-    """Yield what holds numbers: its kind, the part, the numbers and how large they may be."""
+    """Yield the kind of an element, the element, its numbers and their largest magnitude."""
     coordinates = np.append(model.jnt_qposadr, model.nq)
     for body in spec.bodies:
         i = body.id

@@ -20,11 +20,11 @@ from mechsim.simulation.mjcf_reader.repairs import with_possible_inertias, witho
 
 # path of a file in MJCF or URDF, or an object
 MujocoInput = str | mujoco.MjSpec | mujoco.MjModel
-# a file longer than this is no description of a mechanism
+# largest file in bytes
 MAX_BYTES = 50_000_000
 _COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>", re.DOTALL | re.IGNORECASE)
 _ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
-# begins what Git leaves of a file that it keeps elsewhere
+# first line of a pointer file of Git LFS
 _POINTER = "version https://git-lfs"
 SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjENBL_IPC)
 
@@ -37,7 +37,7 @@ def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list
     repaired: no joint needs them.
 
     Raises:
-        InputError: for a file that cannot be read or that MuJoCo refuses; names file and line.
+        InputError: for a file that cannot be read or that MuJoCo rejects, with file and line.
     """
     path = model_label(source)
     if isinstance(source, str):
@@ -58,7 +58,7 @@ def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list
 
 
 def _require_mjcf(path: str) -> None:
-    """Refuse what is no file, no text or no MJCF before MuJoCo sees it."""
+    """Reject a path that is no text file, and text that is no MJCF or URDF."""
     try:
         status = os.stat(path)
         if not stat.S_ISREG(status.st_mode):
@@ -89,7 +89,7 @@ def _require_mjcf(path: str) -> None:
 
 
 def model_label(source: MujocoInput) -> str:
-    """Return how messages name a file or an object."""
+    """Return the label of a file or an object in messages."""
     if isinstance(source, str):
         return source
     if isinstance(source, mujoco.MjSpec):
@@ -129,7 +129,7 @@ def _spec_of_model(model: mujoco.MjModel) -> mujoco.MjSpec:
 
 
 def _disable_sleep(path: str, spec: mujoco.MjSpec) -> list[str]:
-    """Switch sleep off, which no state carries, and say so; refuse contacts that no state carries."""
+    """Disable sleep and return a sentence on it; reject IPC contacts. States do not contain either."""
     if spec.option.enableflags & IPC:
         raise InputError(
             f"{path} asks for IPC contacts, which poses in a row cannot carry; take the flag out"
@@ -141,7 +141,7 @@ def _disable_sleep(path: str, spec: mujoco.MjSpec) -> list[str]:
 
 @quiet()
 def compile_repaired(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
-    """Return the model of a specification, and what had to be left out or repaired."""
+    """Return the model of a specification, and sentences on what was left out or repaired."""
     left_out: list[str] = []
     while True:
         try:

@@ -1,4 +1,4 @@
-"""An MJCF file as a mechanism, and as the model that MuJoCo runs of it."""
+"""Reads an MJCF file as a mechanism and as the model that MuJoCo runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -62,7 +62,7 @@ def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
 
 
 def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
-    """Return the moving links; with their masses and geoms where all joints of each lie in one place."""
+    """Return the moving links; with points of their geoms where the joints of each coincide in one point."""
     joint_points = {link.name: set[Vector]() for link in chain.links}
     for joint in chain.joints:
         for end in (joint.a, joint.b):
@@ -103,7 +103,7 @@ def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
     }
 
 
-# what may have a range: where the specification lists it, and what says there whether it counts
+# kind of element, its range, and the attribute that activates the range
 _RANGES = (
     ("joint", "range", "limited"),
     ("tendon", "range", "limited"),
@@ -113,7 +113,7 @@ _RANGES = (
 
 
 def ignored_ranges(spec: mujoco.MjSpec) -> list[str]:
-    """Say which ranges of a specification limit nothing, because they do not go from low to high."""
+    """Return sentences on the ranges that MuJoCo ignores because the lower limit exceeds the upper one."""
     return [
         f"{kind} {element.name!r} has {attribute} {low:g} {high:g}, which MuJoCo takes as no limit: "
         "it goes from low to high"
@@ -133,7 +133,7 @@ def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
 
 
 def largest_gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
-    """Return how far apart the points of the joints that close loops are, the worst in [m]."""
+    """Return the largest distance of the points that loop-closing joints make coincide, in [m]."""
     frames = {GROUND: IDENTITY, **poses}
     offsets = [
         frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
@@ -147,20 +147,20 @@ LockedAt = float | None | Callable[[Literal["m", "rad"]], float]
 
 @dataclass(frozen=True)
 class MjcfModel:
-    """What was read of an MJCF file.
+    """An MJCF file as a mechanism and as a model.
 
     Attributes:
-        path: of the file, or how messages name the object.
-        mechanism: its links, joints, couplings, drivers and points; the guess is its start.
-        spec: the file as MuJoCo is to run it: every body, joint and equality named, a site at every
-            tracked point, free joints taken away where the base is held. Copy it before changing it.
-        qpos: of the start, (nq,).
-        gap: how far the loops stand open at the start, in [m].
-        limits: joint -> its range in [m] or [rad].
+        path: of the file, or the label of the object in messages.
+        mechanism: its links, joints, couplings, drivers and points; the guess is the initial state.
+        spec: the file for MuJoCo: all bodies, joints and equalities have names, all tracked points sites,
+            and the joints of fixed bodies are removed. Copy it before changing it.
+        qpos: initial state, (nq,).
+        gap: largest loop-closure error in the initial state, in [m].
+        limits: joint -> range in [m] or [rad].
         actuators: actuator -> the joints on which it acts.
         remarks: sentences on what was left out or changed.
-        forces: gravity, and what acts in its hinges and slides.
-        stilled: the file's joints, by their numbers, that were taken away as they are held where they start.
+        forces: gravity, and springs, dampers and dry friction of hinges and slides.
+        fixed: indices of the file's ball and free joints that were removed because they are locked.
     """
 
     path: str
@@ -172,7 +172,7 @@ class MjcfModel:
     actuators: Mapping[str, Sequence[str]]
     remarks: tuple[str, ...]
     forces: Forces = Forces()
-    stilled: tuple[int, ...] = ()
+    fixed: tuple[int, ...] = ()
 
 
 @quiet()
@@ -191,15 +191,15 @@ def read_model(
     Args:
         source: path of a file that MuJoCo loads, or an object, which stays unchanged.
         drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
-        holds: joint -> value at which it is held in [m] or [rad], or a function that has it from the unit;
-            None for that of the start, at which alone a ball or a free joint can be held.
-        fix_base: whether bodies with free joints stand still.
+        lock: joint -> value at which it is locked, in [m] or [rad], or a function of the unit that returns
+            it; None for the initial value, the only choice for a ball or a free joint.
+        fix_base: whether bodies with free joints are fixed at their initial poses.
         key: keyframe to start from; None takes the reference configuration.
         track: points, as `tracked` reads them.
-        describe_only: whether nothing need be driven.
+        describe_only: whether a model without drivers is allowed.
 
     Raises:
-        InputError: for a file, joint, keyframe or point that cannot be read; names it.
+        InputError: for a file, joint, keyframe or point that cannot be read, with its name.
     """
     compiled_file = _compiled(source, key, lock or {}, drivers, fix_base=fix_base)
     spec, model, start = compiled_file.spec, compiled_file.model, compiled_file.start
@@ -236,7 +236,7 @@ def read_model(
         actuators=actuators(model),
         remarks=(*compiled_file.remarks, *loops.remarks),
         forces=forces_of_model(model),
-        stilled=compiled_file.fixed,
+        fixed=compiled_file.fixed,
     )
 
 
@@ -306,7 +306,7 @@ def _link_points(
 def _fixed_joints(
     model: mujoco.MjModel, lock: Mapping[str, LockedAt], *, fix_base: bool
 ) -> tuple[tuple[int, ...], dict[str, LockedAt]]:
-    """Return the balls and free joints that are held where they start, by their numbers, and other holds."""
+    """Return the indices of ball and free joints that are locked, and the other locked joints."""
     rotational = rotational_joints(model)
     named = {rotational[name] for name, value in lock.items() if name in rotational and value is None}
     fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
@@ -314,7 +314,7 @@ def _fixed_joints(
 
 
 def _fixed_remarks(model: mujoco.MjModel, joints: tuple[int, ...]) -> list[str]:
-    """Say which bodies stand without their joints."""
+    """Return sentences on the joints that were removed."""
     free = [model.body(model.jnt_bodyid[j]).name for j in joints if int(model.jnt_type[j]) == FREE]
     balls = [model.joint(j).name for j in joints if int(model.jnt_type[j]) == BALL]
     groups = (("a free joint", free), ("the ball", balls))
@@ -338,7 +338,7 @@ def _locked_values(
 
 
 def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, BodyPoint]) -> None:
-    """Put a site at each tracked point that is none."""
+    """Add a site at each tracked point that is not a site."""
     names = {site.name for site in spec.sites}
     for name, (body, position) in points.items():
         if name not in names:
@@ -348,7 +348,7 @@ def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, BodyPoint]) -> None:
 def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
     """Return the coordinates of a model in a motion of the mechanism read from it, (n, nq).
 
-    Hinges and slides are as the motion has them; balls and free joints are as its links stand.
+    Hinges and slides have the values of the motion; balls and free joints follow from the poses of links.
 
     Args:
         model: compiled from `MjcfModel.spec`.

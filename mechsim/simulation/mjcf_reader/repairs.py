@@ -7,16 +7,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-# a mesh that bounds no volume
+# message about a mesh that bounds no volume
 _FLAT = re.compile(r"mesh volume is too small: (\S+)")
 # minimum mass and moment of inertia of a moving body, in [kg] and [kg m2]
 MIN_MASS, MIN_INERTIA = 1e-6, 1e-12
 
 
 def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
-    """Let MuJoCo repair inertias that break the triangle inequality, and raise those that are zero.
+    """Change the compiler settings for inertias that are zero or break the triangle inequality.
 
-    Meshes that bound no volume weigh as shells.
+    Meshes that bound no volume become shells.
 
     Args:
         spec: changed in place.
@@ -46,7 +46,7 @@ def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
 
 
 def minimum_mass(remarks: Iterable[str]) -> float:
-    """Return the mass in [kg] to which bodies without any were raised, by the remarks; 0 where none was."""
+    """Return the mass in [kg] that massless bodies were given, according to the remarks; 0 if none was."""
     return MIN_MASS if any("boundmass" in remark for remark in remarks) else 0.0
 
 
@@ -101,7 +101,7 @@ def _detach(spec: mujoco.MjSpec, kind: str) -> None:
 
 
 def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
-    """Make geoms points that touch nothing, and give bodies that had their mass from them a stand-in."""
+    """Replace geoms by points without contacts; bodies whose mass they gave get a placeholder inertia."""
     for geom in geoms:
         body = geom.parent
         geom.type = mujoco.mjtGeom.mjGEOM_SPHERE

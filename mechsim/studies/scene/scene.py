@@ -203,8 +203,8 @@ def scene_of(
         spec = spec.copy()
     else:
         spec = parse_file(read.path)[0]
-        if read.stilled:
-            fixed = fix_bodies_in_scene(spec, plainly_compiled(spec), read.stilled, key)
+        if read.fixed:
+            fixed = fix_bodies_in_scene(spec, plainly_compiled(spec), read.fixed, key)
     plain = plainly_compiled(spec)
     _require_actuators(plain, ctrl)
     _require_joints(plain, mechanism.drivers)
