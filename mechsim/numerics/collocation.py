@@ -4,12 +4,14 @@ Columns of values are interpolated together. Source: L. N. Trefethen, Approximat
 practice (2013), chapters 3 to 5 for nodes and barycentric weights.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Self
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
 
@@ -79,6 +81,44 @@ class Interpolant:
         middle, reach = 0.5 * (self.nodes[0] + self.nodes[-1]), 0.5 * (self.nodes[-1] - self.nodes[0])
         basis = np.polynomial.chebyshev.chebvander((self.nodes - middle) / reach, len(self.nodes) - 1)
         return float(np.abs(np.linalg.solve(basis, self.states)[-3:]).max())
+
+
+# within this distance of a junction a parameter belongs to the polynomial beyond
+JUNCTION = 1e-12
+S_co = TypeVar("S_co", bound=Interpolant, covariant=True)
+
+
+@dataclass(frozen=True)
+class Piecewise(Generic[S_co]):
+    """Polynomials one after another along a parameter.
+
+    Attributes:
+        segments: by rising parameter.
+    """
+
+    segments: Sequence[S_co]
+
+    def groups(self, s: Array) -> Iterator[tuple[S_co, NDArray[np.intp]]]:
+        """Yield polynomials, and which of the parameters (n,) belong to each, as indices."""
+        lows = np.array([segment.low for segment in self.segments])
+        owner = np.clip(np.searchsorted(lows, s + JUNCTION, side="right") - 1, 0, len(lows) - 1)
+        for i in np.unique(owner).tolist():
+            yield self.segments[i], np.flatnonzero(owner == i)
+
+    def segment_at(self, s: float) -> S_co:
+        """Return the polynomial to which a parameter belongs."""
+        return next(self.groups(np.array([s])))[0]
+
+    def evaluate(self, s: Array) -> Array:
+        """Return the polynomials at parameters (n,), (n, w)."""
+        values = np.empty((len(s), self.segments[0].states.shape[1]))
+        for segment, index in self.groups(s):
+            values[index] = segment.evaluate(s[index])
+        return values
+
+    def derivative(self) -> "Piecewise[S_co]":
+        """Return their derivatives."""
+        return Piecewise([segment.derivative() for segment in self.segments])
 
 
 def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:

@@ -37,7 +37,7 @@ from mechsim.model.limits import require_travel
 from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.collocation import nodes_between
+from mechsim.numerics.collocation import Piecewise, nodes_between
 
 # fraction of a segment about a change point in which poses are taken from its polynomial, since the Jacobian
 # is singular there; and the smallest distance of a start from a change point
@@ -53,8 +53,6 @@ SAME_PARAMETER = 1e-9
 MIN_EXTRAPOLATED = 1e-5
 # length of the segment after a change point, relative to the one through it: its many nodes extrapolate badly
 NEXT_LENGTH = 0.3
-# tolerance of the junction of two segments: rates at a change point are those beyond it
-JUNCTION = 1e-12
 # signed distance of a start from a singular pose above which no change point behind it affects its rates
 WELL_CONDITIONED = 0.05
 # distance that a path is traced beyond the requested parameter; not round, as change points are
@@ -135,7 +133,7 @@ class ContinuationPath(PathStates):
         """
         segments, self._upcoming = self.segments[direction], None
         start, names = self.end(direction), self.words
-        who = f"{self._name}: {names.mover}"
+        who = f"{self.name}: {names.mover}"
         require_travel(who, names.position(start), names.position(target), abs(target - start))
         if length is None:
             self.sign = np.zeros(self.count)
@@ -149,42 +147,11 @@ class ContinuationPath(PathStates):
             if segment is not None:
                 segments.append(segment)
             elif length < self.control.min_length:
-                raise AssemblyError(self._end_message(current) + self._remaining(current, target))
+                raise AssemblyError(_end_message(self, current) + _remaining(self, current, target))
 
     def end(self, direction: int) -> float:
         """Return the parameter reached in one direction."""
         return float(self.segments[direction][-1].nodes[-1]) if self.segments[direction] else self.initial
-
-    def _remaining(self, parameter: float, target: float) -> str:
-        """Return how far drivers that are a point or a link are from their target; empty for joints."""
-        mechanism = self.loops.tree.mechanism
-        before, after = (self.prescribed(np.array([s]))[:, 0] for s in (parameter, target))
-        poses = [joint.b.link.startswith(VIRTUAL_PREFIX) for joint in mechanism.driven_joints]
-        slides = [mechanism.unit(name) == "m" for name in mechanism.drivers]
-        change = [
-            abs(b - a)
-            for a, b, pose, slide in zip(before, after, poses, slides, strict=False)
-            if pose and slide
-        ]
-        return f"; the target is {np.linalg.norm(change):.3g} m beyond" if change else ""
-
-    def _end_message(self, parameter: float) -> str:
-        """Return the message that says why the path ends."""
-        text = (
-            f"{self._name}: {self.words.mover} cannot pass {self.words.position(parameter)} in this assembly"
-        )
-        if abs(parameter - self.initial) < AT_START and self._singular_start():
-            return (
-                f"{text}, for at its start, {self.words.position(self.initial)}, it is at a dead centre "
-                "or meets another that cannot be distinguished from it; start elsewhere"
-            )
-        return f"{text}; stay on this side of the dead centre or change the dimensions"
-
-    def _singular_start(self) -> bool:
-        """Return whether the rank of the loops is lower at the start than near it."""
-        step = np.zeros((self.loops.tree.count, 1))
-        step[self.loops.unknown, 0] = AT_START * self.first.null_space.sum(0)
-        return loop_solver(self.loops, self.loops.displaced(self.start, step)).nullity < self.first.nullity
 
     def next_segment(self, current: float, direction: int, step: float) -> tuple[Segment | None, float]:
         """Return the next segment, None if it is rejected, and the length to try next."""
@@ -308,7 +275,7 @@ class ContinuationPath(PathStates):
         )
         if distance_before < MIN_START_DISTANCE:
             raise AssemblyError(
-                f"{self._name}: assemblies meet at {self.words.instant(change_point)}, "
+                f"{self.name}: assemblies meet at {self.words.instant(change_point)}, "
                 f"{abs(distance_before):.3g} rad from the start or from where others meet, and "
                 "cannot be distinguished; start elsewhere or change the dimensions"
             )
@@ -319,7 +286,7 @@ class ContinuationPath(PathStates):
         )
         if next_segment is None:
             raise AssemblyError(
-                f"{self._name}: {self.words.mover} cannot pass {self.words.position(change_point)} by "
+                f"{self.name}: {self.words.mover} cannot pass {self.words.position(change_point)} by "
                 "folding, for it does not turn in the assembly that is met there; go on smoothly"
             )
         if self.policy == "branch":
@@ -383,17 +350,23 @@ class ContinuationPath(PathStates):
         """
         for end in (float(s.max()), float(s.min())):
             self.extend(end)
-        segments = [*self.segments[-1][::-1], *self.segments[1]] or [self._start_segment()]
-        segment_of = _segment_indices(segments, s)
-        states = np.empty((len(s), segments[0].states.shape[1]))
-        for i in np.unique(segment_of):
-            states[segment_of == i] = segments[i].evaluate(s[segment_of == i])
-        solvers = {id(segment.solver): segment.solver for segment in segments}
-        solver_of = np.array([id(segment.solver) for segment in segments])[segment_of]
-        for key, solver in solvers.items():
-            index = np.flatnonzero(solver_of == key)
-            if len(index):
-                yield solver, index, states[index]
+        traced = self.traced
+        states = np.empty((len(s), traced.segments[0].states.shape[1]))
+        solved: dict[int, tuple[LoopSolver, list[NDArray[np.intp]]]] = {}
+        for segment, index in traced.groups(s):
+            states[index] = segment.evaluate(s[index])
+            solved.setdefault(id(segment.solver), (segment.solver, []))[1].append(index)
+        for solver, indices in solved.values():
+            index = np.sort(np.concatenate(indices))
+            yield solver, index, states[index]
+
+    @property
+    def traced(self) -> Piecewise[Segment]:
+        """All segments; of a path that is no longer than its start one of a single node."""
+        start = Segment(
+            np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
+        )
+        return Piecewise([*self.segments[-1][::-1], *self.segments[1]] or [start])
 
     def near_change_point(self, s: Array) -> NDArray[np.bool_]:
         """Return which parameters lie in the singular neighbourhood of a change point, (n,)."""
@@ -404,36 +377,45 @@ class ContinuationPath(PathStates):
 
     def interpolated(self, s: Array) -> Coordinates:
         """Return coordinates of the polynomials at parameters (n,)."""
-        states = np.empty((len(s), self.flat(self.start).shape[1]))
-        for _, index, chunk in self.chunks(s):
-            states[index] = chunk
-        return self.unflat(states, s)
+        return self.unflat(self.traced.evaluate(s), s)
 
     def derivatives(self, s: Array) -> tuple[Array, Array]:
         """Return first and second derivatives of flattened states by the parameter, off the polynomials."""
-        segments = [*self.segments[-1][::-1], *self.segments[1]]
-        first, second = np.empty((2, len(s), segments[0].states.shape[1]))
-        segment_of = _segment_indices(segments, s)
-        for i in np.unique(segment_of):
-            derivative, inside = segments[i].derivative(), segment_of == i
-            first[inside], second[inside] = (
-                derivative.evaluate(s[inside]),
-                derivative.derivative().evaluate(s[inside]),
-            )
-        return first, second
+        first = self.traced.derivative()
+        return first.evaluate(s), first.derivative().evaluate(s)
 
     @property
-    def _name(self) -> str:
+    def name(self) -> str:
+        """Name of the mechanism."""
         return self.loops.tree.mechanism.name
 
-    def _start_segment(self) -> Segment:
-        """Return a segment of one node, the start of the path."""
-        return Segment(
-            np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
+
+def _end_message(path: ContinuationPath, parameter: float) -> str:
+    """Return the message that says why a path ends."""
+    text = f"{path.name}: {path.words.mover} cannot pass {path.words.position(parameter)} in this assembly"
+    if abs(parameter - path.initial) < AT_START and _singular_start(path):
+        return (
+            f"{text}, for at its start, {path.words.position(path.initial)}, it is at a dead centre "
+            "or meets another that cannot be distinguished from it; start elsewhere"
         )
+    return f"{text}; stay on this side of the dead centre or change the dimensions"
 
 
-def _segment_indices(segments: list[Segment], s: Array) -> NDArray[np.intp]:
-    """Return the index of the segment of each parameter, (n,); at a junction the later one."""
-    lows = np.array([segment.low for segment in segments])
-    return np.clip(np.searchsorted(lows, s + JUNCTION, side="right") - 1, 0, len(segments) - 1)
+def _singular_start(path: ContinuationPath) -> bool:
+    """Return whether the rank of the loops is lower at the start than near it."""
+    loops, first = path.loops, path.first
+    step = np.zeros((loops.tree.count, 1))
+    step[loops.unknown, 0] = AT_START * first.null_space.sum(0)
+    return loop_solver(loops, loops.displaced(path.start, step)).nullity < first.nullity
+
+
+def _remaining(path: ContinuationPath, parameter: float, target: float) -> str:
+    """Return how far drivers that are a point or a link are from their target; empty for joints."""
+    mechanism = path.loops.tree.mechanism
+    before, after = (path.prescribed(np.array([s]))[:, 0] for s in (parameter, target))
+    poses = [joint.b.link.startswith(VIRTUAL_PREFIX) for joint in mechanism.driven_joints]
+    slides = [mechanism.unit(name) == "m" for name in mechanism.drivers]
+    change = [
+        abs(b - a) for a, b, pose, slide in zip(before, after, poses, slides, strict=False) if pose and slide
+    ]
+    return f"; the target is {np.linalg.norm(change):.3g} m beyond" if change else ""

@@ -1,7 +1,7 @@
 """One closed curve of assemblies: poses anywhere along it, and where its coordinates turn back."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion, short_repr
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.collocation import Interpolant
+from mechsim.numerics.collocation import Interpolant, Piecewise
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import FreeLoops
@@ -102,8 +102,8 @@ class CurveJoints:
         return np.array([column.unit == "rad" for column in self.columns], dtype=np.float64)
 
     @cached_property
-    def tables(self) -> list[Interpolant]:
-        """Their polynomials for each segment."""
+    def tables(self) -> Piecewise[Interpolant]:
+        """Their polynomials."""
         tables: list[Interpolant] = []
         last: Array | None = None
         angles = self.angular > 0.0
@@ -114,11 +114,16 @@ class CurveJoints:
                 values += self.angular * REVOLUTION * np.round((last - values[0]) / REVOLUTION)
             last = values[-1]
             tables.append(Interpolant(segment.nodes, values, segment.weights))
-        return tables
+        return Piecewise(tables)
+
+    @cached_property
+    def rates(self) -> Piecewise[Interpolant]:
+        """Their derivatives by arc."""
+        return self.tables.derivative()
 
     def interpolated(self, arc: float) -> Array:
         """Return the interpolated coordinates at an arc, (columns,)."""
-        return self.tables[self.traced.segment_index(arc)].value_at(arc)
+        return self.tables.segment_at(arc).value_at(arc)
 
     @cached_property
     def gains(self) -> Array:
@@ -127,13 +132,6 @@ class CurveJoints:
             self.angular
             * REVOLUTION
             * np.round((self.interpolated(self.traced.length) - self.interpolated(0.0)) / REVOLUTION)
-        )
-
-    def rate(self, column: int, arc: float, order: int = 1) -> float:
-        """Return a derivative of a coordinate by arc."""
-        table = self.tables[self.traced.segment_index(arc)]
-        return float(
-            _differentiated(replace(table, states=table.states[:, [column]]), order).value_at(arc)[0]
         )
 
     def turns(self) -> list[tuple[int, bool, float]]:
@@ -155,10 +153,10 @@ class CurveJoints:
     def _samples(self) -> tuple[Array, Array, Array]:
         """Return arcs over the whole curve, and values and rates there, (n, columns)."""
         chunks: list[tuple[Array, Array, Array]] = []
-        for table in self.tables:
+        for table, rate in zip(self.tables.segments, self.rates.segments, strict=True):
             grid = np.linspace(table.low, table.high, SAMPLES, endpoint=False)
             grid = grid[grid < self.traced.length]
-            chunks.append((grid, table.evaluate(grid), table.derivative().evaluate(grid)))
+            chunks.append((grid, table.evaluate(grid), rate.evaluate(grid)))
         grid, values, rates = (np.concatenate(column) for column in zip(*chunks, strict=True))
         return grid, values, rates
 
@@ -166,7 +164,7 @@ class CurveJoints:
         """Return the arc between two at which a coordinate has a turning point."""
 
         def rate(arc: float) -> float:
-            return self.rate(column, arc)
+            return float(self.rates.segment_at(arc).value_at(arc)[column])
 
         return root(rate, low, high) if rate(low) * rate(high) < 0.0 else high
 
@@ -305,15 +303,13 @@ class AssemblyCurve:
         Accuracy: loop residuals at rounding level; within 2e-3 of a branch point 1e-11 of the size.
         """
         arcs = np.atleast_1d(numbers(arc))
-        indices = np.array([self.traced.segment_index(value) for value in arcs.tolist()])
         tree, chunks, order = self.loops.loops.tree, [], []
-        for i in np.unique(indices).tolist():
-            segment, rows = self.traced.segments[i], np.flatnonzero(indices == i)
+        for segment, rows in self.traced.groups(arcs):
             singular = np.zeros(len(rows), dtype=np.bool_)
             for branch_point in self.branch_points:
                 singular |= np.abs(arcs[rows] - branch_point) < MIN_DISTANCE_FROM_BRANCH_POINT
             placed = self.loops.corrected(segment.solver, segment.evaluate(arcs[rows]), singular)
-            interpolated = self.joints.tables[i].evaluate(arcs[rows])
+            interpolated = self.joints.tables.evaluate(arcs[rows])
             joints = read_joints(tree, placed)
             joints += self.joints.angular * REVOLUTION * np.round((interpolated - joints) / REVOLUTION)
             chunks.append((joints, placed.position, placed.rotation))
@@ -376,20 +372,21 @@ def even_motion(curve: AssemblyCurve, steps: int, duration: float) -> Motion:
     """
     arc, rate = np.linspace(0.0, curve.length, steps + 1), curve.length / duration
     poses = curve.poses_at(arc)
-    first, second = (_rates(curve, arc, order) * rate**order for order in (1, 2))
+    states = _link_states(curve).derivative()
+    first, second = (
+        table.evaluate(arc).reshape(len(arc), -1, 12) * rate**order
+        for order, table in ((1, states), (2, states.derivative()))
+    )
     links = {
         name: _link_motion(poses.poses[name], first[:, i], second[:, i])
         for name, i in curve.loops.loops.tree.links.items()
     }
-    column = curve.joints.columns.index(curve.driver)
-    crank = [
-        np.array([curve.joints.rate(column, value, order) for value in arc.tolist()]) for order in (1, 2)
-    ]
+    column, rates = curve.joints.columns.index(curve.driver), curve.joints.rates
     return Motion(
         source="loop equations",
         angle=poses.angle,
-        speed=crank[0] * rate,
-        acceleration=crank[1] * rate**2,
+        speed=rates.evaluate(arc)[:, column] * rate,
+        acceleration=rates.derivative().evaluate(arc)[:, column] * rate**2,
         points={
             name: point_on(links[link], local)
             for name, (link, local) in curve.mechanism.points.items()
@@ -400,23 +397,15 @@ def even_motion(curve: AssemblyCurve, steps: int, duration: float) -> Motion:
     )
 
 
-def _rates(curve: AssemblyCurve, arc: Array, order: int) -> Array:
-    """Return derivatives by arc of the links' positions and rotations, (n, links, 12)."""
-    tree, traced = curve.loops.loops.tree, curve.traced
-    indices = np.array([traced.segment_index(value) for value in arc.tolist()])
-    rates = np.empty((len(arc), len(tree.branches), 12))
-    for i in np.unique(indices).tolist():
-        segment, poses = traced.segments[i], link_poses(tree, traced.segments[i].coordinates)
-        links, n = poses.position.shape[0], poses.position.shape[2]
+def _link_states(curve: AssemblyCurve) -> Piecewise[Interpolant]:
+    """Return polynomials of the links' positions and rotations, 12 numbers of each."""
+    tables: list[Interpolant] = []
+    for segment in curve.traced.segments:
+        poses = link_poses(curve.loops.loops.tree, segment.coordinates)
+        links, _, n = poses.position.shape
         states = np.concatenate([poses.position, poses.rotation.reshape(links, 9, n)], 1)
-        table = _differentiated(Interpolant(segment.nodes, states.reshape(-1, n).T, segment.weights), order)
-        rates[indices == i] = table.evaluate(arc[indices == i]).reshape(-1, links, 12)
-    return rates
-
-
-def _differentiated(table: Interpolant, order: int) -> Interpolant:
-    """Return a derivative of a polynomial."""
-    return table if order == 0 else _differentiated(table.derivative(), order - 1)
+        tables.append(Interpolant(segment.nodes, states.reshape(-1, n).T, segment.weights))
+    return Piecewise(tables)
 
 
 def _link_motion(pose: Pose, first: Array, second: Array) -> LinkMotion:

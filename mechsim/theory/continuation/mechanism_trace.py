@@ -82,7 +82,7 @@ class CurveSearch:
         """Add poses on the branches that leave the branch points of a curve."""
         curve = self.curves[index]
         for arc in curve.branch_points:
-            segment = curve.traced.segments[curve.traced.segment_index(arc)]
+            segment = curve.traced.segment_at(arc)
             coordinates = self.loops.unflat(segment.evaluate(np.array([arc])))
             self.add(poses_around_branch_point(self.loops.loops, coordinates), counted=False)
 
@@ -144,7 +144,7 @@ def _distance(curve: AssemblyCurve, arc: float, features: Array) -> float:
     distance = np.inf
     for _ in range(6):
         arc %= curve.length
-        segment = curve.traced.segments[curve.traced.segment_index(arc)]
+        segment = curve.traced.segment_at(arc)
         gap = features - segment.features.value_at(arc)
         distance = float(np.abs(gap).max())
         derivative = segment.feature_rates.value_at(arc)
@@ -279,7 +279,7 @@ def _merged_branch_points(curves: tuple[AssemblyCurve, ...]) -> tuple[BranchPoin
     locations: list[list[tuple[int, float]]] = []
     for i, curve in enumerate(curves):
         for arc in curve.branch_points:
-            segment = curve.traced.segments[curve.traced.segment_index(arc)]
+            segment = curve.traced.segment_at(arc)
             values = segment.features.value_at(arc)
             index = next(
                 (k for k, other in enumerate(features) if np.abs(other - values).max() < ON_CURVE), None

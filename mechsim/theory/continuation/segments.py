@@ -18,7 +18,7 @@ from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.collocation import Interpolant, extrapolated, integral, through
+from mechsim.numerics.collocation import Interpolant, Piecewise, extrapolated, integral, through
 from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import CorrectedNodes, FreeLoops
 
@@ -111,24 +111,17 @@ class CurveSegment(Interpolant):
         return extrapolated(scaled, self.states, degree, ahead)
 
 
-@dataclass(frozen=True, slots=True)
-class TracedCurve:
-    """A closed curve.
+@dataclass(frozen=True)
+class TracedCurve(Piecewise[CurveSegment]):
+    """A closed curve, its segments by arc.
 
     Attributes:
-        segments: in the order of arc.
         length: arc of the whole curve.
         branch_points: arcs of its branch points.
     """
 
-    segments: tuple[CurveSegment, ...]
     length: float
     branch_points: tuple[float, ...]
-
-    def segment_index(self, arc: float) -> int:
-        """Return the index of the segment that contains an arc."""
-        highs = [segment.high for segment in self.segments]
-        return min(int(np.searchsorted(highs, arc)), len(highs) - 1)
 
 
 def trace_curve(

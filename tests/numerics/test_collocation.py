@@ -1,0 +1,68 @@
+"""Polynomials through nodes, one after another, and beyond them: against numpy's."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from mechsim.numerics.collocation import (
+    Interpolant,
+    Piecewise,
+    extrapolated,
+    integral,
+    nodes_between,
+    through,
+)
+
+CUBIC = Polynomial([0.3, -1.0, 0.5, 2.0])
+RANDOM = np.random.default_rng(3)
+
+
+def table(nodes):
+    return np.column_stack([CUBIC(nodes), np.sin(nodes)])
+
+
+def test_a_polynomial_through_any_nodes_is_that_through_its_own():
+    nodes = np.sort(RANDOM.uniform(2.0, 3.0, 6))
+    s = np.linspace(2.0, 3.0, 11)
+    fit = through(nodes, CUBIC(nodes)[:, None])
+    for polynomial, exact in ((fit, CUBIC), (fit.derivative(), CUBIC.deriv())):
+        assert polynomial.evaluate(s)[:, 0] == pytest.approx(exact(s), rel=1e-11)
+    assert fit.value_at(2.5)[0] == pytest.approx(CUBIC(2.5), rel=1e-12)
+    # Chebyshev's points have weights of their own
+    points, weights = nodes_between(2.0, 3.0, 6)
+    assert Interpolant(points, CUBIC(points)[:, None], weights).evaluate(s) == pytest.approx(
+        through(points, CUBIC(points)[:, None]).evaluate(s), rel=1e-12
+    )
+
+
+def test_a_lower_degree_goes_on_beyond_the_nodes_and_a_wrong_one_does_not():
+    x, ahead = np.linspace(-1.0, 1.0, 9), np.array([1.5, 2.0])
+    assert extrapolated(x, CUBIC(x)[:, None], 3, ahead)[:, 0] == pytest.approx(CUBIC(ahead), rel=1e-12)
+    assert np.abs(extrapolated(x, CUBIC(x)[:, None], 2, ahead)[:, 0] - CUBIC(ahead)).min() > 1.0
+
+
+def test_the_integral_of_a_polynomial_is_that_of_numpy():
+    x = np.sort(RANDOM.uniform(0.0, 2.0, 7))
+    exact = CUBIC.integ()
+    assert integral(x, CUBIC(x)) == pytest.approx(exact(x) - exact(x[0]), rel=1e-11)
+
+
+def test_a_parameter_belongs_to_the_polynomial_beyond_a_junction_however_they_run():
+    forward, backward = (through(np.linspace(*ends, 9), np.zeros((9, 1))) for ends in ((0, 1), (2, 1)))
+    pieces = Piecewise([forward, backward])
+    assert pieces.segment_at(0.5) is forward
+    for s in (1.0, 1.0 - 1e-13, 1.5, 7.0):
+        assert pieces.segment_at(s) is backward
+    assert pieces.segment_at(1.0 - 1e-9) is pieces.segment_at(-3.0) is forward
+    found = {id(segment): index.tolist() for segment, index in pieces.groups(np.array([1.2, 0.1, 1.0]))}
+    assert found == {id(forward): [1], id(backward): [0, 2]}
+
+
+def test_polynomials_one_after_another_give_values_and_rates_in_the_order_asked():
+    pieces = Piecewise(
+        [through(nodes, table(nodes)) for nodes in (np.linspace(0, 1, 12), np.linspace(1, 2, 12))]
+    )
+    s = RANDOM.uniform(0.0, 2.0, 20)
+    assert pieces.evaluate(s) == pytest.approx(table(s), abs=1e-10)
+    rates = np.column_stack([CUBIC.deriv()(s), np.cos(s)])
+    assert pieces.derivative().evaluate(s) == pytest.approx(rates, abs=1e-8)
