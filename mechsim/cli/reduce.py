@@ -19,7 +19,7 @@ class RemovedJson(TypedDict):
     """A removed element: its error alone, and of the scene once it was removed with those before it."""
 
     what: str
-    family: str
+    category: str
     error: float
     time_ratio: float
     together: float

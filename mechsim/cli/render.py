@@ -213,7 +213,7 @@ def _check_released(animation: AnimationOptions, look: Look) -> None:
         "--turns": animation.turns != usual.turns,
         "--frames-per-turn": animation.frames_per_turn is not None,
         "--trace": animation.trace,
-        "--sense": look.sense,
+        "--direction": look.direction,
         "--arrows of forces": bool({"force", "moment"} & set(look.arrows)),
     }
     for name, is_set in excluded.items():
@@ -275,7 +275,7 @@ def _check(output: str, animation: AnimationOptions, look: Look) -> None:
             "--speed": animation.speed != usual.speed,
             "--turns": animation.turns != 1.0,
             "--slow": animation.slow is not None,
-            "--sense": look.sense,
+            "--direction": look.direction,
             "--positions": look.overlay > 1,
             "--arrows of forces": bool({"force", "moment"} & set(look.arrows)),
         }

@@ -116,13 +116,13 @@ def list_mechanisms() -> Result[ListJson]:
     mechsim list
     mechsim list --json
     """
-    known: Any = listing.list()
+    mechanisms: Any = listing.list()
 
     def text() -> None:
-        print_table("Catalogue", ("name", "what it is"), known["mechanisms"].items())
-        print_table(f"Gallery, in {gallery.folder()}", ("name", "what it is"), known["gallery"].items())
+        print_table("Catalogue", ("name", "what it is"), mechanisms["mechanisms"].items())
+        print_table(f"Gallery, in {gallery.folder()}", ("name", "what it is"), mechanisms["gallery"].items())
 
-    return Result(known, text)
+    return Result(mechanisms, text)
 
 
 @command

@@ -56,7 +56,7 @@ class Advice(TypedDict):
 class PointJson(TypedDict):
     """One setting: cost and errors."""
 
-    family: str
+    method: str
     integrator: str
     steps_per_turn: int
     defaults: bool
@@ -72,7 +72,7 @@ class PointJson(TypedDict):
 class Recommendation(TypedDict):
     """The cheapest setting within a bound."""
 
-    bound: float
+    limit: float
     point: PointJson | None
     advice: Advice | None
 
@@ -158,7 +158,7 @@ def tradeoff(
         plots.write(plot_path, work_precision(result, by))
     data: dict[str, Any] = result.as_dict(by)
     for row in data["recommended"]:
-        point = result.choice(row["bound"], by)
+        point = result.choice(row["limit"], by)
         row["advice"] = None if point is None else advice(point, source.model, subject.speed)
     data |= {"seed": seed, "budget": timer.seconds, "output": output, "plot": plot}
 

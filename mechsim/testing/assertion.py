@@ -86,7 +86,7 @@ def _command(
 ) -> str:
     """Return the one command that shows a difference again: of mechsim, else of pytest."""
     against = _named(formula)
-    plain = all(isinstance(one, str) for one in drive.values())
+    plain = all(isinstance(law, str) for law in drive.values())
     if isinstance(model, str) and plain and (against or formula is None):
         words = ["mechsim", "validate", model]
         words += ["--against", against] if against else []

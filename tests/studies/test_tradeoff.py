@@ -229,7 +229,7 @@ def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
     quick = measure(subject, budget=1e-6, steps=SHORT, seed=1)
     assert {point.method.name for point in quick.points} == {HARD}
     again = measure(subject, budget=1e-6, steps=SHORT, seed=1)
-    assert [p.as_dict()["family"] for p in again.points] == [p.as_dict()["family"] for p in quick.points]
+    assert [p.as_dict()["method"] for p in again.points] == [p.as_dict()["method"] for p in quick.points]
 
 
 @pytest.mark.usefixtures("fast_clock")
@@ -238,7 +238,7 @@ def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "--plot", str(plot))
     assert run("tradeoff", *words) == 0
     result = json.loads(capsys.readouterr().out)
-    assert [one["bound"] for one in result["recommended"]] == list(BOUNDS)
+    assert [one["limit"] for one in result["recommended"]] == list(BOUNDS)
     with table.open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == result["trials"]

@@ -38,7 +38,7 @@ class Look:
             quarter of a turn, so that a full turn can be played in a loop, "whole" all at once.
         labels: whether tracked points carry their names.
         notes: whether scale bar, name and crank angle are written on the picture.
-        sense: whether an arrow shows the sense in which the crank turns.
+        direction: whether an arrow shows the direction in which the crank rotates.
         projections: tracked points whose paths are also thrown on the planes XY, XZ and YZ.
         overlay: positions drawn at once over the whole motion; 1 draws one a frame.
         arrows: what arrows show: "velocity" and "acceleration" of tracked points, "force" and "moment"
@@ -56,7 +56,7 @@ class Look:
     paths: bool | Paths = option(True, "Draw the paths of tracked points.")
     labels: bool = option(True, "Write the names of tracked points.")
     notes: bool = True
-    sense: bool = option(False, "Show which way the crank turns.")
+    direction: bool = option(False, "Show the direction in which the crank rotates.")
     projections: tuple[str, ...] = option(
         (),
         "Throw these points' paths on the coordinate planes.",

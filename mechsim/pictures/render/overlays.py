@@ -91,7 +91,7 @@ class Trace:
                 self.fixed.extend(thrown)
         if look.trace == "whole":
             self.fixed.extend(self.paths.values())
-        if look.sense:
+        if look.direction:
             self.fixed.extend(self._rotation_arrow())
 
     def put(self, scene: mujoco.MjvScene, frame: int) -> None:

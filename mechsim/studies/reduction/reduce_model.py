@@ -121,7 +121,7 @@ def reduce(
 def _removed(element: LeftOut, by: By) -> dict[str, Any]:
     return {
         "what": element.candidate.what,
-        "family": element.candidate.category,
+        "category": element.candidate.category,
         "error": element.alone_errors.by(by),
         "time_ratio": element.time_ratio,
         "together": element.error,

@@ -46,7 +46,7 @@ class Point:
     def as_dict(self) -> dict[str, Any]:
         """Return the point as a row of the CSV and of the JSON."""
         return {
-            "family": self.method.name,
+            "method": self.method.name,
             "integrator": self.settings.integrator,
             "steps_per_turn": self.settings.steps_per_turn,
             "defaults": self.method.name == DEFAULTS,
@@ -141,7 +141,7 @@ class Tradeoff:
             "seconds": self.seconds,
             "recommended": [
                 {
-                    "bound": max_error,
+                    "limit": max_error,
                     "point": None
                     if point is None
                     else point.as_dict() | {"settings": point.settings.as_dict()},
