@@ -14,7 +14,9 @@ from mechsim.cli.options import (
     DriveOptions,
     Output,
     Sets,
+    changed_parameters,
     folder_for,
+    joint_ranges,
     load_model,
     scene_of,
     writable,
@@ -24,8 +26,16 @@ from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import Settings, mjcf
-from mechsim.studies.export import LEVEL
+from mechsim.studies.export import LEVEL, TWINS
 from mechsim.studies.export import export as export_model
+
+
+class CouplingErrors(TypedDict):
+    """A passive joint of a serial twin, and the largest errors of its position and torque ratio."""
+
+    joint: str
+    position_error: float
+    torque_error: float
 
 
 class VerificationJson(TypedDict):
@@ -41,10 +51,11 @@ class ExportJson(TypedDict):
 
     output: str | None
     mechanism: NotRequired[str]
-    format: NotRequired[Literal["xml", "toml"]]
+    format: NotRequired[Literal["xml", "toml", "mjcf-tree", "urdf"]]
     text: NotRequired[str | None]
     shortfall: NotRequired[str]
     verification: NotRequired[VerificationJson | None]
+    couplings: NotRequired[list[CouplingErrors]]
     mechanisms: NotRequired[list[str]]
 
 
@@ -63,8 +74,22 @@ def export(
     scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = LEVEL,
     cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
     file_format: Annotated[
-        str, typer.Option("--format", metavar="xml|toml", help="A MuJoCo model, or the mechanism itself.")
+        str,
+        typer.Option(
+            "--format",
+            metavar="xml|toml|mjcf-tree|urdf",
+            help="A MuJoCo model, the mechanism itself, or its serial twin: the tree without loops, whose "
+            "passive joints follow polynomials.",
+        ),
     ] = "xml",
+    independent: Annotated[
+        str | None,
+        typer.Option(
+            metavar="J[=A:B],...",
+            help="Joints of the serial twin that move freely, with their ranges. [default: those with "
+            "actuators, within their limits]",
+        ),
+    ] = None,
     style: Annotated[
         str,
         typer.Option(
@@ -112,11 +137,15 @@ def export(
             )
         return _catalogue(every, scene_of(scene))
     assert model is not None
-    path = None if output is None else writable(output, f".{file_format}")
+    extension = {"mjcf-tree": "xml"}.get(file_format, file_format)
+    path = None if output is None else writable(output, f".{extension}")
+    is_twin = file_format in TWINS
     with progress("export", None) as report:
         result = export_model(
-            load_model(model, sets, driven),
+            model if is_twin else load_model(model, sets, driven),
             path,
+            set=changed_parameters(sets) if is_twin else None,
+            independent=joint_ranges("--independent", independent) if independent else (),
             format=file_format,
             style=style,
             scene=scene,
@@ -133,6 +162,8 @@ def export(
             typer.echo(result.text, nl=False)
         else:
             typer.echo(f"wrote {output}")
+        if result.twin is not None:
+            typer.echo(result.twin.summary(), err=path is None)
         if result.verification is not None:
             typer.echo(result.verification.markdown(), nl=False, err=path is None)
         if result.shortfall:
@@ -141,6 +172,10 @@ def export(
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
     data |= {"text": result.text if path is None else None, "shortfall": result.shortfall}
     data["verification"] = None if result.verification is None else asdict(result.verification)
+    data["couplings"] = [
+        {"joint": c.joint, "position_error": c.position_error, "torque_error": c.torque_error}
+        for c in (result.twin.coupled if result.twin else ())
+    ]
     return Result(data, text, not result.shortfall)
 
 

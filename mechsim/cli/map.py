@@ -6,9 +6,8 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import File, Model, Sets, changed_parameters, writable
+from mechsim.cli.options import File, Model, Sets, changed_parameters, joint_ranges, writable
 from mechsim.cli.output import Value, print_table, print_text
-from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
 from mechsim.studies.joint_map import MapComparison, compare_with_loop_equations, joint_map
@@ -70,7 +69,7 @@ def map_joints(
     """
     path = writable(output, ".npz")
     changed = changed_parameters(sets)
-    ranges = dict(_input(text) for text in inputs.split(","))
+    ranges = joint_ranges("--from", inputs)
     table = joint_map(model, ranges, outputs.split(","), points=points, degree=degree, set=changed)
     comparison = compare_with_loop_equations(table, model, changed)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
@@ -96,17 +95,6 @@ def map_joints(
             for name, (position, torque) in zip(table.outputs, errors, strict=True)
         }
     return Result(data, lambda: _print(table, comparison), comparison.passed, files=(output,))
-
-
-def _input(text: str) -> tuple[str, tuple[str, str] | None]:
-    """Return the name of an input and its range as text; None for its limits."""
-    name, equals, ends = text.partition("=")
-    if not equals:
-        return name, None
-    low, colon, high = ends.partition(":")
-    if not colon or not low or not high:
-        raise InputError(f"--from is given {text!r}; write the range as {name}=-20deg:20deg")
-    return name, (low, high)
 
 
 def _print(table: JointMap, comparison: MapComparison) -> None:

@@ -193,6 +193,18 @@ def changed_parameters(sets: list[str] | None) -> dict[str, str]:
     return {name: value or "" for name, value in map(read, sets or ())}
 
 
+def joint_ranges(option_name: str, text: str) -> dict[str, tuple[str, str] | None]:
+    """Return joints and their ranges as text, from J=-20deg:20deg,K; None for the joint limits."""
+    ranges: dict[str, tuple[str, str] | None] = {}
+    for part in text.split(","):
+        name, equals, ends = part.partition("=")
+        low, _, high = ends.partition(":")
+        if equals and not (low and high):
+            raise InputError(f"{option_name} is given {part!r}; write the range as {name}=-20deg:20deg")
+        ranges[name] = (low, high) if equals else None
+    return ranges
+
+
 def require_distinct(option_name: str, pairs: Sequence[tuple[str, str | None]]) -> None:
     """Raise InputError where an option names something twice."""
     names = [name for name, _ in pairs]

@@ -19,13 +19,15 @@ from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.menagerie import SERVO_TIMESTEP, Verification, verification, with_servos
 from mechsim.studies.scene import turning_model
 from mechsim.studies.scene.settings import plain_settings
+from mechsim.studies.serial_twin import SerialTwin, serial_twin
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
 from mechsim.units import crank_speed, si
 
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
-FORMATS = ("xml", "toml")
+TWINS = ("mjcf-tree", "urdf")
+FORMATS = ("xml", "toml", *TWINS)
 STYLES = ("plain", "menagerie")
 
 
@@ -39,6 +41,7 @@ class ExportedModel:
         text: of the file.
         shortfall: by how much the requested tolerance is missed, in a sentence; empty where it is satisfied.
         verification: of a model in the style of Menagerie; None of any other.
+        twin: couplings of a serial twin and their errors; None of any other.
     """
 
     name: str
@@ -46,6 +49,7 @@ class ExportedModel:
     text: str
     shortfall: str = ""
     verification: Verification | None = None
+    twin: SerialTwin | None = None
 
     def __str__(self) -> str:
         return self.text
@@ -58,6 +62,7 @@ def export(
     set: Mapping[str, str | float] | None = None,
     format: str = "xml",
     style: str = "plain",
+    independent: Sequence[str] | Mapping[str, tuple[float | str, float | str] | None] = (),
     scene: str = LEVEL,
     cut: Sequence[str] = (),
     timestep: float | str | None = None,
@@ -73,7 +78,9 @@ def export(
         model: what `load` takes.
         output: path of the file; None writes none.
         set: parameter -> its value, as `load` takes it.
-        format: "xml" or "toml".
+        format: "xml" or "toml"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
+        independent: joints of the twin that move freely, with ranges in SI or text; by default those with
+            actuators, within their limits.
         style: "plain", or "menagerie": position actuators, a closed keyframe `home`, masses and geoms, and a
             comparison with the loop equations at random configurations.
         scene: contents of the MuJoCo model: "pose", "motion", "dynamics" or "picture".
@@ -94,6 +101,13 @@ def export(
         'four_bar'
     """
     settings = settings or {}
+    if independent and format not in TWINS:
+        raise InputError(f"--independent is of a serial twin; leave it out, or --format {' or '.join(TWINS)}")
+    if format in TWINS:
+        _require_twin(style, scene, cut, settings, timestep, speed, tolerance)
+        twin = serial_twin(model, format, independent=independent, set=set)
+        _write(output, twin.text)
+        return ExportedModel(twin.name, format, twin.text, twin=twin)
     _require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
     solver = model if isinstance(model, LoopForm) else load(model, set, **options)
     shortfall, verified = "", None
@@ -110,10 +124,23 @@ def export(
         text, shortfall = _mjcf_text(
             solver.mechanism, contents, settings, timestep, speed, tolerance, progress
         )
+    _write(output, text)
+    return ExportedModel(solver.name, format, text, shortfall, verified)
+
+
+def _write(output: str | PathLike[str] | None, text: str) -> None:
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(text)
-    return ExportedModel(solver.name, format, text, shortfall, verified)
+
+
+def _require_twin(style: str, scene: str, *others: object) -> None:
+    """Raise InputError for options that a serial twin excludes."""
+    if style != "plain" or scene != LEVEL or any(others):
+        raise InputError(
+            "a serial twin takes --independent and --set only; leave out --style, --scene, --cut, --speed, "
+            "--tolerance and settings"
+        )
 
 
 def _require_compatible(

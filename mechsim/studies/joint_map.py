@@ -11,9 +11,9 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.scenery import exported
-from mechsim.simulation.closed_configurations import compiled_model
 from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.subjects.driver_positions import driver_path
 from mechsim.subjects.readers import load
 from mechsim.units import Unit, si
@@ -79,18 +79,29 @@ def joint_map(
         True
     """
     own_model = mujoco_model(model, set)
-    ranges = dict(inputs) if isinstance(inputs, Mapping) else dict.fromkeys(inputs)
-    read = {name: None if ends is None else _ends(own_model, name, ends) for name, ends in ranges.items()}
-    return map_over_grid(own_model, read, outputs, points=points, degree=degree)
+    ranges = joint_ranges(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
+    return map_over_grid(own_model, ranges, outputs, points=points, degree=degree)
 
 
 def mujoco_model(model: Any, set: Mapping[str, str | float] | None = None) -> mujoco.MjModel:
     """Return a model as MuJoCo compiles it; a mechanism is exported as `mechsim export` does."""
+    return model if isinstance(model, mujoco.MjModel) else compiled(mujoco_spec(model, set))
+
+
+def mujoco_spec(model: Any, set: Mapping[str, str | float] | None = None) -> mujoco.MjSpec:
+    """Return the specification of a model; missing meshes are left out."""
     is_file = isinstance(model, str) and model.lower().endswith((".xml", ".urdf"))
     if is_file or isinstance(model, mujoco.MjModel | mujoco.MjSpec):
-        return compiled_model(model)
+        return parse_file(model)[0]
     solver = load(model, set, still=True)
-    return compiled(exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces)))
+    return exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
+
+
+def joint_ranges(
+    model: mujoco.MjModel, ranges: Mapping[str, tuple[float | str, float | str] | None]
+) -> dict[str, tuple[float, float] | None]:
+    """Return ranges of joints in [rad] or [m] from numbers in SI or text; None for the joint limits."""
+    return {name: None if ends is None else _ends(model, name, ends) for name, ends in ranges.items()}
 
 
 def _ends(model: mujoco.MjModel, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:

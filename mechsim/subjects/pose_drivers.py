@@ -96,7 +96,7 @@ def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
             Joint(name, kind, End(before, ORIGIN, axis, reference), End(after, ORIGIN, axis, reference))
         )
         if i >= 3:
-            rotation = rotation @ Rotation.from_rotvec(values[i] * np.array(axis)).as_matrix()
+            rotation = rotation @ _rotation_about(i - 3, values[i])
         reached = np.where(np.arange(3) <= i, position, 0.0)
         if not last:
             guess[after] = Pose(reached, rotation)
@@ -120,7 +120,16 @@ def _cardan_angles(link: str, rotation: Array) -> list[float]:
 
     if abs(abs(rotation[0, 2]) - 1.0) < 0.5 * GIMBAL_LOCK**2:
         raise InputError(f"link {link} starts at {link}.ry = 90 deg, where rx and rz coincide; drive joints")
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_matrix(rotation).as_euler("XYZ").tolist()
+
+
+def _rotation_about(axis: int, angle: float) -> Array:
+    """Return the rotation matrix about a coordinate axis, (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("xyz"[axis], angle).as_matrix()
 
 
 def is_pose_driven(mechanism: Mechanism) -> bool:

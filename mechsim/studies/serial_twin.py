@@ -1,0 +1,288 @@
+"""Serial twins of closed-loop models: the tree without its loops, passive joints coupled by polynomials.
+
+Simulators without loop constraints run the twin. It is written as MJCF, with couplings of fourth degree, or
+as URDF, whose mimic joints are linear.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.closed_configurations import scalar_dof, straight_path
+from mechsim.simulation.joint_map import JointMap, map_over_grid
+from mechsim.simulation.mjcf import to_xml
+from mechsim.simulation.mjcf_reader.parsed_file import name_elements
+from mechsim.simulation.model_loops import HINGE, SLIDE
+from mechsim.studies.joint_map import joint_ranges, mujoco_spec
+
+LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+# degree of MuJoCo's couplings, and of URDF's mimic joints
+MJCF_DEGREE, URDF_DEGREE = 4, 1
+# grid points along each independent joint
+POINTS = 21
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """A passive joint as a polynomial of one independent joint, and linear in the others.
+
+    Attributes:
+        joint: the passive joint.
+        leading: index of the independent joint of the polynomial.
+        coefficients: of the powers of the leading joint's displacement from the reference, from the constant
+            on, in the displacement of the passive joint.
+        linear: of the displacements of the independent joints, (k,); 0 for the leading one.
+        position_error: largest error over the grid, in [rad] or [m].
+        torque_error: largest error of the derivatives by the independent joints.
+    """
+
+    joint: str
+    leading: int
+    coefficients: Array
+    linear: Array
+    position_error: float
+    torque_error: float
+
+
+@dataclass(frozen=True)
+class SerialTwin:
+    """The text of a serial twin, its independent joints and its couplings."""
+
+    name: str
+    text: str
+    independent: tuple[str, ...]
+    coupled: tuple[Coupled, ...]
+    left_out: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Return how far the couplings are from the loops, a line for each passive joint."""
+        lines = [f"left out: {', '.join(self.left_out)}"]
+        lines += [
+            f"{joint.joint}: position off by {joint.position_error:.2g}, "
+            f"torque ratio by {joint.torque_error:.2g}"
+            for joint in self.coupled
+        ]
+        return "\n".join(lines)
+
+
+def serial_twin(
+    model: Any,
+    format: str,
+    *,
+    independent: Sequence[str] | Mapping[str, tuple[float | str, float | str] | None] = (),
+    set: Mapping[str, str | float] | None = None,
+) -> SerialTwin:
+    """Return the serial twin of a model over a range of its independent joints.
+
+    Args:
+        model: as `load` takes it.
+        format: "mjcf-tree" or "urdf".
+        independent: joints of the twin that move freely, with their ranges as text or in SI; without ranges
+            the joint limits; without joints those of the actuators.
+        set: parameter -> value.
+
+    Raises:
+        InputError: for a model without loops, with passive ball joints, or an unknown joint.
+        AssemblyError: where no configuration of the range closes.
+    """
+    spec = mujoco_spec(model, set)
+    name_elements(spec)
+    compiled = spec.compile()
+    names = tuple(independent) or _actuated(compiled)
+    ranges = joint_ranges(compiled, independent if isinstance(independent, Mapping) else dict.fromkeys(names))
+    passive = _passive_joints(compiled, names)
+    table = map_over_grid(compiled, ranges, passive, points=POINTS if len(names) < 3 else 7)
+    degree = MJCF_DEGREE if format == "mjcf-tree" else URDF_DEGREE
+    start = np.array([compiled.qpos0[compiled.joint(name).qposadr[0]] for name in (*names, *passive)])
+    coupled = tuple(_coupled(table, i, degree, start) for i in range(len(passive)))
+    left_out = tuple(
+        equality.name or f"loop {i + 1}"
+        for i, equality in enumerate(spec.equalities)
+        if equality.type in LOOPS
+    )
+    is_urdf = format == "urdf"
+    text = _urdf(spec, compiled, names, coupled) if is_urdf else _tree_mjcf(spec, names, coupled)
+    return SerialTwin(spec.modelname, text, names, coupled, left_out)
+
+
+def _actuated(model: mujoco.MjModel) -> tuple[str, ...]:
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    names = tuple(dict.fromkeys(model.joint(int(j)).name for j in model.actuator_trnid[on_joint, 0]))
+    if not names:
+        raise InputError("no actuator acts on a joint; name the independent joints by --independent")
+    return names
+
+
+def _passive_joints(model: mujoco.MjModel, names: Sequence[str]) -> list[str]:
+    """Return the joints that the loops determine from the independent ones."""
+    path = straight_path(model, [scalar_dof(model, name) for name in names])
+    joints = sorted({int(model.dof_jntid[dof]) for dof in path.passive})
+    for joint in joints:
+        if model.jnt_type[joint] not in (HINGE, SLIDE):
+            raise InputError(
+                f"joint {model.joint(joint).name} is a ball, which no polynomial couples; replace it by "
+                "hinges, or cut the loop at it"
+            )
+    return [model.joint(joint).name for joint in joints]
+
+
+def _coupled(table: JointMap, output: int, degree: int, start: Array) -> Coupled:
+    """Return the coupling of one output: a polynomial in the independent joint that leaves the least error.
+
+    Displacements count from the reference `start` of independent, then passive joints.
+    """
+    count = len(table.inputs)
+    inputs, jacobian = table.input - start[:count], table.jacobian[:, output]
+    values = table.output[:, output] - start[count + output]
+    best: Coupled | None = None
+    for leading in range(count):
+        others = [i for i in range(count) if i != leading]
+        powers = inputs[:, [leading]] ** np.arange(degree + 1)
+        fit = np.linalg.lstsq(np.hstack([powers, inputs[:, others]]), values)[0]
+        coefficients, linear = fit[: degree + 1], np.zeros(count)
+        linear[others] = fit[degree + 1 :]
+        error = np.abs(powers @ coefficients + inputs @ linear - values).max()
+        derivative = np.broadcast_to(linear, jacobian.shape).copy()
+        derivative[:, leading] = powers[:, :-1] @ (coefficients[1:] * np.arange(1, degree + 1))
+        torque = np.abs(derivative - jacobian).max()
+        name = table.outputs[output]
+        if best is None or error < best.position_error:
+            best = Coupled(name, leading, coefficients, linear, float(error), float(torque))
+    assert best is not None
+    return best
+
+
+def _tree_mjcf(spec: mujoco.MjSpec, names: Sequence[str], coupled: Sequence[Coupled]) -> str:
+    """Return the model without its loops, each passive joint coupled by an equality of joints or tendons."""
+    tree = spec.copy()
+    for equality in list(tree.equalities):
+        if equality.type in LOOPS:
+            tree.delete(equality)
+    for key in list(tree.keys):
+        tree.delete(key)
+    for joint in coupled:
+        equality = tree.add_equality(name=f"{joint.joint} coupling")
+        equality.data[: len(joint.coefficients)] = joint.coefficients
+        if not joint.linear.any():
+            equality.type, equality.objtype = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+            equality.name1, equality.name2 = joint.joint, names[joint.leading]
+            continue
+        # tendons are sums of joints: passive joint - linear terms = polynomial of the leading joint
+        left, right = (
+            tree.add_tendon(name=f"{joint.joint} rest"),
+            tree.add_tendon(name=f"{joint.joint} leading"),
+        )
+        left.wrap_joint(joint.joint, 1.0)
+        for name, coefficient in zip(names, joint.linear.tolist(), strict=True):
+            if coefficient:
+                left.wrap_joint(name, -coefficient)
+        right.wrap_joint(names[joint.leading], 1.0)
+        equality.type, equality.objtype = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+        equality.name1, equality.name2 = left.name, right.name
+    return to_xml(tree)
+
+
+def _urdf(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], coupled: Sequence[Coupled]
+) -> str:
+    """Return the tree as URDF, each passive joint a mimic of its leading independent joint."""
+    data = mujoco.MjData(model)
+    data.qpos[np.isin(np.arange(model.nq), model.jnt_qposadr)] = 0.0
+    mujoco.mj_kinematics(model, data)
+    robot = ET.Element("robot", name=spec.modelname or "model")
+    ET.SubElement(robot, "link", name="world")
+    mimics = {joint.joint: joint for joint in coupled}
+    frames = {0: ("world", np.zeros(3), np.eye(3))}
+    for body in range(1, model.nbody):
+        frames[body] = _urdf_body(robot, model, data, body, frames, names, mimics)
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _urdf_body(
+    robot: ET.Element,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    body: int,
+    frames: Mapping[int, tuple[str, Array, Array]],
+    names: Sequence[str],
+    mimics: Mapping[str, Coupled],
+) -> tuple[str, Array, Array]:
+    """Add a body with its joints, and return the name and frame of its link, which lies at its last joint."""
+    parent, position, rotation = frames[int(model.body_parentid[body])]
+    turned, label = data.xmat[body].reshape(3, 3).copy(), model.body(body).name or f"body{body}"
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    for joint in range(first, first + max(count, 1)):
+        last = joint >= first + count - 1
+        child = label if last else f"{label}_{joint - first + 1}"
+        anchor = data.xanchor[joint].copy() if count else data.xpos[body].copy()
+        kind = {HINGE: "revolute", SLIDE: "prismatic"}.get(int(model.jnt_type[joint])) if count else "fixed"
+        name = model.joint(joint).name or f"joint{joint}" if count else f"{label}_fixed"
+        if kind is None:
+            raise InputError(
+                f"joint {name} is a ball or free joint, which URDF lacks; use --format mjcf-tree"
+            )
+        element = ET.SubElement(robot, "joint", name=name, type=kind)
+        _origin(element, rotation.T @ (anchor - position), rotation.T @ turned)
+        ET.SubElement(element, "parent", link=parent)
+        ET.SubElement(element, "child", link=child)
+        if count:
+            ET.SubElement(element, "axis", xyz=_text(turned.T @ data.xaxis[joint]))
+            _limits(element, model, joint)
+            if name in mimics:
+                _mimic(element, mimics[name], names, model)
+        link = ET.SubElement(robot, "link", name=child)
+        if last:
+            _inertial(link, model, body, turned.T @ (data.xpos[body] - anchor))
+        parent, position, rotation = child, anchor, turned
+    return parent, position, rotation
+
+
+def _limits(element: ET.Element, model: mujoco.MjModel, joint: int) -> None:
+    low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-1e3, 1e3)
+    ET.SubElement(
+        element, "limit", lower=repr(float(low)), upper=repr(float(high)), effort="1e3", velocity="1e3"
+    )
+
+
+def _mimic(element: ET.Element, coupling: Coupled, names: Sequence[str], model: mujoco.MjModel) -> None:
+    """Add a mimic, whose offset counts from zero, not from the reference."""
+    constant, multiplier = coupling.coefficients.tolist()
+    passive, leading = (
+        float(model.qpos0[model.joint(name).qposadr[0]]) for name in (coupling.joint, names[coupling.leading])
+    )
+    offset = passive + constant - multiplier * leading
+    attributes = {"multiplier": repr(multiplier), "offset": repr(offset)}
+    ET.SubElement(element, "mimic", joint=names[coupling.leading], **attributes)
+
+
+def _inertial(link: ET.Element, model: mujoco.MjModel, body: int, origin: Array) -> None:
+    """Add mass, centre and moments of a body; `origin` is where its frame is in the link's."""
+    if not model.body_mass[body] > 0.0:
+        return
+    inertial, rotation = ET.SubElement(link, "inertial"), np.empty(9)
+    mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
+    axes = rotation.reshape(3, 3)
+    moments = axes @ np.diag(model.body_inertia[body]) @ axes.T
+    _origin(inertial, origin + model.body_ipos[body], np.eye(3))
+    ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(moments[i, j])) for i in range(3) for j in range(i, 3)}
+    ET.SubElement(inertial, "inertia", **entries)
+
+
+def _origin(element: ET.Element, position: Array, rotation: Array) -> None:
+    """Add an origin; URDF's angles are about fixed x, y and z."""
+    from scipy.spatial.transform import Rotation
+
+    angles = Rotation.from_matrix(rotation).as_euler("xyz")
+    ET.SubElement(element, "origin", xyz=_text(position), rpy=_text(angles))
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(value) + 0.0) for value in values)
