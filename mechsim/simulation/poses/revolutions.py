@@ -33,8 +33,8 @@ def point_positions(loops: ModelLoops, states: Array) -> Array:
     """Return the positions of all sites and loop-closing points at n states, (n, k, 3) in [m]."""
     position, rotation = loops.posed.body_poses(states)
     ends = [end for pair in loops.pairs for end in pair.ends]
-    points = [position[:, body] + rotation[:, body] @ local for body, local in ends]
-    return np.concatenate([np.stack(points, 1), loops.posed.site_positions(states)], 1)
+    points = [(position[:, body] + rotation[:, body] @ local)[:, None] for body, local in ends]
+    return np.concatenate([*points, loops.posed.site_positions(states)], 1)
 
 
 def on_other_revolutions(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Array]:
