@@ -26,7 +26,7 @@ from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import Settings, mjcf
-from mechsim.studies.export import LEVEL, TWINS
+from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel
 from mechsim.studies.export import export as export_model
 
 
@@ -139,7 +139,7 @@ def export(
     assert model is not None
     extension = {"mjcf-tree": "xml"}.get(file_format, file_format)
     path = None if output is None else writable(output, f".{extension}")
-    is_twin = file_format in TWINS
+    is_twin = file_format in SERIAL_FORMATS
     with progress("export", None) as report:
         result = export_model(
             model if is_twin else load_model(model, sets, driven),
@@ -157,20 +157,26 @@ def export(
             progress=report,
         )
 
+    return _result(result, output)
+
+
+def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
+    """Return the text and data of an exported model."""
+
     def text() -> None:
-        if path is None:
+        if output is None:
             typer.echo(result.text, nl=False)
         else:
             typer.echo(f"wrote {output}")
         if result.twin is not None:
-            typer.echo(result.twin.summary(), err=path is None)
+            typer.echo(result.twin.summary(), err=output is None)
         if result.verification is not None:
-            typer.echo(result.verification.markdown(), nl=False, err=path is None)
+            typer.echo(result.verification.markdown(), nl=False, err=output is None)
         if result.shortfall:
             typer.echo(result.shortfall, err=True)
 
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
-    data |= {"text": result.text if path is None else None, "shortfall": result.shortfall}
+    data |= {"text": result.text if output is None else None, "shortfall": result.shortfall}
     data["verification"] = None if result.verification is None else asdict(result.verification)
     data["couplings"] = [
         {"joint": c.joint, "position_error": c.position_error, "torque_error": c.torque_error}

@@ -26,8 +26,8 @@ from mechsim.units import crank_speed, si
 
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
-TWINS = ("mjcf-tree", "urdf")
-FORMATS = ("xml", "toml", *TWINS)
+SERIAL_FORMATS = ("mjcf-tree", "urdf")
+FORMATS = ("xml", "toml", *SERIAL_FORMATS)
 STYLES = ("plain", "menagerie")
 
 
@@ -101,9 +101,11 @@ def export(
         'four_bar'
     """
     settings = settings or {}
-    if independent and format not in TWINS:
-        raise InputError(f"--independent is of a serial twin; leave it out, or --format {' or '.join(TWINS)}")
-    if format in TWINS:
+    if independent and format not in SERIAL_FORMATS:
+        raise InputError(
+            f"--independent is of a serial twin; leave it out, or --format {' or '.join(SERIAL_FORMATS)}"
+        )
+    if format in SERIAL_FORMATS:
         _require_twin(style, scene, cut, settings, timestep, speed, tolerance)
         twin = serial_twin(model, format, independent=independent, set=set)
         _write(output, twin.text)

@@ -1,4 +1,4 @@
-"""Serial twins of closed-loop models: the tree without its loops, passive joints coupled by polynomials.
+"""The serial twin of a closed-loop model: the tree without its loops, passive joints coupled by polynomials.
 
 Simulators without loop constraints run the twin. It is written as MJCF, with couplings of fourth degree, or
 as URDF, whose mimic joints are linear.
@@ -174,17 +174,17 @@ def _tree_mjcf(spec: mujoco.MjSpec, names: Sequence[str], coupled: Sequence[Coup
             equality.name1, equality.name2 = joint.joint, names[joint.leading]
             continue
         # tendons are sums of joints: passive joint - linear terms = polynomial of the leading joint
-        left, right = (
+        combined, right = (
             tree.add_tendon(name=f"{joint.joint} rest"),
             tree.add_tendon(name=f"{joint.joint} leading"),
         )
-        left.wrap_joint(joint.joint, 1.0)
+        combined.wrap_joint(joint.joint, 1.0)
         for name, coefficient in zip(names, joint.linear.tolist(), strict=True):
             if coefficient:
-                left.wrap_joint(name, -coefficient)
+                combined.wrap_joint(name, -coefficient)
         right.wrap_joint(names[joint.leading], 1.0)
         equality.type, equality.objtype = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
-        equality.name1, equality.name2 = left.name, right.name
+        equality.name1, equality.name2 = combined.name, right.name
     return to_xml(tree)
 
 
@@ -216,7 +216,7 @@ def _urdf_body(
 ) -> tuple[str, Array, Array]:
     """Add a body with its joints, and return the name and frame of its link, which lies at its last joint."""
     parent, position, rotation = frames[int(model.body_parentid[body])]
-    turned, label = data.xmat[body].reshape(3, 3).copy(), model.body(body).name or f"body{body}"
+    rotated, label = data.xmat[body].reshape(3, 3).copy(), model.body(body).name or f"body{body}"
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     for joint in range(first, first + max(count, 1)):
         last = joint >= first + count - 1
@@ -229,18 +229,18 @@ def _urdf_body(
                 f"joint {name} is a ball or free joint, which URDF lacks; use --format mjcf-tree"
             )
         element = ET.SubElement(robot, "joint", name=name, type=kind)
-        _origin(element, rotation.T @ (anchor - position), rotation.T @ turned)
+        _origin(element, rotation.T @ (anchor - position), rotation.T @ rotated)
         ET.SubElement(element, "parent", link=parent)
         ET.SubElement(element, "child", link=child)
         if count:
-            ET.SubElement(element, "axis", xyz=_text(turned.T @ data.xaxis[joint]))
+            ET.SubElement(element, "axis", xyz=_text(rotated.T @ data.xaxis[joint]))
             _limits(element, model, joint)
             if name in mimics:
                 _mimic(element, mimics[name], names, model)
         link = ET.SubElement(robot, "link", name=child)
         if last:
-            _inertial(link, model, body, turned.T @ (data.xpos[body] - anchor))
-        parent, position, rotation = child, anchor, turned
+            _inertial(link, model, body, rotated.T @ (data.xpos[body] - anchor))
+        parent, position, rotation = child, anchor, rotated
     return parent, position, rotation
 
 
@@ -258,8 +258,8 @@ def _mimic(element: ET.Element, coupling: Coupled, names: Sequence[str], model: 
         float(model.qpos0[model.joint(name).qposadr[0]]) for name in (coupling.joint, names[coupling.leading])
     )
     offset = passive + constant - multiplier * leading
-    attributes = {"multiplier": repr(multiplier), "offset": repr(offset)}
-    ET.SubElement(element, "mimic", joint=names[coupling.leading], **attributes)
+    attributes = {"joint": names[coupling.leading], "multiplier": repr(multiplier), "offset": repr(offset)}
+    ET.SubElement(element, "mimic", attributes)
 
 
 def _inertial(link: ET.Element, model: mujoco.MjModel, body: int, origin: Array) -> None:
@@ -273,7 +273,7 @@ def _inertial(link: ET.Element, model: mujoco.MjModel, body: int, origin: Array)
     _origin(inertial, origin + model.body_ipos[body], np.eye(3))
     ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))
     entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(moments[i, j])) for i in range(3) for j in range(i, 3)}
-    ET.SubElement(inertial, "inertia", **entries)
+    ET.SubElement(inertial, "inertia", entries)
 
 
 def _origin(element: ET.Element, position: Array, rotation: Array) -> None:

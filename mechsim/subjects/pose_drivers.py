@@ -78,8 +78,6 @@ def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
 
 def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
     """Return a mechanism with the chain of one point or link."""
-    from scipy.spatial.transform import Rotation
-
     is_link = subject not in mechanism.points or rotates
     link, point = (subject, ORIGIN) if is_link else mechanism.points[subject]
     pose = mechanism.guess[link]
@@ -120,8 +118,6 @@ def _cardan_angles(link: str, rotation: Array) -> list[float]:
 
     if abs(abs(rotation[0, 2]) - 1.0) < 0.5 * GIMBAL_LOCK**2:
         raise InputError(f"link {link} starts at {link}.ry = 90 deg, where rx and rz coincide; drive joints")
-    from scipy.spatial.transform import Rotation
-
     return Rotation.from_matrix(rotation).as_euler("XYZ").tolist()
 
 
