@@ -120,7 +120,6 @@ def sweep(
     Examples:
     mechsim sweep four_bar --vary crank=3cm:5cm:9 --measure range:rocker -o s.csv
     mechsim sweep rssr --vary crank=9mm:14mm --sample sobol:9 -o s.nc
-    mechsim sweep four_bar --vary crank=3cm:4cm:9 --measure frequency:1 --initial crank.q=-95deg -o f.csv
     """
     start = time.perf_counter()
     _require_writable(output)
@@ -149,7 +148,7 @@ def sweep(
         result = run_sweep(task, output, resume=resume, scheduler=scheduler, progress=report)
     seconds = time.perf_counter() - start
     checked = check_table(task, result, check) if check > 0 else None
-    masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.loaded else ()
+    masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.measures.loaded else ()
     data: Any = {"model": source.model, "output": output, "designs": task.designs.count}
     data |= {"built": built(result), "seconds": seconds} | masses_in_json(masses)
     if checked is not None:
