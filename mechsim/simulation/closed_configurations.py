@@ -16,7 +16,7 @@ from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.closing import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
-from mechsim.simulation.state import HINGE, SCALAR, scalar_joints
+from mechsim.simulation.state import HINGE, SCALAR, limited_joints, scalar_joints
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
@@ -101,9 +101,9 @@ class StraightPath:
     def outside(self, qpos: Array) -> NDArray[np.bool_]:
         """Return whether each joint is outside its limits, (n, njnt)."""
         model = self.loops.model
-        scalar = (model.jnt_limited != 0) & np.isin(model.jnt_type, SCALAR)
+        limited = np.isin(np.arange(model.njnt), limited_joints(model))
         values, (low, high) = qpos[:, model.jnt_qposadr], model.jnt_range.T
-        return scalar & ((values < low - 1e-9) | (values > high + 1e-9))
+        return limited & ((values < low - 1e-9) | (values > high + 1e-9))
 
 
 def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
@@ -231,7 +231,7 @@ def driver_ranges(path: StraightPath) -> tuple[Array, Array]:
     model, dofs = path.loops.model, path.drivers
     joints, start = model.dof_jntid[dofs], path.reference[path.addresses]
     reach = np.where(model.jnt_type[joints] == HINGE, np.pi, path.loops.characteristic_length)
-    limited = model.jnt_limited[joints] != 0
+    limited = np.isin(joints, limited_joints(model))
     low, high = model.jnt_range[joints].T
     return np.where(limited, low, start - reach), np.where(limited, high, start + reach)
 

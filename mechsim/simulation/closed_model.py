@@ -12,6 +12,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import Track
+from mechsim.simulation.state import is_disabled
 
 # bits of a contact mask without the sign bit
 BITS = 31
@@ -51,9 +52,6 @@ def exclude_contacts(model: mujoco.MjModel, determined: NDArray[np.bool_]) -> No
         np.bitwise_or.at(whole, model.geom_bodyid, each)
 
 
-NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-
-
 # displacement, in [rad] or characteristic lengths, by which an undetermined DOF is probed
 NUDGE = 1e-4
 
@@ -90,7 +88,7 @@ class ClosedModel:
     @property
     def has_contacts(self) -> bool:
         """Whether contacts are enabled."""
-        return not self.model.opt.disableflags & NO_CONTACT
+        return not is_disabled(self.model, mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
     def without_contacts(self, determined: NDArray[np.bool_]) -> "ClosedModel":
         """Return the model without contacts between the bodies of a mask, (nbody,)."""

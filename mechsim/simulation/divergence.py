@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.state import SCALAR
+from mechsim.simulation.state import SCALAR, is_disabled
 
 # number of last states that are examined
 LAST_STATES = 20
@@ -87,7 +87,7 @@ def stiffness_cause(model: mujoco.MjModel) -> str:
 
 def _longest_steps(model: mujoco.MjModel) -> Iterator[tuple[float, str]]:
     """Yield the longest stable step in [s] of each spring, damper and servo, and its name."""
-    damped = bool(model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP))
+    damped = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     integrator = int(model.opt.integrator)
     explicit = integrator == RK4 or (integrator == EULER and damped)
     for j in np.flatnonzero(np.isin(model.jnt_type, SCALAR)):

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +13,7 @@ from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.state import FREE, HINGE, SCALAR, SLIDE
+from mechsim.simulation.state import FREE, HINGE, SCALAR, SLIDE, limited_joints
 
 # residual, relative to the largest Jacobian entry, above which the other DOFs cannot follow a driver
 LOCKED_FRACTION = 1e-6
@@ -133,7 +132,7 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
     Raises:
         AssemblyError: with the joint, its value, its limit and the crank angle or the time.
     """
-    model, limited = closed.model, _limited(closed)
+    model, limited = closed.model, limited_joints(closed.model).tolist()
     names = {i: str(model.joint(i).name or i) for i in limited}
     require_within(
         closed.loops.name,
@@ -155,8 +154,8 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
     Raises:
         AssemblyError: as `require_within_limits`.
     """
-    limited = _limited(closed)
-    if not limited or np.ptp(angles) == 0.0:
+    limited = limited_joints(closed.model)
+    if not len(limited) or np.ptp(angles) == 0.0:
         return
     drivers = closed.loops.drivers
     if drivers is not None and not drivers.law(angles)[1].any():
@@ -172,14 +171,6 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
         # instants at which the loops do not close were not requested
         return
     require_within_limits(closed, states)
-
-
-def _limited(closed: ClosedModel) -> list[int]:
-    """Return the hinges and slides whose limits are active."""
-    model = closed.model
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
-        return []
-    return [i for i in np.flatnonzero(model.jnt_limited).tolist() if model.jnt_type[i] in SCALAR]
 
 
 def _drivers(closed: ClosedModel) -> str:

@@ -13,7 +13,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import actuation, loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.state import HINGE, ONE_THREAD, rotated, scalar_joints
+from mechsim.simulation.state import HINGE, ONE_THREAD, gravity, rotated, scalar_joints
 
 OFF = mujoco.mjtDisableBit
 # forces that may be large: actuators, springs and dampers
@@ -185,12 +185,12 @@ def _point_motions(
     model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]
 ) -> dict[str, PointMotion]:
     """Return the motion of each point from fields site_xpos and sensordata of a batch at n states."""
-    sensors, gravity = _sensors(model, fields), _gravity(model)
+    sensors, weight = _sensors(model, fields), gravity(model)
     return {
         name: PointMotion(
             fields["site_xpos"][:, model.site(name).id],
             sensors[f"{name}.linvel"],
-            sensors[f"{name}.linacc"] + gravity,
+            sensors[f"{name}.linacc"] + weight,
         )
         for name in track.points
     }
@@ -198,7 +198,7 @@ def _point_motions(
 
 def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array]) -> dict[str, LinkMotion]:
     """Return the motion of each link from fields xpos, xmat and sensordata of a batch at n states."""
-    sensors, gravity = _sensors(model, fields), _gravity(model)
+    sensors, weight = _sensors(model, fields), gravity(model)
     return {
         name: LinkMotion(
             fields["xpos"][:, model.body(name).id],
@@ -206,7 +206,7 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
             sensors[f"{name}:linvel"],
             sensors[f"{name}:angvel"],
             # MuJoCo's accelerometers measure gravity as an upward acceleration of the world
-            sensors[f"{name}:linacc"] + gravity,
+            sensors[f"{name}:linacc"] + weight,
             sensors[f"{name}:angacc"],
         )
         for name in track.links
@@ -216,12 +216,6 @@ def link_motions(model: mujoco.MjModel, track: Track, fields: Mapping[str, Array
 def has_dry_friction(model: mujoco.MjModel) -> bool:
     """Return whether joints or tendons of a model have MuJoCo's Coulomb friction."""
     return bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
-
-
-def _gravity(model: mujoco.MjModel) -> Array:
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
-        return np.zeros(3)
-    return np.asarray(model.opt.gravity)
 
 
 def _with_sensors(model: mujoco.MjModel, *, constrained: bool) -> mujoco.MjModel:

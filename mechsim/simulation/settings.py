@@ -15,6 +15,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.matrices import KINDS, quicker
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.state import is_disabled
 
 
 def number(
@@ -313,7 +314,7 @@ def _set(option: Any, field: str, bits: int, on: bool) -> None:
 
 
 def _only_equalities(model: mujoco.MjModel) -> bool:
-    contacts = model.ngeom > 0 and not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    contacts = model.ngeom > 0 and not is_disabled(model, mujoco.mjtDisableBit.mjDSBL_CONTACT)
     limits = bool(model.jnt_limited.any() or model.tendon_limited.any())
     friction = bool((model.dof_frictionloss > 0.0).any() or (model.tendon_frictionloss > 0.0).any())
     return not (contacts or limits or friction)

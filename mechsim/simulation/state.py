@@ -118,6 +118,24 @@ def scalar_joints(model: mujoco.MjModel) -> dict[str, int]:
     return {model.joint(j).name: j for j in range(model.njnt) if model.jnt_type[j] in SCALAR}
 
 
+def limited_joints(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Return the indices of the hinges and slides whose limits are active."""
+    limited = (model.jnt_limited != 0) & np.isin(model.jnt_type, SCALAR)
+    return np.flatnonzero(limited & (not is_disabled(model, mujoco.mjtDisableBit.mjDSBL_LIMIT)))
+
+
+def is_disabled(model: mujoco.MjModel, flag: mujoco.mjtDisableBit) -> bool:
+    """Return whether an option of a model disables something."""
+    return bool(model.opt.disableflags & int(flag))
+
+
+def gravity(model: mujoco.MjModel) -> Array:
+    """Return the acceleration of gravity, zero where it is disabled, (3,) in [m/s2]."""
+    if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+        return np.zeros(3)
+    return np.array(model.opt.gravity)
+
+
 def angular_dofs(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return whether each DOF is an angle, (nv,); of the six of a free joint the first three are lengths."""
     kinds = model.jnt_type[model.dof_jntid]
@@ -189,12 +207,12 @@ def rotated(rotation: Array, local: Array) -> Array:
     return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
 
 
-def rotated_quaternions(quaternion: Array, vector: Array) -> Array:
+def rotated_quaternions(quaternions: Array, vector: Array) -> Array:
     """Return unit quaternions (w, x, y, z) rotated by rotation vectors in their own frames, (n, 4)."""
     angle = np.sqrt((vector * vector).sum(1))
     # sin(angle / 2) / angle
     v = 0.5 * np.sinc(angle / (2.0 * np.pi))[:, None] * vector
-    scalar, w, u = np.cos(0.5 * angle)[:, None], quaternion[:, :1], quaternion[:, 1:]
+    scalar, w, u = np.cos(0.5 * angle)[:, None], quaternions[:, :1], quaternions[:, 1:]
     product = np.hstack([w * scalar - (u * v).sum(1, keepdims=True), w * v + scalar * u + np.cross(u, v)])
     return product / np.sqrt((product * product).sum(1, keepdims=True))
 
@@ -204,6 +222,13 @@ def rotation_matrix(quaternion: Array) -> Array:
     out = np.empty(9)
     mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
     return out.reshape(3, 3)
+
+
+def quaternion(rotation: Array) -> Array:
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix, (4,)."""
+    out = np.empty(4)
+    mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation, dtype=np.float64).ravel())
+    return out
 
 
 def _kinematic_model(model: mujoco.MjModel) -> mujoco.MjModel:

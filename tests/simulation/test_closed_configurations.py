@@ -53,6 +53,13 @@ def test_driver_positions_are_in_the_model_order(model: mujoco.MjModel) -> None:
     assert qpos[:, :7] == pytest.approx(np.tile(model.qpos0[:7], (5, 1)))
 
 
+def test_limits_that_the_file_disables_limit_nothing(model: mujoco.MjModel) -> None:
+    with pytest.raises(ms.errors.InputError, match="joint crank is outside its limits"):
+        ms.closed_qpos(model, {"crank": 0.75})
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
+    assert ms.closed_qpos(model, {"crank": 0.75})[0, 7] == 0.75
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [({"crank": 0.8}, "joint crank"), ({"wheel": 0.0}, "wheel"), ({}, "finite numbers")],

@@ -14,8 +14,8 @@ from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, travels
 from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, stands
 from mechsim.simulation.configurations import swept
-from mechsim.simulation.mjcf.force_elements import quaternion
 from mechsim.simulation.source import assembled
+from mechsim.simulation.state import quaternion
 
 GEOMS = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,

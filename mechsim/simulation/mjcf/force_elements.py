@@ -23,16 +23,10 @@ from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.joints import part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
+from mechsim.simulation.state import quaternion
 
 # mass of a link x size of its mechanism where only motion counts, in [kg m]
 PLACEHOLDER = 0.1
-
-
-def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion (w, x, y, z) of a rotation matrix."""
-    out = np.empty(4)
-    mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation, dtype=np.float64).ravel())
-    return out
 
 
 def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:

@@ -20,7 +20,6 @@ from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.force_elements import (
     PLACEHOLDER,
     add_forces,
-    quaternion,
     set_inertia,
     set_placeholder,
 )
@@ -33,6 +32,7 @@ from mechsim.simulation.mjcf.joints import (
     zero_pose,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
+from mechsim.simulation.state import quaternion
 
 # tolerance of the solver: with a virtual drive inertia the relative gradient is always small, and with 0 the
 # solver would never stop (validation/choices/exported_solver.py)

@@ -12,6 +12,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.equality_rows import coincident_frames, tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier
+from mechsim.simulation.state import is_disabled
 
 CONNECT, WELD, JOINT, TENDON = (
     int(kind)
@@ -46,7 +47,7 @@ def equalities(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Equalities
         InputError: for a constraint of another kind, or of a tendon through sites.
     """
     result = Equalities()
-    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    off = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_EQUALITY)
     names = {model.joint(j).name for j in range(model.njnt)}
     for i in range(model.neq):
         name, kind = model.equality(i).name, int(model.eq_type[i])

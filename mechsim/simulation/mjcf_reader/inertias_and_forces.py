@@ -10,7 +10,7 @@ from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia, Link
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier, vector
-from mechsim.simulation.state import SCALAR, rotation_matrix
+from mechsim.simulation.state import SCALAR, gravity, rotation_matrix
 
 # fraction of the heaviest link's mass that a massless link gets: negligible, but not zero
 MASSLESS = 1e-12
@@ -92,9 +92,7 @@ def forces_of_model(model: mujoco.MjModel) -> Forces:
         stiffness = _linear(model.jnt_stiffness[j])
         if stiffness:
             springs.append(JointSpring(name, stiffness, float(model.qpos_spring[address])))
-    off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity = (0.0, 0.0, 0.0) if off else vector(model.opt.gravity)
-    return Forces(gravity=gravity, friction=tuple(friction), joint_springs=tuple(springs))
+    return Forces(gravity=vector(gravity(model)), friction=tuple(friction), joint_springs=tuple(springs))
 
 
 def _linear(value: Array | float) -> float:

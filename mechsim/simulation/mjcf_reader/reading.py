@@ -49,16 +49,21 @@ from mechsim.simulation.mjcf_reader.parsed_file import (
 )
 from mechsim.simulation.mjcf_reader.pose_chains import with_pose_chains
 from mechsim.simulation.mjcf_reader.repairs import minimum_mass
-from mechsim.simulation.state import BALL, FREE, SCALAR, SLIDE
+from mechsim.simulation.state import (
+    BALL,
+    FREE,
+    SCALAR,
+    SLIDE,
+    limited_joints,
+    quaternion,
+    rotation_matrix,
+    scalar_joints,
+)
 
 
 def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
     """Return the values of the hinges and slides at qpos (nq,): joint -> [rad] or [m]."""
-    return {
-        model.joint(j).name: float(qpos[model.jnt_qposadr[j]])
-        for j in range(model.njnt)
-        if int(model.jnt_type[j]) in SCALAR
-    }
+    return {name: float(qpos[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
 
 
 def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
@@ -82,24 +87,17 @@ def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
     """Return two opposite corners of the box about each geom of a body, in the body's frame."""
     corners: list[Array] = []
     for geom in np.flatnonzero(model.geom_bodyid == body):
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        rotation = rotation_matrix(model.geom_quat[geom])
         centre, half = np.split(model.geom_aabb[geom], 2)
-        corners += [
-            model.geom_pos[geom] + rotation.reshape(3, 3) @ corner
-            for corner in (centre - half, centre + half)
-        ]
+        corners += [model.geom_pos[geom] + rotation @ corner for corner in (centre - half, centre + half)]
     return corners
 
 
 def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
     """Return the ranges of the limited hinges and slides, in [rad] or [m]; none where limits are off."""
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
-        return {}
     return {
         model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
-        for j in range(model.njnt)
-        if model.jnt_limited[j] and int(model.jnt_type[j]) in SCALAR
+        for j in limited_joints(model).tolist()
     }
 
 
@@ -371,5 +369,5 @@ def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
         else:
             rotations = np.swapaxes(motion.links[joint.a.link].rotation @ joint.a.frame, -1, -2) @ rotations
         for row, rotation in zip(out, rotations, strict=True):
-            mujoco.mju_mat2Quat(row[address : address + 4], np.ascontiguousarray(rotation).ravel())
+            row[address : address + 4] = quaternion(rotation)
     return out
