@@ -4,7 +4,7 @@ Unknown are the coordinates that no driver prescribes. Where the rows repeat eac
 linkage, as many are kept as are independent; where they leave a link's spin open, a gauge keeps it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -411,6 +411,25 @@ def tree_loops(
     q = loops.with_multi_turn(loops.read(poses), counted)
     offsets = tuple(float(offset[0]) for offset in loops.revolutions_between(q))
     return replace(loops, turn_offsets=offsets), q
+
+
+def axis_cosines(loops: TreeLoops, poses: LinkPoses) -> Iterator[tuple[str, int, Array]]:
+    """Yield cut joints, columns of their frames that are to be aligned, and the cosines between them, (n,).
+
+    Equations say parallel, not in which sense.
+    """
+    for cut in loops.cuts:
+        _, frame_a, _, frame_b = cut.frames(poses)
+        for i in KINDS[cut.joint.kind].aligned_columns:
+            yield cut.joint.name, i, (frame_a[:, i] * frame_b[:, i]).sum(0)
+
+
+def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:
+    """Return which of n configurations have no cut joint put together with axes, or marks, opposed, (n,)."""
+    aligned = np.ones(len(q), dtype=np.bool_)
+    for _, _, cosine in axis_cosines(loops, link_poses(loops.tree, q)):
+        aligned &= cosine > 0.0
+    return aligned
 
 
 def _rotated(rotation: Array, vector: Array) -> Array:

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.loops.assembly_errors import ASSEMBLY, CLOSED
-from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops
+from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops, axes_aligned
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.path import ContinuationPath
 from mechsim.analytic.loops.path_segments import ClosedNodes, Segment
-from mechsim.analytic.loops.random_starts import axes_aligned
 from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.analytic.loops.tree import JointSides
 from mechsim.errors import AssemblyError

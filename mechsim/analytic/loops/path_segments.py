@@ -143,11 +143,11 @@ def even_change_point(log_determinant: Array) -> int | None:
     signs = np.where(
         np.arange(len(log_determinant)) > np.arange(len(log_determinant) - 1)[:, None], -1.0, 1.0
     )
-    for pairs in PAIRS:
-        root = np.exp((log_determinant - log_determinant.max()) / pairs)
-        errors = interpolation_error((signs * root).T)
+    roots = np.exp((log_determinant - log_determinant.max())[:, None] / PAIRS)
+    flipped = interpolation_error((signs.T[:, None] * roots[..., None]).reshape(len(roots), -1))
+    for errors, limit in zip(flipped.reshape(len(PAIRS), -1), interpolation_error(roots), strict=True):
         index = int(np.argmin(errors))
-        if errors[index] < MAX_ERROR_RATIO * interpolation_error(root[:, None])[0]:
+        if errors[index] < MAX_ERROR_RATIO * limit:
             return index
     return None
 

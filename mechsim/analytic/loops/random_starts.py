@@ -3,11 +3,9 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
-from mechsim.analytic.loops.kinematics import Coordinates, link_poses
-from mechsim.model.joint_kinds import KINDS
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_aligned
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm, significant
@@ -90,16 +88,6 @@ def _damped(jacobian: Array, residual: Array) -> Array:
     damping = 0.1 * (residual**2).mean(1) + 1e-13
     square += damping[:, None, None] * np.eye(square.shape[1])
     return np.linalg.solve(square, transposed @ residual[..., None])[..., 0]
-
-
-def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:
-    """Return which poses have no cut joint put together with its axes, or marks, opposed, (n,)."""
-    poses, aligned = link_poses(loops.tree, q), np.ones(len(q), dtype=np.bool_)
-    for cut in loops.cuts:
-        _, frame_a, _, frame_b = cut.frames(poses)
-        for i in KINDS[cut.joint.kind].aligned_columns:
-            aligned &= (frame_a[:, i] * frame_b[:, i]).sum(0) > 0.0
-    return aligned
 
 
 def _rotations(quaternions: Array) -> Array:

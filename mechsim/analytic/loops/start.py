@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.loops.assembly_errors import CLOSED, assembly_failure, close_nearest
-from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
+from mechsim.analytic.loops.constraints import TreeLoops, axis_cosines, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
 from mechsim.analytic.loops.oracle import completed_poses
 from mechsim.analytic.loops.random_starts import random_poses
 from mechsim.errors import AssemblyError
-from mechsim.model.joint_kinds import KINDS, antiparallel_message
+from mechsim.model.joint_kinds import antiparallel_message
 from mechsim.model.joints import joint_coordinate
 from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, IDENTITY, Pose
@@ -40,7 +40,9 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
             loops, initial = tree_loops(mechanism, poses, counted)
             q = closed(loops, initial)
             tree_poses = link_poses(loops.tree, q)
-            _require_axes_aligned(loops, tree_poses)
+            for name, column, cosine in axis_cosines(loops, tree_poses):
+                if cosine[0] < 0.0:
+                    raise AssemblyError(f"{mechanism.name}: {antiparallel_message(name, column)}")
             candidates.append((_distance_from_guess(mechanism, loops, tree_poses), loops, q))
         except AssemblyError as error:
             first_error = first_error or error
@@ -148,15 +150,6 @@ def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     if residual[0] < CLOSED:
         return solution
     raise AssemblyError(assembly_failure(loops, q, solution, float(residual[0])))
-
-
-def _require_axes_aligned(loops: TreeLoops, poses: LinkPoses) -> None:
-    """Refuse cuts put together with axes or marks opposed: the rows say parallel, not in which sense."""
-    for cut in loops.cuts:
-        _, frame_a, _, frame_b = cut.frames(poses)
-        for i in KINDS[cut.joint.kind].aligned_columns:
-            if float((frame_a[:, i] * frame_b[:, i]).sum()) < 0.0:
-                raise AssemblyError(f"{loops.tree.mechanism.name}: {antiparallel_message(cut.joint.name, i)}")
 
 
 # poses nearer to each other, in sizes and as matrices, are one
