@@ -87,9 +87,9 @@ def _under_laws(
     """Return the instants at times of motion laws."""
     drivers = ", ".join(motion_laws.drivers)
     if angles is not None or t is None:
-        given = "no times are given" if angles is None else "angles do not say when"
+        reason = "no times are given" if angles is None else "angles do not say when"
         raise InputError(
-            f"{mechanism.name}: motion laws drive {drivers}, and {given}; give times in s, as {EXAMPLE}"
+            f"{mechanism.name}: motion laws drive {drivers}, and {reason}; give times in s, as {EXAMPLE}"
         )
     if speed is not None or number(acceleration) != 0.0:
         what = "speed" if speed is not None else "acceleration"

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, cast
 
 import typer
 
-from mechsim.analytic.forms import closed_form
+from mechsim.analytic.solvers import closed_form
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import folder_for, load_model
 from mechsim.cli.output import number, print_table, print_text

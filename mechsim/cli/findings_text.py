@@ -5,14 +5,14 @@ from typing import Any
 
 import typer
 
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.output import print_table, wrapped
 from mechsim.model.finding import Finding
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.subjects.mjcf_source import MjcfForm
 
 
-def scene_findings(solver: Form, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
+def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
     """Return the findings in an MJCF file, the most severe first; None for any other mechanism.
 
     Args:
@@ -29,7 +29,7 @@ def scene_findings(solver: Form, laws: MotionLaws | None = None) -> tuple[Findin
         return findings(solver.source, laws or solver.motion_laws)
 
 
-def motion_law_of_crank(solver: Form, motion: CrankProfile) -> MotionLaws | None:
+def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> MotionLaws | None:
     """Return the motion of the crank of an MJCF file as a motion law; None for any other mechanism."""
     if not isinstance(solver, MjcfForm):
         return None

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.analytic import dynamics
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -100,7 +100,7 @@ def _positions(text: str, option: str) -> tuple[Location, Location]:
     return position(first), position(second)
 
 
-def loads_of(solver: Form, path: str) -> dict[str, Any]:
+def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
     """Return loads from a table: angle [rad] or time [s]; P3.fx .. [N], LINK.mx .. [N m], crank [N m]."""
     columns = files.read(path)
     over = "angle" if "angle" in columns else "time"
@@ -181,7 +181,7 @@ class LoadOptions:
         if self.gear is not None and self.motor is None:
             raise InputError("--gear is the gear of a motor, and none is given; add --motor")
 
-    def forces(self, solver: Form) -> Forces:
+    def forces(self, solver: KinematicSolver) -> Forces:
         """Return all forces on a mechanism: those of its file and those of the options."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
         motor = self.motor
@@ -200,7 +200,7 @@ class LoadOptions:
             **loads,
         )
 
-    def dynamic_model(self, solver: Form) -> dynamics.DynamicModel:
+    def dynamic_model(self, solver: KinematicSolver) -> dynamics.DynamicModel:
         """Return the dynamic model of a mechanism."""
         return dynamics.dynamic_model(
             solver, self.forces(solver), density=self.density, diameter=self.diameter

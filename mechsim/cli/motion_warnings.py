@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.oracle import conditioning_of
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.errors import MobilityError
 from mechsim.model.motion import Motion, select_instants
@@ -46,7 +46,7 @@ class FewDigits:
         )
 
 
-def few_digits(solver: Form, motion: Motion) -> FewDigits | None:
+def few_digits(solver: KinematicSolver, motion: Motion) -> FewDigits | None:
     """Return where accelerations have the fewest digits; None for `ENOUGH_DIGITS`, or if undetermined.
 
     Digits are undetermined where the drivers leave a degree of freedom, as of a floating body.
@@ -77,7 +77,7 @@ def digits_in_json(few: FewDigits | None) -> dict[str, Any]:
     return {"few_digits": None if few is None else asdict(few)}
 
 
-def _examined_rows(solver: Form, motion: Motion) -> NDArray[np.intp]:
+def _examined_rows(solver: KinematicSolver, motion: Motion) -> NDArray[np.intp]:
     """Return rows away from change points; of a closed form only the fastest of each joint.
 
     Digits are lost where accelerations are large, and a decomposition for every row would cost more than the
@@ -96,7 +96,7 @@ def _examined_rows(solver: Form, motion: Motion) -> NDArray[np.intp]:
     return rows
 
 
-def limited_swing(solver: Form, speed: float) -> CrankProfile | None:
+def limited_swing(solver: KinematicSolver, speed: float) -> CrankProfile | None:
     """Return the default motion of a crank that cannot rotate fully, and note its range; else None.
 
     The motion is one swing within the reachable range, as `validate` uses it.

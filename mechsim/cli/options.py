@@ -11,7 +11,7 @@ import typer
 from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli import completion
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.unit_warnings import warn_about_parameters
@@ -59,7 +59,7 @@ ChangePointOption = Annotated[
 ]
 
 
-def with_policy(solver: Form, policy: str | None) -> Form:
+def with_policy(solver: KinematicSolver, policy: str | None) -> KinematicSolver:
     """Return a mechanism with a change-point policy; None leaves it unchanged."""
     if policy is None:
         return solver
@@ -142,11 +142,11 @@ class ModelOptions(DriveOptions):
     model: Model
     sets: Sets = None
 
-    def load(self, *, still: bool = False, by_motors: bool = False) -> Form:
+    def load(self, *, still: bool = False, by_motors: bool = False) -> KinematicSolver:
         """Return the mechanism; see `mechsim.load` and `load_by_motors`."""
         return load_model(self.model, self.sets, self, still=still, by_motors=by_motors)
 
-    def load_moving(self, *, by_motors: bool = False) -> Form:
+    def load_moving(self, *, by_motors: bool = False) -> KinematicSolver:
         """Return a mechanism whose motion is determined by a crank or by motion laws."""
         return require_motion(self.load(by_motors=by_motors))
 
@@ -162,7 +162,7 @@ def load_model(
     *,
     still: bool = False,
     by_motors: bool = False,
-) -> Form:
+) -> KinematicSolver:
     """Return a mechanism with changed parameters and drivers; see `mechsim.load`."""
     driven, parameters = driven or DriveOptions(), changed_parameters(sets)
     opened = load_by_motors if by_motors else load
@@ -212,14 +212,14 @@ def require_distinct(option_name: str, pairs: Sequence[tuple[str, str | None]]) 
         raise InputError(f"{option_name} names {twice} twice; give it once")
 
 
-def _with_notes(solver: Form) -> Form:
+def _with_notes(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism, and note what was changed in its MJCF file."""
     for fact in solver.facts if isinstance(solver, MjcfForm) else ():
         notes.append(f"{solver.name}: {fact}")
     return solver
 
 
-def require_motion(solver: Form) -> Form:
+def require_motion(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism; raise InputError if several drivers have no motion law."""
     # a closed form has a crank, and its mechanism may be one that cannot be assembled
     if not isinstance(solver, ClosedForm):

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from mechsim import units
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import Tabled
 from mechsim.numerics.arrays import Array
@@ -73,7 +73,7 @@ class Labelled:
             yield self.output.label(name, unit), values / self.output.converted(unit)[0]
 
 
-def output_units(text: str | None, solver: Form) -> OutputUnits | None:
+def output_units(text: str | None, solver: KinematicSolver) -> OutputUnits | None:
     """Return the units that `--units` asks for; None without it.
 
     Raises:

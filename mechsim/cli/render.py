@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import typer
 
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
 from mechsim.cli.initial_options import ReleaseOptions, released_model, require_release
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
@@ -233,7 +233,7 @@ def _written(
 
 
 def _assembly_curve(
-    path: Path, solver: Form, animation: AnimationOptions, look: Look, picture: bool
+    path: Path, solver: KinematicSolver, animation: AnimationOptions, look: Look, picture: bool
 ) -> int | None:
     """Draw the curve of assemblies once; return the number of frames of an animation, None of a picture."""
     # imported where it is used: other pictures do not need it
@@ -294,7 +294,7 @@ def _check(output: str, animation: AnimationOptions, look: Look) -> None:
 
 
 def _write_animation(
-    path: Path, solver: Form, motion: Motion, periodic: bool, look: Look, extra: dict[str, Any]
+    path: Path, solver: KinematicSolver, motion: Motion, periodic: bool, look: Look, extra: dict[str, Any]
 ) -> int:
     """Write an animation, with progress on stderr; a periodic one without its last frame, the first again."""
     shown = motion.angle[:-1] if periodic else motion.angle

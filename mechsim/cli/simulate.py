@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 from mechsim import files, simulation
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.record import with_all_joints
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
 from mechsim.cli.findings_text import (
     findings_in_json,
@@ -189,7 +189,7 @@ def _print_written(output: str | None, rows: int) -> None:
         typer.echo(f"wrote {rows} rows to {output}")
 
 
-def _motion(solver: Form, options: RunOptions) -> CrankProfile:
+def _motion(solver: KinematicSolver, options: RunOptions) -> CrankProfile:
     """Return the motion of the crank, or the path parameter of motion laws."""
     laws = solver.motion_laws
     if not laws.crank:
@@ -203,7 +203,11 @@ def _motion(solver: Form, options: RunOptions) -> CrankProfile:
 
 
 def _run(
-    solver: Form, motion: CrankProfile, options: RunOptions, settings: Mapping[str, Any], scene: Scene
+    solver: KinematicSolver,
+    motion: CrankProfile,
+    options: RunOptions,
+    settings: Mapping[str, Any],
+    scene: Scene,
 ) -> Run:
     """Run a mechanism along its motion."""
     tolerance, timestep = options.tolerance_in_metres, None
@@ -227,7 +231,7 @@ def _run(
         )
 
 
-def _poses(solver: Form, options: RunOptions, settings: Mapping[str, Any], scene: Scene) -> Run:
+def _poses(solver: KinematicSolver, options: RunOptions, settings: Mapping[str, Any], scene: Scene) -> Run:
     """Solve the poses at rows of driver coordinates."""
     options.exclude(*CRANK_OPTIONS, "samples", because="is of a motion; leave it out with --at")
     options.exclude("tolerance", "timestep", because="is of steps; poses with --at are solved to rounding")
@@ -240,7 +244,7 @@ def _poses(solver: Form, options: RunOptions, settings: Mapping[str, Any], scene
     return replace(run, motion=select_instants(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
 
 
-def _constant_speed(solver: Form, speed: float, turns: float) -> CrankProfile:
+def _constant_speed(solver: KinematicSolver, speed: float, turns: float) -> CrankProfile:
     """Return the crank's motion at constant speed; raise AssemblyError where it leaves the crank's range."""
     try:
         arcs = solver.crank_range()

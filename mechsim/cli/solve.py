@@ -11,7 +11,7 @@ import typer
 
 from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, command
 from mechsim.cli.motion_warnings import FewDigits, digits_in_json, few_digits, fewest_digits, limited_swing
 from mechsim.cli.options import (
@@ -65,7 +65,7 @@ class SolveOptions:
         None, "Poses instead: driver coordinates in SI row by row, .csv or .npz.", name="--at", metavar="FILE"
     )
 
-    def check(self, solver: Form) -> None:
+    def check(self, solver: KinematicSolver) -> None:
         """Raise InputError for options that exclude each other."""
         if (self.angles or self.speed) and (not solver.motion_laws.crank or self.poses):
             name = "--angles" if self.angles else "--speed"
@@ -89,7 +89,7 @@ class SolveTask:
         name: of the instants, for messages.
     """
 
-    solver: Form
+    solver: KinematicSolver
     instants: Array
     motion_at: MotionAt
     name: str
@@ -143,7 +143,7 @@ def solve(
     return None
 
 
-def _task(solver: Form, options: SolveOptions) -> SolveTask:
+def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
     """Return what is to be solved: a motion under motion laws, a swing, or crank angles."""
     laws, samples = solver.motion_laws, options.samples or SAMPLES
     if not laws.crank:
@@ -169,7 +169,7 @@ def _labelled(table: Motion | Poses, shown: OutputUnits | None) -> files.Tabled:
 
 
 def _whole(
-    solver: Form, motion: Motion | Poses, path: Path | None, shown: OutputUnits | None
+    solver: KinematicSolver, motion: Motion | Poses, path: Path | None, shown: OutputUnits | None
 ) -> Result[SolveJson]:
     """Write a motion that is in memory, and return it as the result."""
     few = few_digits(solver, motion) if isinstance(motion, Motion) else None

@@ -5,7 +5,7 @@ from dataclasses import fields
 from math import pi
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import questions
 from mechsim.units import require_written
 
@@ -17,7 +17,7 @@ LARGEST_RANGE = 10.0 * REVOLUTION
 LENGTH_RATIO = 100.0
 
 
-def warn_about_angle(name: str, text: str, solver: Form | None = None) -> None:
+def warn_about_angle(name: str, text: str, solver: KinematicSolver | None = None) -> None:
     """Warn where an angle without a unit was probably meant in degrees.
 
     Raises:
@@ -32,7 +32,7 @@ def warn_about_angle(name: str, text: str, solver: Form | None = None) -> None:
         )
 
 
-def warn_about_angles(name: str, text: str, solver: Form | None = None) -> None:
+def warn_about_angles(name: str, text: str, solver: KinematicSolver | None = None) -> None:
     """Warn, or raise InputError, likewise for start:stop:step without units."""
     if solver is not None:
         require_written(text, "rad", solver.written.angle, name)
@@ -42,7 +42,7 @@ def warn_about_angles(name: str, text: str, solver: Form | None = None) -> None:
         questions.append(f"{name} {text} goes to {max(numbers):g} rad; was {text}deg meant?")
 
 
-def warn_about_parameters(solver: Form, texts: Mapping[str, str]) -> None:
+def warn_about_parameters(solver: KinematicSolver, texts: Mapping[str, str]) -> None:
     """Warn about parameters of the catalogue without a unit that differ much from their defaults."""
     if not isinstance(solver, ClosedForm):
         return

@@ -12,7 +12,7 @@ import typer
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, command
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.findings_text import findings_in_json, print_finding_lines, scene_findings
@@ -329,7 +329,7 @@ def _against(
     return Result(data, text, agreement.passed)
 
 
-def report_code(solvers: Iterable[Form]) -> None:
+def report_code(solvers: Iterable[KinematicSolver]) -> None:
     """State on stderr which of the user's own code is run for the formulas that files name."""
     files = [solver.formula.rpartition(":")[0] for solver in solvers]
     own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]

@@ -257,8 +257,8 @@ def unknown(name: str, mechanism: Mechanism) -> InputError:
     words = [f"{word}:{subject}" for subject in short] if colon else []
     close = get_close_matches(name, [*short, *columns, "torque", TRANSMISSION, *words], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
-    known = f"known are points and joints ({', '.join(short)}) and names as P.x, J.v, torque:J, distance:P,Q"
-    return InputError(f"{mechanism.name} has no quantity {name!r}{hint} {known}")
+    names = f"known are points and joints ({', '.join(short)}) and names as P.x, J.v, torque:J, distance:P,Q"
+    return InputError(f"{mechanism.name} has no quantity {name!r}{hint} {names}")
 
 
 def moving_points(mechanism: Mechanism) -> list[str]:

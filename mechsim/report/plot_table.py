@@ -14,7 +14,7 @@ import numpy as np
 from mechsim.analytic import catalog
 from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.forms import KinematicSolver, closed_form
+from mechsim.analytic.solvers import KinematicSolver, closed_form
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion

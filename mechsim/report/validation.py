@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import KinematicSolver
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
 from mechsim.model.motion import Motion

@@ -8,9 +8,9 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import SELECTORS
-from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.mechanism import Up
 from mechsim.model.motion import select_instants

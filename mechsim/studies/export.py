@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from mechsim import files
-from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Level, Scene

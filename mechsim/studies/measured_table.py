@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim import units
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
@@ -124,7 +124,9 @@ class MeasuredMotion:
         return len(self.angles) * len(self.values)
 
 
-def measured_of(table: Mapping[str, Array], solver: Form, where: str = "the table") -> MeasuredMotion:
+def measured_of(
+    table: Mapping[str, Array], solver: KinematicSolver, where: str = "the table"
+) -> MeasuredMotion:
     """Return what a table of columns holds: angle (or t under programs), quantities, and ± columns of some.
 
     A header may name a unit, as `P.x [mm]`; without one it is SI.

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.forces import Forces
@@ -19,7 +19,9 @@ MOST_SAMPLES = 100_000
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 
 
-def profile_of(solver: Form, speed: float, turns: float, through: float | None = None) -> CrankProfile:
+def profile_of(
+    solver: KinematicSolver, speed: float, turns: float, through: float | None = None
+) -> CrankProfile:
     """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
 
     The swing passes a crank angle, or where assembly begins. Of motion laws it is their path parameter.
@@ -33,17 +35,17 @@ def profile_of(solver: Form, speed: float, turns: float, through: float | None =
     )
 
 
-def simulated(solver: Form, profile: CrankProfile, **options: Any) -> Run:
+def simulated(solver: KinematicSolver, profile: CrankProfile, **options: Any) -> Run:
     """Return a run in MuJoCo under the motion laws of the drivers, or else under the motion of the crank."""
     return simulate(solver, **driven_as(solver, profile), **options)
 
 
-def driven_as(solver: Form, profile: CrankProfile) -> dict[str, Any]:
+def driven_as(solver: KinematicSolver, profile: CrankProfile) -> dict[str, Any]:
     """Return what drives a run in MuJoCo: the motion laws of the drivers, or a motion of the crank."""
     return {"profile": profile} if solver.motion_laws.crank else {"motion_laws": solver.motion_laws}
 
 
-def motion_of(solver: Form, method: str, profile: CrankProfile, samples: float) -> Motion:
+def motion_of(solver: KinematicSolver, method: str, profile: CrankProfile, samples: float) -> Motion:
     """Return a motion to be drawn, with so many evenly spread samples after the first.
 
     Args:
@@ -63,12 +65,14 @@ def motion_of(solver: Form, method: str, profile: CrankProfile, samples: float) 
     return simulated(solver, profile, samples=count, method=method).motion
 
 
-def weighing(solver: Form) -> dynamics.DynamicModel:
+def weighing(solver: KinematicSolver) -> dynamics.DynamicModel:
     """Return a mechanism under what its file says acts on it; else links of steel that weigh."""
     return dynamics.dynamic_model(solver, solver.forces or WEIGHT)
 
 
-def joint_loads(solver: Form, method: str, profile: CrankProfile, motion: Motion) -> dict[str, Any]:
+def joint_loads(
+    solver: KinematicSolver, method: str, profile: CrankProfile, motion: Motion
+) -> dict[str, Any]:
     """Return forces and moments in the joints at the samples of a motion, by the same method as the motion.
 
     They act on the link b of each joint, under what acts as `weighing` has it.
@@ -89,7 +93,7 @@ def joint_loads(solver: Form, method: str, profile: CrankProfile, motion: Motion
     return {"forces": forces, "moments": moments}
 
 
-def simulated_forces(solver: Form, profile: CrankProfile, samples: int) -> ForceRecord:
+def simulated_forces(solver: KinematicSolver, profile: CrankProfile, samples: int) -> ForceRecord:
     """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
     model = weighing(solver.starting_at(profile.angles))
     return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).efforts

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion, PointMotion, select_instants
@@ -49,7 +49,9 @@ class ReferenceData(Protocol):
     def drive_forces(self) -> Mapping[str, Array]: ...
 
 
-def by_reference(solver: Form, reference: ReferenceData, closed: Form | None = None) -> Verdict:
+def by_reference(
+    solver: KinematicSolver, reference: ReferenceData, closed: KinematicSolver | None = None
+) -> Verdict:
     """Compare loop equations, MuJoCo's poses and a closed form with reference data.
 
     Args:
@@ -67,18 +69,18 @@ def by_reference(solver: Form, reference: ReferenceData, closed: Form | None = N
     return combined(verdicts)
 
 
-def _solved(solver: Form, reference: ReferenceData) -> Motion:
+def _solved(solver: KinematicSolver, reference: ReferenceData) -> Motion:
     if solver.motion_laws.crank:
         assert reference.speed is not None
         return solver.solve(reference.first, reference.speed)
     return solver.solve(t=reference.first)
 
 
-def _dynamic_model(solver: Form) -> DynamicModel:
+def _dynamic_model(solver: KinematicSolver) -> DynamicModel:
     return dynamic_model(solver, solver.forces)
 
 
-def _by_equations(solver: Form, reference: ReferenceData) -> Verdict:
+def _by_equations(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
     try:
         motion = _solved(solver, reference)
         study = prescribed_along(
@@ -89,7 +91,7 @@ def _by_equations(solver: Form, reference: ReferenceData) -> Verdict:
     return _checked(motion, reference, "closed form", study.efforts)
 
 
-def _by_poses(solver: Form, reference: ReferenceData) -> Verdict:
+def _by_poses(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
     try:
         acting, profile = _dynamic_model(solver), _profile(solver, reference)
         samples = len(reference.first) - solver.motion_laws.crank
@@ -109,7 +111,7 @@ def _by_poses(solver: Form, reference: ReferenceData) -> Verdict:
     return _checked(select_instants(motion, count), reference, "pose", run.efforts)
 
 
-def _profile(solver: Form, reference: ReferenceData) -> CrankProfile:
+def _profile(solver: KinematicSolver, reference: ReferenceData) -> CrankProfile:
     """Return the crank's steady motion over the reference data, or the path of the motion laws."""
     if not solver.motion_laws.crank:
         return solver.motion_laws.path_profile

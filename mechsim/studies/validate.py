@@ -11,8 +11,8 @@ import numpy as np
 from mechsim.analytic import loops
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.oracle import conditioning_of
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, BudgetError
 from mechsim.model.finding import most_severe
 from mechsim.model.links import Pose
@@ -62,7 +62,7 @@ class Case:
         published: an MJCF file's run with its own settings; None of anything else, or where not stepped.
     """
 
-    solver: Form
+    solver: KinematicSolver
     verdict: Verdict
     exact: Motion
     poses: Run
@@ -102,7 +102,7 @@ class _Work:
 
 
 def case_of(
-    model: Form | DesignFamily,
+    model: KinematicSolver | DesignFamily,
     *,
     speed: float = 20.0 * np.pi,
     quick: bool = False,
@@ -154,7 +154,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
-def _validated(solver: Form, designs: DesignFamily, speed: float, work: _Work) -> Case:
+def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, work: _Work) -> Case:
     begin, quick, tolerance, progress = perf_counter(), work.quick, work.tolerance, work.progress
     profile = profile_of(solver, speed, solver.period / REVOLUTION)
     solver = solver.starting_at(profile.angles)
@@ -227,7 +227,7 @@ def _of_published(published: PublishedRun, position: Tolerance) -> Verdict:
 
 
 def _stepped(
-    solver: Form, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
+    solver: KinematicSolver, profile: CrankProfile, speed: float, allowed: Tolerance, work: _Work
 ) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
     limit = allowed.value
@@ -254,7 +254,7 @@ def _stepped(
     return run, verdict
 
 
-def _decided(solver: Form, profile: CrankProfile, speed: float) -> CrankProfile:
+def _decided(solver: KinematicSolver, profile: CrankProfile, speed: float) -> CrankProfile:
     """Return the motion that can be stepped: a swing between change points, which dynamics do not decide."""
     start, points = solver.mechanism.start, np.array(solver.change_points())
     if not len(points):
@@ -272,7 +272,7 @@ def _decided(solver: Form, profile: CrankProfile, speed: float) -> CrankProfile:
 
 
 def validate_all(
-    models: Mapping[str, Form | DesignFamily],
+    models: Mapping[str, KinematicSolver | DesignFamily],
     *,
     speed: float = 20.0 * np.pi,
     quick: Container[str] = (),

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
@@ -55,7 +55,7 @@ class DriverPath:
     times: Array
 
 
-def poses_of_table(solver: Form, table: Mapping[str, Array], source: str) -> Poses:
+def poses_of_table(solver: KinematicSolver, table: Mapping[str, Array], source: str) -> Poses:
     """Return the poses at rows of driver coordinates, in the assembly followed from the guess through them.
 
     Raises:
@@ -70,7 +70,7 @@ def poses_of_table(solver: Form, table: Mapping[str, Array], source: str) -> Pos
 
 
 def driver_path(
-    solver: Form, table: Mapping[str, Array], source: str, *, uniform: bool = False
+    solver: KinematicSolver, table: Mapping[str, Array], source: str, *, uniform: bool = False
 ) -> DriverPath:
     """Return the motion laws through rows of driver positions.
 

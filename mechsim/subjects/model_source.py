@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mechsim.analytic.derivatives.dimensions import Dimension
-    from mechsim.analytic.forms import Form
+    from mechsim.analytic.solvers import KinematicSolver
     from mechsim.subjects.prescription import Prescription
     from mechsim.subjects.toml_coordinates import FileMotionLaw
 
@@ -24,7 +24,7 @@ class ModelDescription:
         prescribed: whether locks, fixed bases, keyframes and tracked points are applied already.
     """
 
-    solver: "Form"
+    solver: "KinematicSolver"
     motion_laws: Mapping[str, "FileMotionLaw"] = field(default_factory=dict[str, "FileMotionLaw"])
     duration: float | None = None
     prescribed: bool = False

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.forms import KinematicSolver
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.start import start_poses
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KindName
 from mechsim.model.joints import End, Joint

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint
@@ -57,11 +57,11 @@ class Prescription:
 
 
 def apply_prescription(
-    solver: Form,
+    solver: KinematicSolver,
     prescription: Prescription,
     file_laws: Mapping[str, FileMotionLaw] | None = None,
     file_duration: float | None = None,
-) -> Form:
+) -> KinematicSolver:
     """Return what moves as it is asked to.
 
     Args:

@@ -11,8 +11,8 @@ from typing import Any
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import Dimension
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters
@@ -41,7 +41,7 @@ class PythonObject(ModelSource):
         """Return the mechanism that the object is or returns."""
         return ModelDescription(self.make(changed))
 
-    def make(self, changed: Mapping[str, str | float]) -> Form:
+    def make(self, changed: Mapping[str, str | float]) -> KinematicSolver:
         """Return the solver for some arguments of the function, each as text or in SI.
 
         Raises:
@@ -74,7 +74,7 @@ class PythonObject(ModelSource):
 class GivenObject(ModelSource):
     """A Mechanism, a catalogue object or a solver of loop equations that is passed as it is."""
 
-    model: Mechanism | Form
+    model: Mechanism | KinematicSolver
 
     def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
         """Return the mechanism."""

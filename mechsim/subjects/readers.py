@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_family, placed_family
-from mechsim.analytic.forms import Form
+from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_designs, placed_designs
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.start import with_closed_guess
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
@@ -26,7 +26,7 @@ from mechsim.subjects.python_object import GivenObject
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
-    Model: TypeAlias = PathLike[str] | Form | Mechanism | MujocoInput | ModelSource
+    Model: TypeAlias = PathLike[str] | KinematicSolver | Mechanism | MujocoInput | ModelSource
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def load(
     track: Iterable[str] = (),
     duration: str | float | None = None,
     still: bool = False,
-) -> Form:
+) -> KinematicSolver:
     """Return the solver of a model.
 
     Args:
@@ -112,7 +112,9 @@ def load(
     )
 
 
-def load_by_motors(model: "Model", set: Mapping[str, str | float] | None = None, **options: Any) -> Form:
+def load_by_motors(
+    model: "Model", set: Mapping[str, str | float] | None = None, **options: Any
+) -> KinematicSolver:
     """Return the solver of a model whose own drivers follow the motion of driven points or links.
 
     Efforts are then those of its motors. A model whose drivers are joints is returned as `load` does.
@@ -157,7 +159,7 @@ def _prescription(
 
 def _load(
     source: ModelSource, changed: Mapping[str, str | float], prescription: Prescription, *, assembled: bool
-) -> Form:
+) -> KinematicSolver:
     """Return the solver of a source; without `assembled`, its guess is the file's own, which reads faster."""
     if prescription.lock_others:
         # a path to the value of one locked joint may need the others locked
@@ -202,9 +204,9 @@ def parametric_model(
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
     if not dimensions:
-        return catalog_family(solver) if isinstance(solver, ClosedForm) else placed_family(solver)
+        return catalog_designs(solver) if isinstance(solver, ClosedForm) else placed_designs(solver)
 
-    def design(values: Mapping[str, float], *, assembled: bool) -> Form:
+    def design(values: Mapping[str, float], *, assembled: bool) -> KinematicSolver:
         if not values:
             return solver
         texts = {name: as_text(value, dimensions[name].unit) for name, value in values.items()}

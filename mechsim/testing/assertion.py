@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.studies.agreement.agreement import SPEED, Agreement, validate
@@ -15,7 +15,7 @@ from mechsim.subjects.readers import load
 from mechsim.testing.report_page import failure, write_page
 from mechsim.testing.running import RUNNING, RunningTest
 
-Model = str | Path | Form | Mechanism
+Model = str | Path | KinematicSolver | Mechanism
 Formula = str | Path | Callable[..., Any]
 
 
@@ -77,7 +77,7 @@ def _record(running: RunningTest, agreement: Agreement) -> None:
 
 
 def _command(
-    model: str | Form | Mechanism,
+    model: str | KinematicSolver | Mechanism,
     formula: Formula | None,
     set: Mapping[str, str | float],
     drive: Mapping[str, str | State],
@@ -119,7 +119,7 @@ class ModelFolder:
 
     folder: Path
 
-    def load(self, model: str | Path, **options: Any) -> Form:
+    def load(self, model: str | Path, **options: Any) -> KinematicSolver:
         """Return a model of the folder, or a known one, as `ms.load` does."""
         return load(str(self._path_of(model)), **options)
 

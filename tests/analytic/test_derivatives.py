@@ -9,7 +9,7 @@ from exact import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
 from mechsim.analytic import catalog
-from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_family, changes, placed_family
+from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_designs, changes, placed_designs
 from mechsim.analytic.derivatives.motion import motion_derivatives
 from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -51,7 +51,7 @@ def in_digits(place, drive, parameter, angle):
 )
 def test_derivatives_of_places_and_rates_agree_with_50_digits(name, point, place, parameters):
     drive = catalog.make(name)
-    found = motion_derivatives(drive, changes(catalog_family(drive), parameters), ANGLES, SPEED)
+    found = motion_derivatives(drive, changes(catalog_designs(drive), parameters), ANGLES, SPEED)
     for parameter in parameters:
         moved = found.by[parameter].points[point]
         for i, angle in enumerate(ANGLES[:1]):
@@ -100,10 +100,10 @@ def test_derivatives_are_those_of_the_motions_of_mechanisms_beside(model, given,
 
 def test_a_shift_of_both_sides_of_a_joint_is_that_of_one_link_seen_from_the_other():
     drive = catalog.make("rssr")
-    of = placed_family(LoopForm(drive.mechanism))
+    of = placed_designs(LoopForm(drive.mechanism))
     own = changes(of, ["P3.b.at.x"])
     found = motion_derivatives(drive, own, ANGLES)
-    by_rocker = motion_derivatives(drive, changes(catalog_family(drive), ["rocker"]), ANGLES)
+    by_rocker = motion_derivatives(drive, changes(catalog_designs(drive), ["rocker"]), ANGLES)
     # the tracked point P3 is of the rocker's length too: the joint's angle tells both alike
     told = found.by["P3.b.at.x"].joints["rocker"].value
     assert np.abs(told - by_rocker.by["rocker"].joints["rocker"].value).max() <= 1e-12 * np.abs(told).max()
@@ -111,7 +111,7 @@ def test_a_shift_of_both_sides_of_a_joint_is_that_of_one_link_seen_from_the_othe
 
 def test_a_dimension_that_tears_loops_which_repeat_each_other_is_refused():
     drive = catalog.make("four_bar")
-    of = placed_family(drive)
+    of = placed_designs(drive)
     motion_derivatives(drive, changes(of, ["A.a.at.x"]), ANGLES)
     with pytest.raises(AssemblyError, match=r"changed alone, A\.a\.at\.z leaves the loops open"):
         motion_derivatives(drive, changes(of, ["A.a.at.z"]), ANGLES)
@@ -119,14 +119,14 @@ def test_a_dimension_that_tears_loops_which_repeat_each_other_is_refused():
 
 def test_there_are_no_derivatives_where_assemblies_meet():
     drive = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
-    change = changes(catalog_family(drive), ["coupler"])
+    change = changes(catalog_designs(drive), ["coupler"])
     with pytest.raises(AssemblyError, match="two assemblies meet, and derivatives"):
         motion_derivatives(drive, change, [1.0, np.pi - 1e-6])
 
 
 def test_a_kink_in_a_description_is_no_derivative():
     drive = catalog.make("four_bar")
-    plain = catalog_family(drive)
+    plain = catalog_designs(drive)
     bent = replace(
         plain, describe=lambda v: plain.describe({"arm": abs(v.get("crank", 0.032) - 0.032) + 0.05})
     )
@@ -136,7 +136,7 @@ def test_a_kink_in_a_description_is_no_derivative():
 
 def test_numbers_of_another_mechanism_are_refused():
     drive = catalog.make("four_bar")
-    other = changes(catalog_family(catalog.make("rssr")), ["crank"])
+    other = changes(catalog_designs(catalog.make("rssr")), ["crank"])
     with pytest.raises(InputError, match="has shape"):
         motion_derivatives(drive, other, ANGLES)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mechsim.analytic import catalog, dynamics
-from mechsim.analytic.derivatives.dimensions import catalog_family, changes
-from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers
+from mechsim.analytic.derivatives.dimensions import catalog_designs, changes
+from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers
 from mechsim.analytic.derivatives.motion import followed_motion
 from mechsim.model.forces import Forces, Friction, JointSpring, Spring
 from mechsim.model.masses import with_inertia
@@ -23,7 +23,7 @@ LOADED = Forces(
 
 def effort_derivatives(machine, change, speed=1.0, acceleration=0.0):
     followed = followed_motion(machine.drive, machine.mechanism, ANGLES, 1.0, 0.0)
-    return efforts_along(machine, followed, change, speed, acceleration)
+    return forces_along(machine, followed, change, speed, acceleration)
 
 
 @pytest.mark.parametrize(
@@ -38,13 +38,13 @@ def effort_derivatives(machine, change, speed=1.0, acceleration=0.0):
     ],
 )
 def test_derivatives_of_efforts_are_those_of_the_machines_beside(name, forces, dimension):
-    family = catalog_family(catalog.make(name))
+    family = catalog_designs(catalog.make(name))
 
     def machine(values):
         return dynamics.dynamic_model(family.make(values), forces, diameter=0.004)
 
     def numbers(values):
-        return machine_numbers(with_inertia(family.describe(values), diameter=0.004), forces)
+        return model_numbers(with_inertia(family.describe(values), diameter=0.004), forces)
 
     found = effort_derivatives(machine({}), changes(family, [dimension], numbers), 30.0, 50.0)
     value = family.dimensions[dimension].value
@@ -65,13 +65,13 @@ def test_derivatives_of_efforts_are_those_of_the_machines_beside(name, forces, d
 
 
 def test_a_springs_place_and_stiffness_have_derivatives_too():
-    family = catalog_family(catalog.make("four_bar"))
+    family = catalog_designs(catalog.make("four_bar"))
 
     def forces(values):
         return Forces(springs=(Spring("C", ("ground", (values.get("crank", 0.032), 0.1, 0.0)), 80.0, 0.02),))
 
     def numbers(values):
-        return machine_numbers(with_inertia(family.describe({}), diameter=0.004), forces(values))
+        return model_numbers(with_inertia(family.describe({}), diameter=0.004), forces(values))
 
     machine = dynamics.dynamic_model(family.make({}), forces({}), diameter=0.004)
     found = effort_derivatives(machine, changes(family, ["crank"], numbers))

@@ -20,7 +20,7 @@ from change_points import NAMES, random_linkages
 
 from mechsim import catalog, closure
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures import plots
@@ -46,7 +46,7 @@ class Row:
     seconds: float
 
 
-def subjects() -> Iterator[tuple[str, Form]]:
+def subjects() -> Iterator[tuple[str, KinematicSolver]]:
     """Yield the catalogue, as it stands, with cranks that swing, and laid flat; then the gallery's cranks."""
     for name, kind in catalog.DRIVES.items():
         own = catalog.make(name)
@@ -63,7 +63,7 @@ def subjects() -> Iterator[tuple[str, Form]]:
             yield name, form
 
 
-def gap(drive: Form, curve: AssemblyCurve) -> float:
+def gap(drive: KinematicSolver, curve: AssemblyCurve) -> float:
     """Return how far the poses of a curve are from the truth, in parts of the size."""
     poses, size = curve.samples(SAMPLES + 1), drive.mechanism.size
     # with several turns of a wheel on a crank's, poses alone do not tell what a coupling asks for
@@ -98,7 +98,7 @@ def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
     return found
 
 
-def row(name: str, drive: Form) -> Row:
+def row(name: str, drive: KinematicSolver) -> Row:
     """Return what comes of one mechanism."""
     begun = time.process_time()
     found = trace(drive)

@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from exact import DIGITS, four_bar_b_place, rssr_p3_place, slider_crank_b_place
 
 from mechsim.analytic import catalog
-from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_family, changes
-from mechsim.analytic.derivatives.motion import motion_beside, motion_derivatives
+from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_designs, changes
+from mechsim.analytic.derivatives.motion import motion_derivatives, nearby_motion
 from mechsim.errors import MechsimError
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import parametric_model
@@ -60,7 +60,7 @@ def against_digits():
     """Print what 50 digits say."""
     for name, (point, place) in EXACT.items():
         drive = catalog.make(name)
-        of = catalog_family(drive)
+        of = catalog_designs(drive)
         found = motion_derivatives(drive, changes(of, [*of.dimensions]), AT)
         worst = [0.0, 0.0]
         for dimension, moved in found.by.items():
@@ -108,7 +108,7 @@ def beside(name):
     angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws.crank else motion_laws.rate * AT / 40.0
     rate = 1.0 if motion_laws.crank else motion_laws.rate
     found = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
-    near = motion_beside(form, angles, rate)
+    near = nearby_motion(form, angles, rate)
     worst = [0.0, 0.0]
     for dimension, moved in found.by.items():
         for i, part in enumerate(("position", "velocity")):

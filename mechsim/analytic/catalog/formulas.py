@@ -173,7 +173,7 @@ class Formulas(ABC):
             frames = dict(self.frames(np.array([start])))
         guess = {
             link.name: Pose(
-                link_frames.place(frames[link.name].origin, 1)[0], frames[link.name].rotation(1)[0]
+                link_frames.rows(frames[link.name].origin, 1)[0], frames[link.name].rotation(1)[0]
             )
             for link in self.described.links
         }

@@ -49,7 +49,7 @@ def positions_at(formulas: Formulas, angles: Array) -> dict[str, Array]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         frames = _frames(formulas, angles, links=False)
         return {
-            name: link_frames.place(frames[link].point(local), len(angles))
+            name: link_frames.rows(frames[link].point(local), len(angles))
             for name, (link, local) in formulas.described.points.items()
         }
 

@@ -327,7 +327,9 @@ class Looper(ClosedForm):
         if not isinstance(angle, Jet):
             return root_angle
         return root(
-            lambda t: trig_quartic.value(polynomial, t), root_angle, trig_quartic.slope(at_rest, root_angle)
+            lambda t: trig_quartic.value(polynomial, t),
+            root_angle,
+            trig_quartic.derivative(at_rest, root_angle),
         )
 
     def _root_on_sheet(self, angles: Array, polynomial: Array) -> Array:
@@ -335,7 +337,7 @@ class Looper(ClosedForm):
             return np.full_like(angles, np.nan)
         sheet, layer = self._sheet
         roots = trig_quartic.real_roots(polynomial)
-        fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
+        fits = np.sign(self.side) * trig_quartic.derivative(polynomial, roots) > 0.0
         unrolled = sheet.unrolled(_within(angles, self.crank_range()), layer)
         away = np.abs(np.mod(roots - sheet.guide(unrolled) + np.pi, 2.0 * np.pi) - np.pi)
         best = np.argmin(np.where(fits, away, np.inf), 0)
@@ -358,7 +360,7 @@ class Looper(ClosedForm):
         flat = self.plane.directions(np.zeros(count))
         polynomial = _stacked(self._cylinder(flat))
         roots = trig_quartic.real_roots(polynomial)
-        fits = np.sign(self.side) * trig_quartic.slope(polynomial, roots) > 0.0
+        fits = np.sign(self.side) * trig_quartic.derivative(polynomial, roots) > 0.0
         alone = np.where(fits, roots, 0.0).sum(0)
         return self._posed(flat, np.where(fits.sum(0) == 1, alone, np.nan))
 

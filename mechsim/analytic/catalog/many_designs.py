@@ -250,9 +250,7 @@ def started(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
     points = {name: _vectors(local, n) for name, local in geometry.points.items()}
     with np.errstate(all="ignore"):
         frames = dict(wide.start_frames(n) or ())
-    guess = {
-        name: Pose(link_frames.place(frames[name].origin, n), frames[name].rotation(n)) for name in links
-    }
+    guess = {name: Pose(link_frames.rows(frames[name].origin, n), frames[name].rotation(n)) for name in links}
     return StartedDesigns(DesignArrays(described, ends, points), guess, {described.crank.name: np.zeros(n)})
 
 

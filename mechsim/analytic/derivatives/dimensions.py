@@ -8,8 +8,8 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.parameter_vector import numbers_of
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
@@ -68,7 +68,7 @@ class DesignFamily:
     name: str
     dimensions: Mapping[str, Dimension]
     describe: Callable[[Mapping[str, float]], Mechanism]
-    make: Callable[[Mapping[str, float]], Form]
+    make: Callable[[Mapping[str, float]], KinematicSolver]
     forces: Callable[[Mapping[str, float]], Forces | None] | None = None
     usual: tuple[str, ...] = ()
     reckoned: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
@@ -92,12 +92,12 @@ class DesignFamily:
 
 
 def changes(
-    family: DesignFamily, names: Sequence[str], numbers: Callable[[Mapping[str, float]], Array] | None = None
+    designs: DesignFamily, names: Sequence[str], numbers: Callable[[Mapping[str, float]], Array] | None = None
 ) -> dict[str, Array]:
     """Return the derivatives of a mechanism's numbers by dimensions: name -> (k,), as `numbers_of` has them.
 
     Args:
-        family: the mechanism.
+        designs: the mechanism.
         names: of dimensions.
         numbers: name -> value, of dimensions that change, to the numbers wanted; those of the description
             if left out.
@@ -109,13 +109,13 @@ def changes(
         to about 1e-13 of themselves, over the step at which a sixth order agrees best; one that disagrees by
         more than 1e-7 is refused.
     """
-    read_numbers = numbers or (lambda values: numbers_of(family.describe(values)))
-    length = family.describe({}).size
-    return {name: _change(family, family.dimensions[name], length, read_numbers) for name in names}
+    read_numbers = numbers or (lambda values: numbers_of(designs.describe(values)))
+    length = designs.describe({}).size
+    return {name: _change(designs, designs.dimensions[name], length, read_numbers) for name in names}
 
 
 def _change(
-    family: DesignFamily,
+    designs: DesignFamily,
     dimension: Dimension,
     length: float,
     read_numbers: Callable[[Mapping[str, float]], Array],
@@ -131,7 +131,7 @@ def _change(
                 [numbers(dimension.value + direction * k * step) - current for k in range(1, 5)]
                 for direction in (1.0, -1.0)
             ]
-            derivative, off = _slope(np.array(perturbed), step)
+            derivative, off = _derivative(np.array(perturbed), step)
         except (MechsimError, ValueError):
             continue
         if off < apart:
@@ -141,12 +141,12 @@ def _change(
     if apart <= AGREE:
         return best
     raise InputError(
-        f"{family.name}: the description has no derivative by {dimension.name} at {dimension.value:.6g}: "
+        f"{designs.name}: the description has no derivative by {dimension.name} at {dimension.value:.6g}: "
         "it has a kink there, or fails for a perturbed value; move the dimension a little"
     )
 
 
-def _slope(perturbed: Array, step: float) -> tuple[Array, float]:
+def _derivative(perturbed: Array, step: float) -> tuple[Array, float]:
     """Return derivatives of numbers (k,) from what is added on either side, (2, 4, k), and how well known.
 
     That is by how much a lower order disagrees, as a part of what changes most; infinite at a kink.
@@ -179,25 +179,27 @@ def _scales(dimension: Dimension, length: float) -> list[float]:
 AXES = "xyz"
 
 
-def placed_family(form: Form) -> DesignFamily:
-    """Return the family of a mechanism whose dimensions are the places of its joints."""
-    mechanism = form.mechanism
-    own = form if isinstance(form, LoopForm) else LoopForm(mechanism)
+def placed_designs(solver: KinematicSolver) -> DesignFamily:
+    """Return the designs of a mechanism whose dimensions are the places of its joints."""
+    mechanism = solver.mechanism
+    own = solver if isinstance(solver, LoopForm) else LoopForm(mechanism)
 
     def describe(values: Mapping[str, float]) -> Mechanism:
         return _placed(mechanism, values)
 
-    def make(values: Mapping[str, float]) -> Form:
-        return replace(own, mechanism=describe(values)) if values else form
+    def make(values: Mapping[str, float]) -> KinematicSolver:
+        return replace(own, mechanism=describe(values)) if values else solver
 
     dimensions = {
-        name: Dimension(name, value, unit) for joint in mechanism.joints for name, value, unit in _of(joint)
+        name: Dimension(name, value, unit)
+        for joint in mechanism.joints
+        for name, value, unit in _joint_dimensions(joint)
     }
     usual = tuple(name for name in dimensions if name.count(".") == 2 and ".at." in name)
-    return DesignFamily(form.name, dimensions, describe, make, usual=usual)
+    return DesignFamily(solver.name, dimensions, describe, make, usual=usual)
 
 
-def _of(joint: Joint) -> list[tuple[str, float, str]]:
+def _joint_dimensions(joint: Joint) -> list[tuple[str, float, str]]:
     """Return name, value and unit of each dimension of a joint."""
     ends = {"": joint.b, ".a": joint.a, ".b": joint.b}
     dimensions = [
@@ -254,23 +256,25 @@ def _vector(values: Array) -> Vector:
     return x, y, z
 
 
-def catalog_family(form: ClosedForm) -> DesignFamily:
-    """Return the family of a catalogue mechanism: all its dimensions, parts of places as NAME.x, NAME.y."""
+def catalog_designs(solver: ClosedForm) -> DesignFamily:
+    """Return the designs of a catalogue mechanism: all its dimensions, parts of places as NAME.x, NAME.y."""
     dimensions: dict[str, Dimension] = {}
-    for parameter in fields(form):
-        unit, value = parameter.metadata["unit"], getattr(form, parameter.name)
+    for parameter in fields(solver):
+        unit, value = parameter.metadata["unit"], getattr(solver, parameter.name)
         if "options" in parameter.metadata or isinstance(parameter.default, int):
             continue
-        for name, number in _parts(parameter.name, value).items():
+        for name, number in _components(parameter.name, value).items():
             dimensions[name] = Dimension(name, float(number), unit)
 
     def describe(values: Mapping[str, float]) -> Mechanism:
-        return _unchecked(form, _whole(form, values)).description
+        return _unchecked(solver, _whole(solver, values)).description
 
-    return DesignFamily(form.name, dimensions, describe, lambda values: replace(form, **_whole(form, values)))
+    return DesignFamily(
+        solver.name, dimensions, describe, lambda values: replace(solver, **_whole(solver, values))
+    )
 
 
-def _parts(name: str, value: Any) -> dict[str, float]:
+def _components(name: str, value: Any) -> dict[str, float]:
     if isinstance(value, tuple):
         return {f"{name}.{axis}": number for axis, number in zip(AXES, value, strict=False)}
     return {name: value}

@@ -34,7 +34,7 @@ class EffortDerivatives:
     open: frozenset[str]
 
 
-def efforts_along(
+def forces_along(
     model: DynamicModel,
     followed: Followed,
     change: Mapping[str, Array | None],
@@ -46,7 +46,7 @@ def efforts_along(
     Args:
         model: mechanism with masses, and what acts on it.
         followed: the motion, at unit rate of the path parameter.
-        change: dimension -> derivatives of `machine_numbers`, as `changes` gives them; None for that by the
+        change: dimension -> derivatives of `model_numbers`, as `changes` gives them; None for that by the
             drivers themselves, where no load follows a course over their angle.
         speed: of it, scalar or (n,) in [rad/s].
         acceleration: of it, scalar or (n,) in [rad/s2].
@@ -57,7 +57,7 @@ def efforts_along(
     Accuracy: about 1e-15 times the condition of the loops, as efforts have it.
     """
     followed = replace(followed, mechanism=model.mechanism)
-    study = moved_efforts(model, followed.motion(), speed, acceleration)
+    study = perturbed_forces(model, followed.motion(), speed, acceleration)
     by: dict[str, dict[str, Array]] = {}
     acting = force_numbers(model.forces)
     for name, derivative in change.items():
@@ -65,7 +65,7 @@ def efforts_along(
         mechanism, motion = followed.changed(name, own)
         forces = with_force_numbers(model.forces, stepped(acting, others))
         moved = replace(model, mechanism=mechanism, forces=forces)
-        forces_moved = moved_efforts(moved, motion, speed, acceleration, model.mechanism)
+        forces_moved = perturbed_forces(moved, motion, speed, acceleration, model.mechanism)
         by[name] = {column: change_of(values) for column, values in forces_moved.columns()}
     undetermined = {joint: reaction.undetermined for joint, reaction in study.efforts.reactions.items()}
     open_ = frozenset(
@@ -81,12 +81,12 @@ def _split(derivative: Array | None, acting: int) -> tuple[Array | None, Array]:
     return derivative[: len(derivative) - acting], derivative[len(derivative) - acting :]
 
 
-def machine_numbers(mechanism: Mechanism, forces: Forces) -> Array:
+def model_numbers(mechanism: Mechanism, forces: Forces) -> Array:
     """Return the numbers of a mechanism with masses and of what acts on it, (k,) in SI."""
     return np.concatenate([numbers_of(mechanism), force_numbers(forces)])
 
 
-def moved_efforts(
+def perturbed_forces(
     model: DynamicModel,
     motion: Motion,
     speed: ArrayLike,

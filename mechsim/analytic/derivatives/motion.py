@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.derivatives.parameter_vector import GivenMechanism, numbers_of, with_numbers
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.motion import (
@@ -29,6 +28,7 @@ from mechsim.analytic.loops.path_rates import (
     with_rates,
 )
 from mechsim.analytic.loops.tree import SpanningTree
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.link_poses import split
 from mechsim.model.mechanism import Mechanism
@@ -36,7 +36,7 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import STEP, change_of, stepped
 
-# how far loops that repeat each other may be torn open by a dimension, as parts of the change of the loops
+# largest residual that a dimension may open in redundant loops, relative to the change of the loops
 TORN = 1e-6
 
 
@@ -59,25 +59,25 @@ class Followed:
     """A motion that was followed once, from which those with other dimensions begin.
 
     Attributes:
-        form: what moves.
+        solver: what moves.
         mechanism: its mechanism, with masses where they count.
         path: of its assembly.
         instants: along it.
-        parts: the instants, closed.
-        given: the mechanism as numbers, where it is another than the path's own.
+        chunks: the instants, closed.
+        perturbed: the mechanism as numbers, where it is another than the path's own.
     """
 
-    form: Form
+    solver: KinematicSolver
     mechanism: Mechanism
     path: ContinuationPath
     instants: Instants
-    parts: Sequence[ClosedChunk]
-    given: GivenMechanism | None = None
+    chunks: Sequence[ClosedChunk]
+    perturbed: GivenMechanism | None = None
 
     def motion(self) -> Motion:
         """Return the motion itself."""
-        record = merged([(chunk.index, with_rates(self.path, chunk)) for chunk in self.parts])
-        return record_of(self.path, record, self.instants, self.given, self.form)
+        record = merged([(chunk.index, with_rates(self.path, chunk)) for chunk in self.chunks])
+        return record_of(self.path, record, self.instants, self.perturbed, self.solver)
 
     def changed(self, name: str, derivative: Array | None) -> tuple[Mechanism, Motion]:
         """Return the mechanism and the motion whose imaginary parts are the changes by a dimension.
@@ -99,13 +99,13 @@ class Followed:
         mechanism = with_numbers(self.mechanism, stepped(nominal, derivative))
         step = STEP * max(ahead, float(np.abs(derivative).max()) * min(1.0, 1.0 / mechanism.size))
         chunks = [
-            (chunk.index, _changed(self.path, chunk, mechanism, name, step, ahead)) for chunk in self.parts
+            (chunk.index, _changed(self.path, chunk, mechanism, name, step, ahead)) for chunk in self.chunks
         ]
-        return mechanism, record_of(self.path, merged(chunks), self.instants, mechanism, self.form)
+        return mechanism, record_of(self.path, merged(chunks), self.instants, mechanism, self.solver)
 
 
 def motion_derivatives(
-    form: Form,
+    solver: KinematicSolver,
     change: Mapping[str, Array | None],
     angles: ArrayLike,
     speed: ArrayLike = 1.0,
@@ -116,7 +116,7 @@ def motion_derivatives(
     """Return a motion and its exact derivatives by dimensions, by the loop equations.
 
     Args:
-        form: what moves.
+        solver: what moves.
         change: dimension -> derivatives of the mechanism's numbers, as `changes` gives them; None for that
             by the drivers themselves, all of them ahead by as much.
         angles: path parameters, (n,) in [rad].
@@ -131,7 +131,7 @@ def motion_derivatives(
     Accuracy: about 1e-15 times the condition of the loops, as the rates have it.
     """
     return derivatives_along(
-        followed_motion(form, form.mechanism, angles, speed, acceleration), change, torn=torn
+        followed_motion(solver, solver.mechanism, angles, speed, acceleration), change, torn=torn
     )
 
 
@@ -150,7 +150,11 @@ def derivatives_along(
 
 
 def followed_motion(
-    form: Form, mechanism: Mechanism, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike
+    solver: KinematicSolver,
+    mechanism: Mechanism,
+    angles: ArrayLike,
+    speed: ArrayLike,
+    acceleration: ArrayLike,
 ) -> Followed:
     """Return a motion, followed by loop equations; parameters as of `motion_derivatives`.
 
@@ -162,24 +166,24 @@ def followed_motion(
         crank_rate(mechanism, what, value, len(angle))
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
-    path, instants = followed_form(form, angle, *rates)
+    path, instants = driven_instants(solver, angle, *rates)
     chunks = list(closed_chunks(path, instants))
     singular = path.near_change_point(angle)
     if singular.any():
         where = path.words.instant(float(angle[np.argmax(singular)]))
         raise AssemblyError(
-            f"{form.name}: at {where} two assemblies meet, and derivatives by dimensions have no bound; "
+            f"{solver.name}: at {where} two assemblies meet, and derivatives by dimensions have no bound; "
             "keep away from it"
         )
-    return Followed(form, mechanism, path, instants, chunks)
+    return Followed(solver, mechanism, path, instants, chunks)
 
 
-def followed_form(
-    form: Form, angle: Array, speed: Array, acceleration: Array
+def driven_instants(
+    solver: KinematicSolver, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[ContinuationPath, Instants]:
     """Return the path of what moves, and instants along it."""
-    motion_laws = form.motion_laws
-    path = driven_path(form.mechanism, motion_laws, form.change_point)
+    motion_laws = solver.motion_laws
+    path = driven_path(solver.mechanism, motion_laws, solver.change_point)
     if motion_laws.crank:
         path, _ = motion_along(path, angle, speed, acceleration)
     return path, with_locked_values(path.loops, instants_of_laws(motion_laws, angle, speed, acceleration))
@@ -193,7 +197,7 @@ def _changed(
     step: float,
     ahead: float,
 ) -> LoopMotion:
-    """Return the motion of some instants with complex numbers, their imaginary parts at most as given.
+    """Return the motion of some instants with complex numbers, their imaginary parts at most as in the input.
 
     Drivers are ahead by so many imaginary steps.
     """
@@ -232,14 +236,14 @@ def record_of(
     moved: LoopMotion,
     instants: Instants,
     mechanism: GivenMechanism | None,
-    form: Form,
+    solver: KinematicSolver,
 ) -> Motion:
     """Return a motion as a record; of a mechanism with other numbers, without its conditioning."""
     described = path.loops.tree.original if mechanism is None else mechanism
     record = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, described)
     if mechanism is not None:
         record = replace(record, conditioning=None)
-    motion_laws = form.motion_laws
+    motion_laws = solver.motion_laws
     return replace(record, time=motion_laws.time(instants.parameter), drivers=motion_laws.drivers)
 
 
@@ -263,28 +267,28 @@ def _imaginary(record: Any) -> Any:
 
 
 # Newton steps at the most, the longest that is taken, one that ends them, and a gap that is none
-STEPS, LONGEST, SHORT, CLOSED = 20, 0.5, 1e-10, 1e-10
+STEPS, MAX_STEP, SHORT, CLOSED = 20, 0.5, 1e-10, 1e-10
 
 
 @dataclass(frozen=True)
-class MotionBeside:
+class NearbyMotion:
     """A motion that is solved, from which those of other dimensions are.
 
     Attributes:
-        form: what moves.
+        solver: what moves.
         path: of its assembly.
         instants: along it.
-        parts: closed there.
-        reach: how far coordinates may move in all to another mechanism, in [rad] or parts of the size.
+        chunks: closed there.
+        reach: how far coordinates may move in all to another mechanism, in [rad] or fractions of the size.
     """
 
-    form: Form
+    solver: KinematicSolver
     path: ContinuationPath
     instants: Instants
-    parts: tuple[ClosedChunk, ...]
+    chunks: tuple[ClosedChunk, ...]
     reach: float = np.inf
 
-    def of(self, mechanism: Mechanism, ahead: float = 0.0) -> Motion:
+    def motion_of(self, mechanism: Mechanism, ahead: float = 0.0) -> Motion:
         """Return the motion of a mechanism with the same links, joints and drivers but other dimensions.
 
         Its drivers may all be ahead, by so much in [rad] or [m], of where the record says. It is in the
@@ -297,10 +301,10 @@ class MotionBeside:
 
     def followed(self, mechanism: Mechanism, ahead: float = 0.0) -> Followed:
         """Return that motion as one from which others begin, and derivatives are taken; as `of`."""
-        own = self.form.mechanism
+        own = self.solver.mechanism
         target = with_numbers(own, numbers_of(mechanism))
-        chunks = [self._closed(chunk, target, ahead) for chunk in self.parts]
-        return Followed(self.form, mechanism, self.path, self.instants, chunks, target)
+        chunks = [self._closed(chunk, target, ahead) for chunk in self.chunks]
+        return Followed(self.solver, mechanism, self.path, self.instants, chunks, target)
 
     def _closed(self, chunk: ClosedChunk, mechanism: GivenMechanism, ahead: float) -> ClosedChunk:
         loops = with_mechanism(chunk.solver.loops, mechanism)
@@ -315,7 +319,7 @@ class MotionBeside:
             step = solver.step(linearised.matrix, linearised.rhs)
             longest = float(np.abs(step).max(initial=0.0))
             displacement += longest
-            if not (longest < LONGEST and displacement < self.reach):
+            if not (longest < MAX_STEP and displacement < self.reach):
                 break
             q = loops.displaced(q, step)
             linearised = solver.linearise(q)
@@ -330,20 +334,20 @@ class MotionBeside:
         return replace(chunk, solver=solver, q=q, linearised=linearised)
 
 
-def motion_beside(
-    form: Form,
+def nearby_motion(
+    solver: KinematicSolver,
     angles: ArrayLike,
     speed: ArrayLike = 1.0,
     acceleration: ArrayLike = 0.0,
     *,
     reach: float = np.inf,
-) -> MotionBeside:
+) -> NearbyMotion:
     """Return a motion from which others near it are solved, at path parameters.
 
-    Others are no farther than `reach`, as `MotionBeside` has it.
+    Others are no farther than `reach`, as `NearbyMotion` has it.
 
     Raises:
         AssemblyError: where the loops do not close, or where two assemblies meet.
     """
-    solution = followed_motion(form, form.mechanism, angles, speed, acceleration)
-    return MotionBeside(form, solution.path, solution.instants, tuple(solution.parts), reach)
+    solution = followed_motion(solver, solver.mechanism, angles, speed, acceleration)
+    return NearbyMotion(solver, solution.path, solution.instants, tuple(solution.chunks), reach)

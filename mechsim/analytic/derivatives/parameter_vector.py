@@ -94,20 +94,20 @@ class Taker:
     """Takes numbers from a row, some at a time."""
 
     def __init__(self, row: Array):
-        self.row, self.at = row, 0
+        self.row, self.next = row, 0
 
-    def some(self, count: int) -> Array:
+    def numbers(self, count: int) -> Array:
         """Return the next numbers."""
-        self.at += count
-        return self.row[self.at - count : self.at]
+        self.next += count
+        return self.row[self.next - count : self.next]
 
     def tuple(self, count: int) -> tuple[float, ...]:
         """Return the next numbers as a tuple."""
-        return tuple(self.some(count).tolist())
+        return tuple(self.numbers(count).tolist())
 
     def terms(self, table: Mapping[str, float]) -> dict[str, float]:
         """Return the next numbers by the names of a table."""
-        return dict(zip(table, self.some(len(table)).tolist(), strict=True))
+        return dict(zip(table, self.numbers(len(table)).tolist(), strict=True))
 
 
 def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
@@ -135,19 +135,19 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
 
 
 def _end(end: End, take: Taker) -> GivenEnd:
-    point, frame = take.tuple(3), take.some(9).reshape(3, 3)
+    point, frame = take.tuple(3), take.numbers(9).reshape(3, 3)
     return GivenEnd(end.link, three(point), three(frame[:, 2]), three(frame[:, 0]), frame)
 
 
 def _joint(joint: Joint, take: Taker) -> GivenJoint:
     a, b = _end(joint.a, take), _end(joint.b, take)
-    return GivenJoint(joint.name, joint.kind, a, b, take.some(1)[0], joint.lead)
+    return GivenJoint(joint.name, joint.kind, a, b, take.numbers(1)[0], joint.lead)
 
 
 def _coupling(law: Coupling, take: Taker) -> GivenCoupling:
     coefficients, zeros = take.tuple(len(law.coefficients)), take.tuple(2)
     left_terms, right_terms = take.terms(law.left_terms), take.terms(law.right_terms)
-    teeth = take.some(1)[0]
+    teeth = take.numbers(1)[0]
     teeth = None if law.pressure_angle is None else teeth
     return GivenCoupling(
         law.name, left_terms, right_terms, coefficients, (zeros[0], zeros[1]), law.turns, teeth
@@ -157,7 +157,7 @@ def _coupling(law: Coupling, take: Taker) -> GivenCoupling:
 def _link(link: Link, take: Taker) -> Link:
     if link.inertia is None:
         return link
-    mass, centre, moments = take.some(1)[0], take.tuple(3), take.some(9).reshape(3, 3).tolist()
+    mass, centre, moments = take.numbers(1)[0], take.tuple(3), take.numbers(9).reshape(3, 3).tolist()
     a, b, c = (three(row) for row in moments)
     return Link(link.name, link.outline, GivenInertia(mass, three(centre), (a, b, c)))
 
@@ -217,18 +217,18 @@ def with_force_numbers(forces: Forces, row: Array) -> Forces:
     """Return forces with other numbers, (k,) in the order of `force_numbers`."""
     take = Taker(row)
 
-    def place(given: Location) -> Location:
-        return given if isinstance(given, str) else (given[0], three(take.some(3)))
+    def located(location: Location) -> Location:
+        return location if isinstance(location, str) else (location[0], three(take.numbers(3)))
 
-    def spring(one: Spring) -> Spring:
+    def numbered(spring: Spring) -> Spring:
         numbers = take.tuple(3)
-        return GivenSpring(place(one.a), place(one.b), *numbers)
+        return GivenSpring(located(spring.a), located(spring.b), *numbers)
 
-    gravity, flywheel = three(take.some(3)), take.some(1)[0]
-    friction = tuple(GivenFriction(one.joint, *take.tuple(4)) for one in forces.friction)
-    springs = tuple(spring(one) for one in forces.springs)
-    joint_springs = tuple(GivenJointSpring(one.joint, *take.tuple(2)) for one in forces.joint_springs)
-    loads = tuple(Load(place(one.location), one.force) for one in forces.loads)
+    gravity, flywheel = three(take.numbers(3)), take.numbers(1)[0]
+    friction = tuple(GivenFriction(row.joint, *take.tuple(4)) for row in forces.friction)
+    springs = tuple(numbered(spring) for spring in forces.springs)
+    joint_springs = tuple(GivenJointSpring(spring.joint, *take.tuple(2)) for spring in forces.joint_springs)
+    loads = tuple(Load(located(load.location), load.force) for load in forces.loads)
     return GivenForces(
         gravity=gravity,
         friction=friction,

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, acting_on
 from mechsim.model.links import GROUND
@@ -31,7 +31,7 @@ class DynamicModel:
 
     mechanism: Mechanism
     forces: Forces
-    drive: Form
+    drive: KinematicSolver
 
     __repr__ = short_repr
 
@@ -79,7 +79,7 @@ class DynamicModel:
 
 
 def dynamic_model(
-    source: Form | Mechanism,
+    source: KinematicSolver | Mechanism,
     forces: Forces | None = None,
     *,
     mechanism: Mechanism | None = None,

@@ -33,16 +33,16 @@ class LinkFrame:
 
     def axis(self, i: int) -> Any:
         """Return axis x, y or z by number."""
-        stored = self._given[i]
+        stored = self._axes[i]
         return self._third if stored is None else stored
 
     @property
-    def _given(self) -> tuple[Any, Any, Any]:
+    def _axes(self) -> tuple[Any, Any, Any]:
         return self.x, self.y, self.z
 
     @cached_property
     def _third(self) -> Any:
-        i = next(i for i in range(3) if self._given[i] is None)
+        i = next(i for i in range(3) if self._axes[i] is None)
         return cross(self.axis((i + 1) % 3), self.axis((i + 2) % 3))
 
     def direction(self, local: Sequence[Any] | Array) -> Any:
@@ -56,7 +56,7 @@ class LinkFrame:
 
     def rotation(self, n: int) -> Array:
         """Return the matrices whose columns are the axes, (n, 3, 3)."""
-        rest = LinkFrame(self.origin, *(None if axis is None else values(axis) for axis in self._given))
+        rest = LinkFrame(self.origin, *(None if axis is None else values(axis) for axis in self._axes))
         matrix = np.empty((3, 3, n))
         for i in range(3):
             matrix[:, i] = rest.axis(i)
@@ -68,8 +68,8 @@ class LinkFrame:
         Source: for axes e, e' = w x e, so that the sum of e x e' is 2 w and that of e x e'' is 2 w'. A
         link with an axis that never moves turns about it.
         """
-        moving = [axis for axis in self._given if isinstance(axis, Jet)]
-        fixed = [axis for axis in self._given if isinstance(axis, np.ndarray)]
+        moving = [axis for axis in self._axes if isinstance(axis, Jet)]
+        fixed = [axis for axis in self._axes if isinstance(axis, np.ndarray)]
         if not moving:
             return np.zeros((3, 1)), np.zeros((3, 1))
         if fixed:
@@ -94,7 +94,7 @@ def vector(numbers: Array | Sequence[Any]) -> Vector:
     return x, y, z
 
 
-def place(position: Values, n: int) -> Array:
+def rows(position: Values, n: int) -> Array:
     """Return a place, (3, n) or (3, 1), as the rows of a motion, (n, 3)."""
     return _expanded(values(position), (3, n)).T
 
@@ -108,8 +108,8 @@ def point_motion(position: Values, n: int) -> PointMotion:
     """Return the motion of a point, fields (n, 3)."""
     if not isinstance(position, Jet):
         nothing = np.zeros((n, 3))
-        return PointMotion(place(position, n), nothing, nothing)
-    return PointMotion(place(position, n), place(position.rate, n), place(position.second, n))
+        return PointMotion(rows(position, n), nothing, nothing)
+    return PointMotion(rows(position, n), rows(position.rate, n), rows(position.second, n))
 
 
 def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
@@ -119,9 +119,9 @@ def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
         origin.position,
         frame.rotation(n),
         origin.velocity,
-        place(spin, n),
+        rows(spin, n),
         origin.acceleration,
-        place(acceleration, n),
+        rows(acceleration, n),
     )
 
 

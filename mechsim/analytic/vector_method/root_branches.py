@@ -101,9 +101,9 @@ def sheets(coefficients: Coefficients, domain: Arcs, sign: int) -> list[Sheet]:
 def _over(coefficients: Coefficients, arc: tuple[float, float], full: bool, sign: int) -> list[Sheet]:
     """Return the sheets over one arc; those of a full turn may run on across its ends."""
     folds, nodes = _nodes(coefficients, arc, full)
-    here = coefficients(nodes)
-    roots = trig_quartic.real_roots(here)
-    kept = np.where(sign * trig_quartic.slope(here, roots) > 0.0, roots, np.nan)
+    polynomials = coefficients(nodes)
+    roots = trig_quartic.real_roots(polynomials)
+    kept = np.where(sign * trig_quartic.derivative(polynomials, roots) > 0.0, roots, np.nan)
     columns = [column[~np.isnan(column)] for column in kept.T]
     count = len(columns)
     follows: dict[tuple[int, int], tuple[int, int]] = {}

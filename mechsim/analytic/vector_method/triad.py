@@ -22,7 +22,7 @@ NEAR_CIRCLE = 2e-2
 # legs left open by no more than this part of the size of the triad are closed
 CLOSED = 64.0 * EPS
 # poses nearer than this (rad, and parts of the size) are one: two that meet are known no better
-SAME = 1e-7
+ROOT_TOLERANCE = 1e-7
 
 
 def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array:
@@ -127,7 +127,7 @@ def _collect(n: int, problem: NDArray[np.intp], position: Complex, phase: Comple
         with np.errstate(invalid="ignore"):
             gap = abs(distinct[..., 0] + 1j * distinct[..., 1] - x[:, None])
             gap = np.maximum(gap, abs(np.exp(1j * distinct[..., 2]) - t[:, None]))
-        new = ~(gap < SAME).any(1) & (count[p] < 6)
+        new = ~(gap < ROOT_TOLERANCE).any(1) & (count[p] < 6)
         p = p[new]
         poses[p, count[p]] = np.stack([x[new].real, x[new].imag, theta[now][new]], -1)
         count[p] += 1

@@ -26,7 +26,7 @@ KANTOROVICH = 0.4
 # a step shorter than this, in [rad], is a dead centre reached: it lies some ten or hundred such steps ahead
 SHORTEST = 1e-9
 # from the last node towards its dead centre a pose moves by 1e-4 or so, in [rad]
-ASTRAY = 1e-2
+MAX_DISPLACEMENT = 1e-2
 # a path longer than this many steps means dimensions in which the steps never get anywhere
 MOST_STEPS = 2_000_000
 # up to six assemblies can follow one another before the first comes round again
@@ -92,10 +92,10 @@ class TriadPath:
         self._middle = sum(platform) / 3.0
         self._pivots, self._legs, self._period = pivots, legs, period
         self._platform = [point - self._middle for point in platform]
-        self._size = max(abs(point) for point in self._platform)
+        self._extent = max(abs(point) for point in self._platform)
         self._travel = [crank * abs(ratio) for crank, ratio in zip(pivots.cranks, pivots.ratios, strict=True)]
         # how far a gradient can turn: |second derivative of (leg^2 - r^2)/2| over (shift/size, angle)
-        self._arms = [(self._size**2 + abs(point) ** 2) ** 0.5 for point in self._platform]
+        self._arms = [(self._extent**2 + abs(point) ** 2) ** 0.5 for point in self._platform]
         self._bends = [
             arm**2 + 2.0 * leg * abs(point)
             for arm, leg, point in zip(self._arms, legs, self._platform, strict=True)
@@ -127,7 +127,7 @@ class TriadPath:
                 if self.end(1, angle) is not None:
                     break
                 position, phase = self._on_table(np.array([angle]))
-                if abs(phase[0] - first.turn) + abs(position[0] - first.place) / self._size < 1e-7:
+                if abs(phase[0] - first.turn) + abs(position[0] - first.place) / self._extent < 1e-7:
                     self._round = angle
                     break
         return self._round
@@ -148,7 +148,7 @@ class TriadPath:
             if limit is not None:
                 last = self._nodes[side][-1]
                 beyond = side * angles > side * limit
-                beyond |= (side * angles > side * last.angle) & ~(abs(phase - last.turn) < ASTRAY)
+                beyond |= (side * angles > side * last.angle) & ~(abs(phase - last.turn) < MAX_DISPLACEMENT)
                 position[beyond] = phase[beyond] = np.nan
         return position - phase * self._middle, phase
 
@@ -218,7 +218,7 @@ class TriadPath:
             return 0.0
         vectors = leg_vectors(node.place, node.turn, self._pivots.at(node.angle), self._platform)
         shift, turning = inverse(vectors, moments(vectors, node.turn, self._platform))
-        gains = [abs(complex(abs(s) / self._size, t)) for s, t in zip(shift, turning, strict=True)]
+        gains = [abs(complex(abs(s) / self._extent, t)) for s, t in zip(shift, turning, strict=True)]
         second_derivative = sum(gain * b for gain, b in zip(gains, self._bends, strict=True))
         travel = sum(g * leg * v for g, leg, v in zip(gains, self._legs, self._travel, strict=True))
         step = KANTOROVICH / (second_derivative * travel) if travel > 0.0 else np.pi

@@ -16,11 +16,11 @@ from mechsim.numerics.jets import Values, cos_sin, values
 FLAT = 256.0 * np.finfo(np.float64).eps
 # zeros of the complex polynomial this far from the unit circle are tried as real ones: a simple one, and
 # one of the derivative
-NEAR, TRIED = 1e-5, 1e-3
+CIRCLE_DISTANCE, EXTREMUM_DISTANCE = 1e-5, 1e-3
 # derivatives this small relative to the largest harmonic are those of an extremum
 LEVEL = 1e-9
 # an angle, as a part of itself, that may be a root but for rounding
-BESIDE = 4.0 * np.finfo(np.float64).eps
+ROOT_ROUNDING = 4.0 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
@@ -61,12 +61,12 @@ class TrigPolynomial:
 
     def roots(self) -> list[float]:
         """Return the simple roots, rising, in [-pi, pi)."""
-        return sorted(_wrapped(self._polished(guess, 0)) for guess in self._zeros(0, NEAR))
+        return sorted(_wrapped(self._polished(guess, 0)) for guess in self._zeros(0, CIRCLE_DISTANCE))
 
     def touching(self) -> tuple[float, ...]:
         """Return where the polynomial touches zero to within rounding, rising, in [-pi, pi)."""
         roots: list[float] = []
-        for guess in self._zeros(1, TRIED):
+        for guess in self._zeros(1, EXTREMUM_DISTANCE):
             root = _wrapped(self._polished(guess, 1))
             flat = (
                 abs(self.value(root)) <= FLAT * self.scale and abs(self.value(root, 1)) <= LEVEL * self.scale
@@ -125,7 +125,7 @@ class SignedRoot:
     def folded(self, angle: Values) -> Any:
         """Return the root's absolute value at angles as `over` does; where it is zero, its rates beyond."""
         angles = values(angle)
-        beyond = angles + BESIDE * (1.0 + np.abs(angles))
+        beyond = angles + ROOT_ROUNDING * (1.0 + np.abs(angles))
         signs = np.sign(np.sin(0.5 * np.subtract.outer(beyond, np.array(self.touching))))
         return self.over(angle) * signs.prod(-1)
 

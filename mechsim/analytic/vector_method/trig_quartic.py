@@ -27,7 +27,7 @@ def value(coefficients: Array | Coefficients, t: Values) -> Any:
     return c0 - c2 + c * (c1 + 2.0 * (c2 * c + s2 * s)) + s1 * s
 
 
-def slope(coefficients: Array, t: Array) -> Array:
+def derivative(coefficients: Array, t: Array) -> Array:
     """Return the derivatives of the polynomials by t at angles, (5, n) and (..., n) -> (..., n)."""
     _, c1, s1, c2, s2 = coefficients
     c, s = np.cos(t), np.sin(t)
@@ -66,7 +66,7 @@ def real_roots(coefficients: Array) -> Array:
         Angles in (-pi, pi], (4, n), in no order; NaN in place of a pair that is not real.
 
     Accuracy: polished by Newton's method on the polynomial, so an error of a few ulp of the largest
-    coefficient divided by the slope there; where two roots meet, half the digits are lost.
+    coefficient divided by the derivative there; where two roots meet, half the digits are lost.
     """
     n = coefficients.shape[1]
     scale = np.abs(coefficients).max(0)
@@ -75,7 +75,7 @@ def real_roots(coefficients: Array) -> Array:
     angles = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
     sizes = np.abs(value(coefficients[:, None], angles[:, None]))  # (8, n)
     origin = angles[np.argmax(sizes, 0)] + np.pi
-    quartic = half_angle(_turned(coefficients, origin))
+    quartic = half_angle(_rotated(coefficients, origin))
     companion = np.zeros((n, 4, 4))
     companion[:, 0] = -(quartic[1:] / quartic[0]).T
     companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
@@ -85,14 +85,14 @@ def real_roots(coefficients: Array) -> Array:
     roots = 2.0 * np.arctan(eigenvalues.real) + origin
     nearly = (np.abs(eigenvalues.imag) < NEARLY_REAL * (1.0 + np.abs(eigenvalues) ** 2)) & usable
     for _ in range(3):
-        rise = slope(coefficients, roots)
+        rise = derivative(coefficients, roots)
         step = value(coefficients, roots) / np.where(rise == 0.0, np.inf, rise)
         roots = roots - np.clip(step, -1e-2, 1e-2)
     nearly &= np.abs(value(coefficients, roots)) <= LEFT_OVER * scale
     return np.where(nearly, np.pi - np.mod(np.pi - roots, 2.0 * np.pi), np.nan)
 
 
-def _turned(coefficients: Array, origin: Array) -> Array:
+def _rotated(coefficients: Array, origin: Array) -> Array:
     """Return the polynomials of t - origin, (5, n)."""
     c0, c1, s1, c2, s2 = coefficients
     c, s = np.cos(origin), np.sin(origin)

@@ -9,8 +9,8 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass
@@ -65,7 +65,7 @@ class Agreement:
         noise: tests of what was measured with standard deviations, in the order of the claims, or None.
     """
 
-    solver: Form
+    solver: KinematicSolver
     source: str
     outcome: Outcome
     checks: tuple[Check, ...]
@@ -255,7 +255,7 @@ def agreement(
 
 
 def _designs(
-    model: str | Form | Mechanism | DesignFamily,
+    model: str | KinematicSolver | Mechanism | DesignFamily,
     set: Mapping[str, str | float] | None,
     drive: Mapping[str, str | State] | None,
     duration: str | float | None,
@@ -272,7 +272,7 @@ def _is_table(against: str | Path) -> bool:
 
 
 def _candidates(
-    solver: Form, against: Against | None, speed: float
+    solver: KinematicSolver, against: Against | None, speed: float
 ) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
     """Return what is held against a form: its name, the instants, what it says, what asks it again."""
     if against is None:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import files
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND
@@ -241,7 +241,7 @@ def read_table(path: str) -> dict[str, TableColumn]:
 
 
 def points_of_table(
-    solver: Form, table: Mapping[str, TableColumn], speed: float, source: str
+    solver: KinematicSolver, table: Mapping[str, TableColumn], speed: float, source: str
 ) -> tuple[EvaluationPoints, list[str]]:
     """Return a form at the instants of a table, and the names of the columns that said so.
 
@@ -274,7 +274,7 @@ def points_of_table(
     return replace(evaluation, time=time if time_column else None), used
 
 
-def _under_motion_laws(solver: Form, laws: MotionLaws, time: Array) -> EvaluationPoints:
+def _under_motion_laws(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:
     """Return a form under its own programs at the times of a table."""
     last = float(time.max())
     if isinstance(solver, LoopForm) and last > laws.duration:
@@ -282,14 +282,18 @@ def _under_motion_laws(solver: Form, laws: MotionLaws, time: Array) -> Evaluatio
     return _at_times(solver, laws, time)
 
 
-def _at_times(solver: Form, laws: MotionLaws, time: Array) -> EvaluationPoints:
+def _at_times(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:
     """Return a solver under motion laws at times (n,) in [s]."""
     rate = np.full_like(time, laws.rate)
     return EvaluationPoints(solver, laws.parameter(time), rate, np.zeros_like(time), time)
 
 
 def _of_crank(
-    solver: Form, table: Mapping[str, TableColumn], speed: float, source: str, time_column: str | None
+    solver: KinematicSolver,
+    table: Mapping[str, TableColumn],
+    speed: float,
+    source: str,
+    time_column: str | None,
 ) -> tuple[EvaluationPoints, list[str]]:
     crank = solver.mechanism.crank.name
     column = "angle" if "angle" in table else _driver_column(crank, table)

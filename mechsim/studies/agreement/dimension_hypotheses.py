@@ -9,13 +9,13 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import SELECTORS
-from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, placed_family
-from mechsim.analytic.forms import Form
+from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension, placed_designs
 from mechsim.analytic.loops.constraints import tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import closed
 from mechsim.analytic.loops.tree import SpanningTree
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, Pose
@@ -52,7 +52,7 @@ def parameters(misfit: Misfit) -> Iterator[Hypothesis]:
 def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
     """The ratio of a gear with the other sign, or inverted."""
     solver = misfit.evaluation.solver
-    geared: list[tuple[str, str, float, Callable[[float], Form]]] = []
+    geared: list[tuple[str, str, float, Callable[[float], KinematicSolver]]] = []
     if isinstance(solver, LoopForm):
         for k, gear in enumerate(solver.mechanism.gears):
             label = f"the ratio of {gear.name}"
@@ -67,14 +67,14 @@ def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
             yield discrete("gear", name, predict, text, (other - ratio) / abs(ratio))
 
 
-def _of_other_solver(misfit: Misfit, changed: Callable[[float], Form], by: float) -> Values:
+def _of_other_solver(misfit: Misfit, changed: Callable[[float], KinematicSolver], by: float) -> Values:
     return misfit.predicted(_solved_anew(misfit.evaluation, changed(by)))
 
 
 def positions(misfit: Misfit) -> Iterator[Hypothesis]:
     """One joint or one point in another position: the likeliest of them."""
     solver = misfit.evaluation.solver
-    designs = placed_family(solver)
+    designs = placed_designs(solver)
     joints = [
         _other_dimension(misfit, designs, name, PLACED)
         for name in designs.dimensions
@@ -153,19 +153,19 @@ def _require_small(change: float) -> None:
         raise AssemblyError(f"no dimension is taken to be off by more than {MAX_CHANGE:g} times itself")
 
 
-def _resolved(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
+def _resolved(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
     """Return evaluation points of a mechanism with other dimensions."""
     if isinstance(solver, ClosedForm):
         return _solved_anew(evaluation, solver)
     return evaluation.with_dimensions(solver)
 
 
-def _solved_anew(evaluation: EvaluationPoints, solver: Form) -> EvaluationPoints:
+def _solved_anew(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
     """Return evaluation points of a mechanism too different to be solved from the nominal motion."""
     return replace(evaluation, solver=solver, dynamic_model=evaluation.dynamic_model_of(solver), solved=None)
 
 
-def _with_laws_of(before: Form, solver: Form) -> Form:
+def _with_laws_of(before: KinematicSolver, solver: KinematicSolver) -> KinematicSolver:
     """Return a solver with the motion laws that another has."""
     if isinstance(solver, LoopForm) and isinstance(before, LoopForm):
         return replace(solver, motion_laws=before.motion_laws, change_point=before.change_point)
@@ -177,7 +177,7 @@ def _scale(dimension: Dimension, length: float) -> float:
     return abs(dimension.value) if abs(dimension.value) > 1e-3 * whole else whole
 
 
-def _kind(designs: DesignFamily, dimension: Dimension, solver: Form) -> str:
+def _kind(designs: DesignFamily, dimension: Dimension, solver: KinematicSolver) -> str:
     """Return whether a dimension is a gear's ratio, its phase, or one like others."""
     own = getattr(solver, "gear", "")
     if own:
@@ -300,7 +300,7 @@ def _predicted(misfit: Misfit, evaluation: Callable[[], EvaluationPoints]) -> Va
     return misfit.predicted(evaluation())
 
 
-def _other_assemblies(evaluation: EvaluationPoints) -> list[tuple[str, Form]]:
+def _other_assemblies(evaluation: EvaluationPoints) -> list[tuple[str, KinematicSolver]]:
     """Return the other assemblies, each with a description of the difference."""
     solver = evaluation.solver
     if isinstance(solver, ClosedForm):
@@ -309,7 +309,7 @@ def _other_assemblies(evaluation: EvaluationPoints) -> list[tuple[str, Form]]:
     return _assemblies_from_random_starts(solver)
 
 
-def _of_catalogue(solver: ClosedForm, angle: float) -> Iterator[tuple[str, Form]]:
+def _of_catalogue(solver: ClosedForm, angle: float) -> Iterator[tuple[str, KinematicSolver]]:
     own = {name: getattr(solver, name) for name in SELECTORS if hasattr(solver, name)}
     for assembly in solver.assemblies(angle):
         chosen = {name: getattr(assembly, name) for name in own}
@@ -317,7 +317,7 @@ def _of_catalogue(solver: ClosedForm, angle: float) -> Iterator[tuple[str, Form]
             yield ", ".join(f"{k} = {v}" for k, v in chosen.items() if v != own[k]), assembly
 
 
-def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Form]]:
+def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, KinematicSolver]]:
     """Return assemblies of a mechanism found from random starts."""
     mechanism = solver.mechanism
     try:
@@ -326,7 +326,7 @@ def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Form]]:
     except MechsimError:
         return []
     tree, random = loops.tree, np.random.default_rng(SEED)
-    solutions, others = [_joint_positions(mechanism, tree, own)], list[tuple[str, Form]]()
+    solutions, others = [_joint_positions(mechanism, tree, own)], list[tuple[str, KinematicSolver]]()
     amplitude = np.where(np.asarray(tree.slides), 0.3 * mechanism.size, 1.0)
     for _ in range(STARTS):
         values = own.values.copy()

@@ -9,12 +9,12 @@ import numpy as np
 
 from mechsim.analytic import dynamics
 from mechsim.analytic.derivatives.dimensions import DesignFamily, changes
-from mechsim.analytic.derivatives.motion import MotionBeside, motion_beside, motion_derivatives
+from mechsim.analytic.derivatives.motion import NearbyMotion, motion_derivatives, nearby_motion
 from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.oracle import conditioning_of
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
@@ -43,7 +43,7 @@ class EvaluationPoints:
         selecting: crank angles of the whole motion, whose first one selects the assembly; None takes `angle`.
     """
 
-    solver: Form
+    solver: KinematicSolver
     angle: Array
     speed: Array
     acceleration: Array
@@ -73,9 +73,9 @@ class EvaluationPoints:
         return self.solver.solve_along(self.angle, self.speed, self.acceleration)
 
     @cached_property
-    def _perturbed(self) -> MotionBeside | None:
+    def _perturbed(self) -> NearbyMotion | None:
         with suppress(AssemblyError):
-            return motion_beside(self.solver, self.angle, self.speed, self.acceleration)
+            return nearby_motion(self.solver, self.angle, self.speed, self.acceleration)
         return None
 
     @property
@@ -92,11 +92,11 @@ class EvaluationPoints:
         """Angle of the crank within its period, or the parameter of the motion laws, (n,)."""
         return np.mod(self.angle, self.solver.period) if self.solver.motion_laws.crank else self.angle
 
-    def with_dimensions(self, solver: Form) -> "EvaluationPoints":
+    def with_dimensions(self, solver: KinematicSolver) -> "EvaluationPoints":
         """Return the same with what has other dimensions, solved from the motion here where that can be."""
         if self._perturbed is None:
             return replace(self, solver=solver, dynamic_model=self.dynamic_model_of(solver), solved=None)
-        motion = self._perturbed.of(solver.mechanism)
+        motion = self._perturbed.motion_of(solver.mechanism)
         return replace(
             self,
             solver=solver,
@@ -104,7 +104,7 @@ class EvaluationPoints:
             solved=replace(motion, origin=None),
         )
 
-    def dynamic_model_of(self, solver: Form) -> DynamicModel | None:
+    def dynamic_model_of(self, solver: KinematicSolver) -> DynamicModel | None:
         """Return another form under the forces that act here; None where no others than its own do."""
         return (
             None if self.dynamic_model is None else dynamics.dynamic_model(solver, self.dynamic_model.forces)
@@ -220,7 +220,7 @@ def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily
     return dict(derivatives.by)
 
 
-def evaluation_points(solver: Form, speed: float, samples: int = INSTANTS) -> EvaluationPoints:
+def evaluation_points(solver: KinematicSolver, speed: float, samples: int = INSTANTS) -> EvaluationPoints:
     """Return a form over its range: a turn, a swing, or its programs from begin to end, evenly in time.
 
     Args:

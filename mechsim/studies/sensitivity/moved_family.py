@@ -7,20 +7,20 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.derivatives.dimensions import DesignFamily, changes, placed_family
-from mechsim.analytic.derivatives.dynamics import efforts_along, machine_numbers, moved_efforts
+from mechsim.analytic.derivatives.dimensions import DesignFamily, changes, placed_designs
+from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers, perturbed_forces
 from mechsim.analytic.derivatives.motion import (
     Followed,
-    MotionBeside,
+    NearbyMotion,
     derivatives_along,
     followed_motion,
-    motion_beside,
     motion_derivatives,
+    nearby_motion,
 )
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
@@ -54,18 +54,18 @@ class Loading:
         diameter: of those rods in [m]; None takes 0.05 of the size.
     """
 
-    forces: Callable[[Form], Forces] | None = None
+    forces: Callable[[KinematicSolver], Forces] | None = None
     density: float = STEEL
     diameter: float | None = None
 
-    def acting(self, solver: Form) -> Forces:
+    def acting(self, solver: KinematicSolver) -> Forces:
         """Return what acts on a mechanism."""
         if self.forces is not None:
             return self.forces(solver)
         own = solver.forces
         return own or Forces()
 
-    def dynamic_model(self, solver: Form) -> DynamicModel:
+    def dynamic_model(self, solver: KinematicSolver) -> DynamicModel:
         """Return a mechanism with masses and what acts on it."""
         return dynamic_model(solver, self.acting(solver), density=self.density, diameter=self.diameter)
 
@@ -100,7 +100,7 @@ class MovedFamily:
     loading: Loading = Loading()
 
     @cached_property
-    def solver(self) -> Form:
+    def solver(self) -> KinematicSolver:
         """The mechanism as it stands."""
         return self.designs.make({})
 
@@ -191,27 +191,27 @@ class MovedFamily:
         return {name: component.number(columns) for name, component in zip(names, quantities, strict=True)}
 
     @cached_property
-    def _nominal_motion(self) -> MotionBeside | None:
+    def _nominal_motion(self) -> NearbyMotion | None:
         """The motion as it stands, from which others are solved; None where two assemblies meet on it."""
         with suppress(AssemblyError):
-            return motion_beside(self.solver, self.angles, self.rate, reach=REACH)
+            return nearby_motion(self.solver, self.angles, self.rate, reach=REACH)
         return None
 
     @cached_property
-    def _nominal_unit_motion(self) -> MotionBeside | None:
+    def _nominal_unit_motion(self) -> NearbyMotion | None:
         """The same per radian of the path parameter."""
-        return None if self._nominal_motion is None else motion_beside(self.solver, self.angles, reach=REACH)
+        return None if self._nominal_motion is None else nearby_motion(self.solver, self.angles, reach=REACH)
 
     def _parted(self, dimensions: Mapping[str, float]) -> tuple[dict[str, float], float]:
         """Return dimensions of the family, and how far the crank is ahead in [rad]."""
         own = {name: value for name, value in dimensions.items() if name != self.offset}
         return own, dimensions.get(self.offset, 0.0)
 
-    def _motion(self, solver: Form, quantities: Sequence[Quantity], ahead: float) -> Motion:
+    def _motion(self, solver: KinematicSolver, quantities: Sequence[Quantity], ahead: float) -> Motion:
         """Return the motion of another mechanism; where Newton's method does not reach it, by itself."""
         if self._nominal_motion is not None:
             with suppress(AssemblyError):
-                return self._nominal_motion.of(solver.mechanism, ahead)
+                return self._nominal_motion.motion_of(solver.mechanism, ahead)
         motion = solver.solve_along(self.angles + ahead, self.rate)
         columns = dict(motion.columns())
         joints = [
@@ -226,11 +226,13 @@ class MovedFamily:
             else LoopForm(solver.mechanism).solve(self.angles + ahead, self.rate)
         )
 
-    def _forces(self, solver: Form, ahead: float) -> InverseDynamics:
+    def _forces(self, solver: KinematicSolver, ahead: float) -> InverseDynamics:
         model = self.loading.dynamic_model(solver)
         if self._nominal_unit_motion is not None:
             with suppress(AssemblyError):
-                return moved_efforts(model, self._nominal_unit_motion.of(solver.mechanism, ahead), self.rate)
+                return perturbed_forces(
+                    model, self._nominal_unit_motion.motion_of(solver.mechanism, ahead), self.rate
+                )
         return prescribed_along(model, self.angles + ahead, self.rate)
 
     def derivatives(
@@ -273,7 +275,7 @@ class MovedFamily:
         """
         mechanism = self.solver.mechanism
         names = [f"{joint}.b.at.{axis}" for axis in AXES]
-        by_axis = np.array([*changes(placed_family(LoopForm(mechanism)), names).values()])
+        by_axis = np.array([*changes(placed_designs(LoopForm(mechanism)), names).values()])
         directions = mechanism.joint(joint).b.frame.T[: 3 if KINDS[mechanism.joint(joint).kind].ball else 2]
         change = {f"{joint}{CLEARANCE}{i}": direction @ by_axis for i, direction in enumerate(directions)}
         full = len(self._numbers(self.designs)({})) if self.loaded(columns) else 0
@@ -287,7 +289,7 @@ class MovedFamily:
 
     def _derivatives_by(
         self,
-        solver: Form,
+        solver: KinematicSolver,
         ahead: float,
         columns: Sequence[str],
         change: Mapping[str, Array | None] | None,
@@ -304,7 +306,7 @@ class MovedFamily:
                 by[name] |= record_columns(motion, quantities)
         if model_change is not None:
             unit = self._followed(self._nominal_unit_motion, solver, ahead, 1.0)
-            forces = efforts_along(self.loading.dynamic_model(solver), unit, model_change, self.rate)
+            forces = forces_along(self.loading.dynamic_model(solver), unit, model_change, self.rate)
             values |= self._force_columns(forces.columns)
             for name, moved in forces.by.items():
                 by[name] |= self._force_columns(moved)
@@ -316,7 +318,9 @@ class MovedFamily:
             },
         )
 
-    def _followed(self, nominal: MotionBeside | None, solver: Form, ahead: float, rate: float) -> Followed:
+    def _followed(
+        self, nominal: NearbyMotion | None, solver: KinematicSolver, ahead: float, rate: float
+    ) -> Followed:
         """Return the motion of another mechanism from this one, or from its own guess if that is too far."""
         if nominal is not None:
             with suppress(AssemblyError):
@@ -331,10 +335,10 @@ class MovedFamily:
             mechanism = with_inertia(designs.describe(values), self.loading.density, self.loading.diameter)
             # where a file says what acts, its dimensions may change that too
             if designs.forces is None:
-                return machine_numbers(mechanism, still)
+                return model_numbers(mechanism, still)
             if self.loading.forces is None:
-                return machine_numbers(mechanism, designs.forces(values) or Forces())
-            return machine_numbers(mechanism, self.loading.acting(designs.make(values)))
+                return model_numbers(mechanism, designs.forces(values) or Forces())
+            return model_numbers(mechanism, self.loading.acting(designs.make(values)))
 
         return numbers
 
@@ -359,7 +363,7 @@ def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamil
     )
 
 
-def instants_of(solver: Form) -> Array:
+def instants_of(solver: KinematicSolver) -> Array:
     """Return path parameters spread over the whole motion, (n,) in [rad].
 
     A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:

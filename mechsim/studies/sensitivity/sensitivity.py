@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
-from mechsim.analytic.forms import Form
 from mechsim.analytic.path_instants import path_instants
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, needs
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
@@ -173,7 +173,7 @@ def derivative_table(
     return Sensitivity(moved, result.values, result.by, units, left_out)
 
 
-Subject = str | Form | Mechanism | MovedFamily
+Subject = str | KinematicSolver | Mechanism | MovedFamily
 
 
 def moved(

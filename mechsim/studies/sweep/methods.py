@@ -18,9 +18,9 @@ from mechsim.analytic.catalog.many_designs import (
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.analytic.forms import Form, closed_form
 from mechsim.analytic.loops.crank_swings import SwingTracer
 from mechsim.analytic.loops.design_motion import many_motion
+from mechsim.analytic.solvers import KinematicSolver, closed_form
 from mechsim.errors import InputError, MechsimError, MobilityError, cut
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
@@ -270,7 +270,7 @@ def _outcome(error: MechsimError) -> str:
     return error.outcome if isinstance(error, MobilityError) else "cannot assemble"
 
 
-def facts_alone(task: SweepTask, solver: Form) -> dict[str, float]:
+def facts_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
     """Return the requested properties of a design that need no motion."""
     result: dict[str, float] = {}
     for kind in task.measures.facts:
@@ -286,7 +286,7 @@ def facts_alone(task: SweepTask, solver: Form) -> dict[str, float]:
 
 
 def measured_alone(
-    task: SweepTask, solver: Form, facts: Mapping[str, float]
+    task: SweepTask, solver: KinematicSolver, facts: Mapping[str, float]
 ) -> tuple[dict[str, float], str, str]:
     """Return the measures of one design, its outcome, and the reason if it is not "passed".
 
@@ -310,7 +310,7 @@ def measured_alone(
     return values, "swings", swings_between(*arc)
 
 
-def swing_arc(solver: Form) -> tuple[float, float] | None:
+def swing_arc(solver: KinematicSolver) -> tuple[float, float] | None:
     """Return the reachable range of a crank that swings, in [rad]; None where it turns fully or laws drive.
 
     Raises:
@@ -328,7 +328,7 @@ def swing_arc(solver: Form) -> tuple[float, float] | None:
 
 
 def _solved_alone(
-    task: SweepTask, solver: Form, facts: Mapping[str, float], crank: CrankRows
+    task: SweepTask, solver: KinematicSolver, facts: Mapping[str, float], crank: CrankRows
 ) -> dict[str, float]:
     """Return the measures of one design by its formulas or loop equations along a crank motion (p,)."""
     kept = {name: np.array([value]) for name, value in facts.items()}

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.analytic.dynamics import nearest_equilibrium
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
 from mechsim.studies.motion_source import weighing
@@ -20,7 +20,7 @@ SAMPLES = 500
 SETTLED, LATEST = 0.02, 0.9
 
 
-def released_alone(task: SweepTask, solver: Form) -> dict[str, float]:
+def released_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
     """Return the measures of a design that are of vibrations or of a run from the initial state.
 
     Raises:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import with_closed_guess
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import no_crank_range_error, within_range
@@ -98,7 +98,7 @@ def _detail(task: SweepTask) -> Content:
     return "places" if task.measures.wants("stroke") or task.measures.uses("point") else "joints"
 
 
-def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str, str]:
+def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, float], str, str]:
     """Step one design; return its measures, its outcome, and the reason if it is not "passed".
 
     Raises:
@@ -134,14 +134,14 @@ def stepped_alone(task: SweepTask, solver: Form) -> tuple[dict[str, float], str,
     return values, run.outcome, "" if run.outcome == "passed" else too_far(run.estimate, run.tolerance)
 
 
-def with_closed_start(solver: Form) -> Form:
+def with_closed_start(solver: KinematicSolver) -> KinematicSolver:
     """Return a design that starts assembled, so that MuJoCo and the formulas use the same assembly."""
     if not isinstance(solver, LoopForm):
         return solver
     return replace(solver, mechanism=with_closed_guess(solver.mechanism))
 
 
-def prescribed_motion(solver: Form, speed: float) -> dict[str, Any]:
+def prescribed_motion(solver: KinematicSolver, speed: float) -> dict[str, Any]:
     """Return how a design moves, as `simulate` takes it: its laws, a speed in [rad/s], or a swing.
 
     Raises:

@@ -9,8 +9,8 @@ from typing import Any
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import AXES
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.analytic.forms import Form
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.python_object import PythonObject
@@ -18,7 +18,7 @@ from mechsim.subjects.readers import as_text, open_model, parametric_model
 from mechsim.subjects.toml_reader import TomlModel, toml_model
 from mechsim.subjects.toml_values import TomlSource
 
-Make = Callable[[Mapping[str, float]], Form]
+Make = Callable[[Mapping[str, float]], KinematicSolver]
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class OfCatalog:
 
     solver: ClosedForm
 
-    def __call__(self, values: Mapping[str, float]) -> Form:
+    def __call__(self, values: Mapping[str, float]) -> KinematicSolver:
         """Return a design, checked."""
         changed: dict[str, Any] = {}
         for name, value in values.items():
@@ -60,7 +60,7 @@ class OfToml:
     guess: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
     units: Mapping[str, str] = field(default_factory=dict[str, str])
 
-    def __call__(self, values: Mapping[str, float]) -> Form:
+    def __call__(self, values: Mapping[str, float]) -> KinematicSolver:
         """Return a design."""
         changed = {name: as_text(value, self.units.get(name, "1")) for name, value in values.items()}
         solver = toml_model(self.source, {**self.fixed, **changed}).solver
@@ -82,14 +82,14 @@ class OfPython:
     model: str
     fixed: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
 
-    def __call__(self, values: Mapping[str, float]) -> Form:
+    def __call__(self, values: Mapping[str, float]) -> KinematicSolver:
         """Return a design."""
         changed = os.stat(self.model.rpartition(":")[0]).st_mtime_ns
         return _maker(self.model, changed)({**self.fixed, **values})
 
 
 @lru_cache(maxsize=8)
-def _maker(model: str, changed: int) -> Callable[[Mapping[str, str | float]], Form]:
+def _maker(model: str, changed: int) -> Callable[[Mapping[str, str | float]], KinematicSolver]:
     """Return a function that makes designs by a Python file; the file runs once per modification time."""
     return PythonObject(model).make
 
@@ -106,7 +106,7 @@ class SweptSubject:
     """
 
     name: str
-    solver: Form
+    solver: KinematicSolver
     design_family: DesignFamily
     make: Make
 
@@ -119,7 +119,7 @@ class SweptSubject:
 
 
 def swept(
-    model: str | Form | Mechanism, set: Mapping[str, str | float] | None = None, **options: Any
+    model: str | KinematicSolver | Mechanism, set: Mapping[str, str | float] | None = None, **options: Any
 ) -> SweptSubject:
     """Return a subject to be swept.
 

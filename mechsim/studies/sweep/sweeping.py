@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.resources import require_memory
@@ -66,7 +66,7 @@ Progress = Callable[[str, float], None]
 
 
 def sweep(
-    model: str | Form | Mechanism,
+    model: str | KinematicSolver | Mechanism,
     vary: Mapping[str, Any] | None = None,
     measure: Sequence[str] | str = (),
     *,
@@ -138,7 +138,9 @@ def sweep(
 
 
 def swept_designs(
-    model: str | Form | Mechanism | SweptSubject, set: Mapping[str, str | float] | None = None, **options: Any
+    model: str | KinematicSolver | Mechanism | SweptSubject,
+    set: Mapping[str, str | float] | None = None,
+    **options: Any,
 ) -> tuple[SweptSubject, dict[str, str]]:
     """Return the subject and its variable parameters: parameter -> SI unit, empty if none is declared."""
     subject = model if isinstance(model, SweptSubject) else swept(model, set, **options)
@@ -148,7 +150,7 @@ def swept_designs(
 
 
 def swept_task(
-    model: str | Form | Mechanism | SweptSubject,
+    model: str | KinematicSolver | Mechanism | SweptSubject,
     vary: Mapping[str, Any] | None,
     measure: Sequence[str] | str,
     *,
@@ -371,7 +373,7 @@ def _other_method(task: SweepTask) -> str:
     return "the formulas" if isinstance(task.subject.solver, ClosedForm) else "the loop equations"
 
 
-def _compared(task: SweepTask, solver: Form) -> tuple[float, str]:
+def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
     """Return the largest position error between both methods, in [m], and why they disagree, or ""."""
     solver = with_closed_start(solver)
     prescribed = prescribed_motion(solver, task.path_speed)
@@ -386,7 +388,7 @@ def _compared(task: SweepTask, solver: Form) -> tuple[float, str]:
     return distance, "" if verdict.passed else verdict.outcome
 
 
-def _measured_differently(task: SweepTask, solver: Form, result: "Dataset", i: int) -> str:
+def _measured_differently(task: SweepTask, solver: KinematicSolver, result: "Dataset", i: int) -> str:
     """Return which measure of a single design differs from the table, or ""."""
     facts = facts_alone(task, solver) | released_alone(task, solver)
     values, outcome, _ = measured_alone(task, solver, facts)

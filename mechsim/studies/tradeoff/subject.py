@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.forms import Form
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
@@ -168,7 +168,7 @@ def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> d
     return {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
 
 
-def subject_of(solver: Form, speed: float, budget: Budget | None = None) -> Subject:
+def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = None) -> Subject:
     """Return a mechanism as a subject: its reference is the closed form, or else the loop equations.
 
     Raises:
@@ -195,7 +195,7 @@ def _time_check(budget: Budget | None, name: str) -> Callable[[], None]:
     return (lambda: None) if budget is None else lambda: budget.require(name)
 
 
-def _variants(solver: Form, angles: Array) -> dict[str, Mechanism]:
+def _variants(solver: KinematicSolver, angles: Array) -> dict[str, Mechanism]:
     """Return the variants of a mechanism whose tracked points have the same positions at crank angles."""
     positions = solver.positions(angles)
     variants: dict[str, Mechanism] = {}

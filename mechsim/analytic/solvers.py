@@ -122,22 +122,19 @@ class KinematicSolver(Protocol):
         ...
 
 
-Form = KinematicSolver
-
-
-def closed_form(form: Form, what: str) -> ClosedForm:
+def closed_form(solver: KinematicSolver, what: str) -> ClosedForm:
     """Return a mechanism of the catalogue.
 
     Args:
-        form: what may be one.
+        solver: what may be one.
         what: it is wanted for.
 
     Raises:
         InputError: for any other.
     """
-    if isinstance(form, ClosedForm):
-        return form
+    if isinstance(solver, ClosedForm):
+        return solver
     raise InputError(
-        f"{what} is known for mechanisms of the catalogue only, and {form.name!r} is none; "
+        f"{what} is known for mechanisms of the catalogue only, and {solver.name!r} is none; "
         "`mechsim list` names them"
     )
