@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops import design_paths, path, solver
+from mechsim.analytic.loops import design_motion, design_paths, path, solver
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
+from mechsim.errors import AssemblyError
 from mechsim.model.design_arrays import those_alike
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
@@ -100,6 +101,27 @@ def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():
     others.append(ms.load("stephenson_six_bar").mechanism)
     _, told = together(others[0], others, ("output",))
     assert told.tolist() == [True, True, True, False]
+
+
+def test_a_design_too_near_a_singular_pose_costs_no_other_design(monkeypatch):
+    mechanisms = designs("watt_six_bar", "crank", 0.025 * np.linspace(0.95, 1.05, 5))
+    close = design_motion.closed_chunks
+
+    def refusing(path, instants):
+        if 3 in path.designs.which:
+            raise AssemblyError("too near")
+        return close(path, instants)
+
+    whole, told = together(mechanisms[0], mechanisms, ("output",))
+    assert told.all()
+    monkeypatch.setattr(design_motion, "closed_chunks", refusing)
+    motion, told = together(mechanisms[0], mechanisms, ("output",))
+    assert told.tolist() == [True, True, True, False, True]
+    rows = np.repeat(told, len(ANGLES))
+    for name, point in motion.points.items():
+        # closed in other chunks, they differ by rounding
+        np.testing.assert_allclose(point.velocity[rows], whole.points[name].velocity[rows], atol=1e-15)
+    assert not motion.joints["output"].rate[~rows].any()
 
 
 def test_another_assembly_is_not_taken_for_the_one_that_is_meant():

@@ -90,12 +90,8 @@ class Stack:
 
     def no_gap_along(self, a: Side, i: int, b: Side) -> None:
         """U.D = 0, with U column i of a's frame."""
-        u, u_rate, u_bias = a.direction(i)
-        gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
-        bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap)
-        bias = bias + dot(u, b.point_bias - a.point_bias)
-        terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
-        self._add(dot(u, gap), bias, terms)
+        motion = slide_motion(a, i, b)
+        self._add(dot(a.frame[..., i], b.point - a.point), motion.bias, motion.terms)
 
     def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, "CoordinateMotion"]]) -> None:
         """A weighted sum of joint coordinates is given, weights (n,) or scalar; residual in [rad] or [m]."""
@@ -127,6 +123,15 @@ class CoordinateMotion:
     terms: list[tuple[int | None, Array, Array]]
 
 
+def slide_motion(a: Side, column: int, b: Side) -> CoordinateMotion:
+    """Return how the gap between two sides along a direction of a's frame moves with their links."""
+    u, u_rate, u_bias = a.direction(column)
+    gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
+    bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap) + dot(u, b.point_bias - a.point_bias)
+    terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
+    return CoordinateMotion(dot(u, gap_rate) + dot(u_rate, gap), bias, terms)
+
+
 def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateMotion:
     """Return how one coordinate of a joint, in the order of `Joint.coordinates`, moves with its links.
 
@@ -135,12 +140,7 @@ def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateM
     """
     kind = KINDS[joint.kind]
     if index < len(kind.slides):
-        column = COLUMN[kind.slides[index]]
-        u, u_rate, u_bias = a.direction(column)
-        gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
-        bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap) + dot(u, b.point_bias - a.point_bias)
-        terms = [(a.slot, -u, cross(u, gap) - cross(a.arm, u)), (b.slot, u, cross(b.arm, u))]
-        return CoordinateMotion(dot(u, gap_rate) + dot(u_rate, gap), bias, terms)
+        return slide_motion(a, COLUMN[kind.slides[index]], b)
     if kind.crossed:
         raise InputError(
             f"coordinate {joint.coordinates[index]!r} of a {joint.kind} joint is coupled or driven, which is "

@@ -245,7 +245,9 @@ def with_rates(path: ContinuationPath | None, chunk: ClosedChunk, *, conditioned
         linearised.poses.rotation.transpose(3, 0, 1, 2),
         velocity.transpose(2, 0, 1),
         accelerations.transpose(2, 0, 1),
-        _conditioning(linearised, loops.unknown, len(solver.rows)) if conditioned else np.ones(len(q)),
+        smallest_singular_values(linearised.jacobian[:, loops.unknown], len(solver.rows))
+        if conditioned
+        else np.ones(len(q)),
     )
 
 
@@ -271,11 +273,11 @@ def _at_origins(position: Array, twist: Array, spatial: Array) -> tuple[Array, A
     return velocity, accelerations
 
 
-def _conditioning(linearised: Linearised, unknown: NDArray[np.intp], rank: int) -> Array:
-    """Return the smallest singular value that counts of each pose's loops, (n,); 1 where there are none."""
+def smallest_singular_values(jacobian: Array, rank: int) -> Array:
+    """Return the smallest singular values that count of Jacobians (rows, unknowns, n), (n,); else 1."""
     if not rank:
-        return np.ones(linearised.jacobian.shape[2])
-    values = np.linalg.svd(linearised.jacobian[:, unknown].transpose(2, 0, 1), compute_uv=False)
+        return np.ones(jacobian.shape[2])
+    values = np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False)
     return np.asarray(values[:, rank - 1], dtype=np.float64)
 
 

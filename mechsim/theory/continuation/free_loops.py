@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, cross, twists
-from mechsim.analytic.loops.path_rates import regularised
+from mechsim.analytic.loops.path_rates import regularised, smallest_singular_values
 from mechsim.analytic.loops.solver import NEARBY, Linearised, LoopSolver
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.errors import MobilityError
@@ -260,11 +260,7 @@ class FreeLoops:
 
     def singular_value(self, jacobian: Array) -> Array:
         """Return the singular value of Jacobians (rows, count, n) that vanishes at branch points, (n,)."""
-        if not self.rank:
-            return np.ones(jacobian.shape[2])
-        by_unknowns = jacobian[:, self.loops.unknown].transpose(2, 0, 1)
-        values = np.linalg.svd(by_unknowns, compute_uv=False)[:, self.rank - 1]
-        return values.astype(np.float64, copy=False)
+        return smallest_singular_values(jacobian[:, self.loops.unknown], self.rank)
 
     def corrected(self, solver: LoopSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
         """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""
