@@ -3,7 +3,7 @@
 import os
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -57,15 +57,14 @@ NONE, BODY, INERTIA = (
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Return the compiled model, its points where the specification puts them however small it is.
+    """Return the compiled model with the exact positions of sites, geoms and centres of mass.
 
-    The compiler takes a site or geom less than a micrometre from its body's origin, and a centre of mass
-    as near, for being there: in a linkage of 5 um a joint is then off by a fifth of a link, without a
-    word (docs/explanation/extremes.md). Where the two are not the same to the last bit, they are kept
-    apart. What the compiler warns of, a run will meet and report.
+    The compiler moves a site, geom or centre of mass that is less than a micrometre from its body's origin
+    to the origin. In a linkage of 5 um a joint is then off by a fifth of a link
+    (docs/explanation/extremes.md). Warnings of the compiler are ignored: a run reports their effects.
 
     Raises:
-        InputError: for a model that MuJoCo refuses, such as one with a massless body.
+        InputError: for a model that MuJoCo rejects, such as one with a massless body.
     """
     try:
         model = plainly_compiled(spec)
@@ -83,36 +82,26 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def plainly_compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Return the model as MuJoCo compiles it, without what it and Qhull print on the way."""
+    """Return the model as MuJoCo compiles it, without the output of MuJoCo and Qhull."""
     with warnings.catch_warnings(action="ignore"), wordless():
         return spec.compile()
 
 
-# MuJoCo's own writer keeps six digits. Element -> attribute -> where the specification holds it.
-EXACT = {
-    "body": {"pos": "pos", "quat": "quat"},
-    "inertial": {"pos": "ipos", "quat": "iquat", "mass": "mass", "diaginertia": "inertia"},
-    "joint": {
-        "pos": "pos",
-        "axis": "axis",
-        "ref": "ref",
-        "armature": "armature",
-        "stiffness": "stiffness",
-        "springref": "springref",
-        "damping": "damping",
-        "frictionloss": "frictionloss",
-    },
-    "site": {"pos": "pos", "quat": "quat"},
-    "connect": {"solref": "solref", "solimp": "solimp"},
-    "tendon": {
-        "stiffness": "stiffness",
-        "damping": "damping",
-        "springlength": "springlength",
-        "frictionloss": "frictionloss",
-    },
-    "key": {"qpos": "qpos", "qvel": "qvel", "ctrl": "ctrl"},
-    "general": {"gainprm": "gainprm", "biasprm": "biasprm", "gear": "gear"},
-}
+# elements whose numbers MuJoCo's own writer cuts to six digits: path, kind, attributes
+EXACT = (
+    (
+        ".//body/joint",
+        "joint",
+        ("pos", "axis", "ref", "armature", "stiffness", "springref", "damping", "frictionloss"),
+    ),
+    ("./worldbody//site", "site", ("pos", "quat")),
+    ("equality/*", "equality", ("solref", "solimp")),
+    ("tendon/*", "tendon", ("stiffness", "damping", "springlength", "frictionloss")),
+    ("actuator/*", "actuator", ("gainprm", "biasprm", "gear")),
+    ("keyframe/key", "key", ("qpos", "qvel", "ctrl")),
+)
+# attributes of `inertial` -> field of the body's specification
+INERTIAL = {"pos": "ipos", "quat": "iquat", "mass": "mass", "diaginertia": "inertia"}
 DEFAULT = {"pos": (0.0, 0.0, 0.0), "quat": (1.0, 0.0, 0.0, 0.0), "axis": (0.0, 0.0, 1.0), "ref": (0.0,)}
 
 
@@ -122,49 +111,42 @@ def to_xml(spec: mujoco.MjSpec) -> str:
     root = ET.fromstring(spec.to_xml())
     option = root.find("option")
     if option is not None:
-        _rewrite(option, spec.option, {"timestep": "timestep", "gravity": "gravity"})
+        _rewrite(option, spec.option, ("timestep", "gravity"))
     for body in root.iter("body"):
         owner = spec.body(body.get("name"))
-        _rewrite(body, owner, EXACT["body"])
+        _rewrite(body, owner, ("pos", "quat"))
         for inertial in body.findall("inertial"):
             _rewrite_inertial(inertial, owner)
-    for joint in root.findall(".//body/joint"):
-        _rewrite(joint, spec.joint(joint.get("name")), EXACT["joint"])
-    for site in root.findall("./worldbody//site"):
-        _rewrite(site, spec.site(site.get("name")), EXACT["site"])
-    for equality in root.iterfind("equality/*"):
-        made = spec.equality(equality.get("name"))
-        _rewrite(equality, made, EXACT["connect"])
-        if equality.tag == "joint":
-            equality.set("polycoef", _text(made.data[:5]))
-    for tendon in root.iterfind("tendon/*"):
-        _rewrite(tendon, spec.tendon(tendon.get("name")), EXACT["tendon"])
-    for actuator in root.iterfind("actuator/*"):
-        _rewrite(actuator, spec.actuator(actuator.get("name")), EXACT["general"])
-    for key in root.iterfind("keyframe/key"):
-        _rewrite(key, spec.key(key.get("name")), EXACT["key"])
+    for path, kind, attributes in EXACT:
+        for element in root.iterfind(path):
+            _rewrite(element, getattr(spec, kind)(element.get("name")), attributes)
+    for coupling in root.iterfind("equality/joint"):
+        coupling.set("polycoef", _text(spec.equality(coupling.get("name")).data[:5]))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _rewrite(element: ET.Element, source: Any, attributes: dict[str, str]) -> None:
-    for attribute, field in attributes.items():
-        values = np.atleast_1d(getattr(source, field))
+def _rewrite(
+    element: ET.Element, source: Any, attributes: Sequence[str], fields: Mapping[str, str] | None = None
+) -> None:
+    """Write attributes of an element exactly; `fields` are those of the specification with other names."""
+    for attribute in attributes:
+        values = np.atleast_1d(getattr(source, (fields or {}).get(attribute, attribute)))
         if attribute in element.attrib:
             count = len(element.attrib[attribute].split())
             element.set(attribute, _text(values[:count]))
-        # the writer leaves out what is within rounding of the default
+        # the writer omits values within rounding of the default
         elif attribute in DEFAULT and not np.array_equal(values, DEFAULT[attribute]):
             element.set(attribute, _text(values))
 
 
 def _rewrite_inertial(inertial: ET.Element, owner: mujoco.MjsBody) -> None:
-    """Write moments as the specification has them: about axes of its own, or all six about the body's."""
+    """Write principal moments with their axes, or all six moments, as the specification does."""
     full = np.asarray(owner.fullinertia)
     if not np.isfinite(full).all():
-        _rewrite(inertial, owner, EXACT["inertial"])
+        _rewrite(inertial, owner, [*INERTIAL], INERTIAL)
         return
-    _rewrite(inertial, owner, {"pos": "ipos", "mass": "mass"})
+    _rewrite(inertial, owner, ("pos", "mass"), INERTIAL)
     for attribute in ("quat", "diaginertia"):
         inertial.attrib.pop(attribute, None)
     inertial.set("fullinertia", _text(full))

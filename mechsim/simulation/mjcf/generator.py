@@ -32,7 +32,7 @@ from mechsim.simulation.mjcf.joints import (
     zero_pose,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
-from mechsim.simulation.state import quaternion
+from mechsim.simulation.state import SCALAR, quaternion
 
 # tolerance of the solver: with a virtual drive inertia the relative gradient is always small, and with 0 the
 # solver would never stop (validation/choices/exported_solver.py)
@@ -94,7 +94,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
 
 @contextmanager
 def _repeated_names(mechanism: Mechanism) -> Generator[None]:
-    """Reject a name that a MuJoCo model has already, such as "world" of a link."""
+    """Reject names that a MuJoCo model reserves, such as "world"."""
     try:
         yield
     except ValueError as error:
@@ -109,7 +109,7 @@ def _repeated_names(mechanism: Mechanism) -> Generator[None]:
 def _add_links(
     spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, poses: Mapping[str, Pose], *, real_inertia: bool
 ) -> dict[str, mujoco.MjsBody]:
-    """Add a body for each link, hung from its parent by its joint, with its real inertia or a placeholder."""
+    """Add a body with its joint for each link to the body of its parent, with real or placeholder inertia."""
     inertias = {link_.name: link_.inertia if real_inertia else None for link_ in mechanism.links}
     bodies, frames = {GROUND: spec.worldbody}, {GROUND: IDENTITY}
     for branch in tree.branches:
@@ -132,7 +132,7 @@ def _add_links(
 
 
 def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
-    """Return coordinates of a joint read off a pose, with revolutions, which no pose determines."""
+    """Return coordinates of a joint that a pose gives, with the revolutions of the mechanism's start."""
     stated = starts(mechanism)
     kind = KINDS[joint.kind]
     if kind.floating:
@@ -150,7 +150,7 @@ def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tu
 
 
 def _options(spec: mujoco.MjSpec, scene: Scene) -> None:
-    """Set what the scene needs; constraint settings from validation/choices/constraint_settings.py."""
+    """Set the options of a scene; constraint settings from validation/choices/constraint_settings.py."""
     option = spec.option
     option.gravity = scene.acting.gravity if scene.holds("dynamics") else (0.0, 0.0, 0.0)
     option.integrator = mujoco.mjtIntegrator.mjINT_RK4
@@ -195,9 +195,9 @@ def _weld(spec: mujoco.MjSpec, joint: Joint, bodies: Mapping[str, mujoco.MjsBody
 
 
 def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
-    """Couple and hold coordinates; MuJoCo counts both sides from the reference configuration.
+    """Couple and lock coordinates; in MuJoCo both sides are relative to the reference configuration.
 
-    A side that is no single coordinate is a fixed tendon, and so is then the other.
+    If a side is not a single coordinate, both sides are fixed tendons.
     """
     name_of = model_names(mechanism)
     for equality_name, law in mechanism.named_laws.items():
@@ -227,7 +227,7 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
 
 
 def _sides(law: Coupling) -> list[Mapping[str, float]]:
-    """Return coordinate -> weight of both sides, or of the left alone where it is held."""
+    """Return coordinate -> weight of both sides, or of the left side alone if it is locked."""
     return [law.left_terms, law.right_terms] if law.right_terms else [law.left_terms]
 
 
@@ -240,7 +240,7 @@ def _tendon(spec: mujoco.MjSpec, name: str, side: Mapping[str, float]) -> str:
 
 
 def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:
-    """Hold a hinge or slide at a value in [m] or [rad], counted from the reference configuration."""
+    """Lock a hinge or slide at a value in [m] or [rad] relative to the reference configuration."""
     kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
     made = _add_equality(spec, f"hold {joint}", kind, object_kind, (joint, ""))
     made.data[:5] = [value, 0.0, 0.0, 0.0, 0.0]
@@ -261,14 +261,11 @@ def _add_equality(
     )
 
 
-SINGLE_AXIS = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-
-
 def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:
-    """Hold hinges and slides at values in [m] or [rad].
+    """Lock hinges and slides at values in [m] or [rad].
 
     Raises:
-        InputError: for a joint that the model has not, or one of another kind.
+        InputError: for an unknown joint or one of another kind.
     """
     require_single(spec, locks)
     model = compiled(spec)
@@ -277,12 +274,12 @@ def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:
 
 
 def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
-    """Refuse names of what is no hinge or slide of a model.
+    """Reject names of joints that are no hinge or slide of a model.
 
     Raises:
-        InputError: naming those there are.
+        InputError: with the names of hinges and slides.
     """
-    single = [joint.name for joint in spec.joints if joint.name and joint.type in SINGLE_AXIS]
+    single = [joint.name for joint in spec.joints if joint.name and joint.type in SCALAR]
     for name in joint_names:
         if name not in single:
             available = ", ".join(single) or "none"
@@ -290,10 +287,10 @@ def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
 
 
 def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:
-    """Put an inertia in [kg m2] on the crank of a model that the generator made.
+    """Set the armature of the crank of a generated model, in [kg m2].
 
     Raises:
-        InputError: where nothing is called crank.
+        InputError: for a model without a joint called crank.
     """
     crank = next((joint for joint in spec.joints if joint.name == CRANK), None)
     if crank is None:
