@@ -16,8 +16,8 @@ from mechsim.studies.sweep.task import SweepTask
 
 # instants of a run after the first
 SAMPLES = 500
-# fraction of its change within which a quantity has settled, and of the run after which it must have
-SETTLED, LATEST = 0.02, 0.9
+# fraction of its change within which a quantity stays after settling, and the latest fraction of the run
+CLOSE, LATEST = 0.02, 0.9
 
 
 def released_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
@@ -31,9 +31,9 @@ def released_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]
         return {}
     assert task.release is not None
     release = replace(task.release, model=weighing(solver))
-    modal = [measure for measure in measures if measure.number]
+    vibrations = [measure for measure in measures if measure.number]
     timed = [measure for measure in measures if not measure.number]
-    return _of_modes(release, modal) | _of_run(release, timed)
+    return _of_modes(release, vibrations) | _of_run(release, timed)
 
 
 def _of_modes(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
@@ -67,7 +67,7 @@ def _of_run(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
 
 def _settling(name: str, time: Array, values: Array) -> float:
     """Return the instant after which a quantity stays near its last value, in [s]."""
-    outside = np.abs(values - values[-1]) > SETTLED * np.ptp(values)
+    outside = np.abs(values - values[-1]) > CLOSE * np.ptp(values)
     last = int(np.flatnonzero(outside)[-1]) if outside.any() else 0
     if time[last] > LATEST * time[-1]:
         raise AssemblyError(f"{name} does not settle within {time[-1]:g} s; give a longer duration")
