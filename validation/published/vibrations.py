@@ -1,0 +1,99 @@
+"""Modes against the nonlinear run and against MuJoCo's finite differences, with springs and dampers.
+
+Ring-down: the nonlinear run starts on a mode's own free vibration; the largest distance from that vibration
+over a period, relative to the amplitude, falls in proportion to the amplitude. Finite differences: the
+eigenvalues of mjd_transitionFD over a step of MuJoCo's implicit integrator give s = log(z) / step; two steps
+extrapolate its error of first order in the step.
+
+Run: python validation/published/vibrations.py
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from natural_frequencies import CASES, Case
+
+import mechsim as ms
+from mechsim.simulation.dynamics.forward_run import free_model
+
+AMPLITUDES = (1e-2, 1e-3, 1e-4)
+STEPS = (4e-4, 2e-4)
+# impedance of the loops' constraints, and step of the differences
+HARD, DIFFERENCE = 0.999999, 1e-5
+SAMPLES = 40
+
+
+def ring_down(case: Case, number: int, amplitude: float) -> float:
+    """Return the largest distance of the run from the mode's vibration over a period, per amplitude."""
+    model = ms.dynamics.dynamic_model(ms.load(case.name), case.forces)
+    near = dict(zip(model.mechanism.drivers, case.near, strict=True))
+    initial = {f"{name}.q": value for name, value in near.items()}
+    equilibrium = ms.dynamics.nearest_equilibrium(model, initial=initial)
+    mode = equilibrium.modes[number]
+    drivers = model.mechanism.drivers
+    start = {
+        f"{name}.{letter}": (equilibrium.q[name] if letter == "q" else 0.0)
+        + amplitude * (mode.shape[name] * factor).real
+        for name in drivers
+        for letter, factor in (("q", 1.0), ("v", mode.eigenvalue))
+    }
+    run = ms.dynamics.run(model, initial=start, duration=1.0 / mode.frequency, samples=SAMPLES)
+    worst = 0.0
+    for name in drivers:
+        vibration = (mode.shape[name] * np.exp(mode.eigenvalue * run.time)).real
+        displacement = (run.motion.joints[name].value - equilibrium.q[name]) / amplitude
+        worst = max(worst, float(np.abs(displacement - vibration).max()))
+    return worst
+
+
+def transition_eigenvalues(case: Case, timestep: float) -> Any:
+    """Return s = log(z) / step of the eigenvalues z of MuJoCo's transition matrix about the equilibrium."""
+    form = ms.load(case.name)
+    described = ms.dynamics.dynamic_model(form, case.forces)
+    near = {f"{name}.q": value for name, value in zip(form.mechanism.drivers, case.near, strict=True)}
+    equilibrium = ms.dynamics.nearest_equilibrium(described, initial=near)
+    model = free_model(described.mechanism, case.forces, set()).model
+    model.opt.timestep, model.opt.integrator = timestep, mujoco.mjtIntegrator.mjINT_IMPLICIT
+    model.opt.tolerance, model.opt.iterations = 0.0, 100
+    model.eq_solref[:] = 2.0 * timestep, 1.0
+    model.eq_solimp[:] = HARD, HARD, 1.0, 0.5, 2.0
+    data = mujoco.MjData(model)
+    data.qpos[:] = ms.closed_qpos(model, {name: equilibrium.q[name] for name in form.mechanism.drivers})
+    matrix = np.zeros((2 * model.nv, 2 * model.nv))
+    mujoco.mjd_transitionFD(model, data, DIFFERENCE, True, matrix, None, None, None)
+    values = np.linalg.eigvals(matrix).astype(complex)
+    return np.log(values) / timestep
+
+
+def nearest(values: Any, wanted: complex) -> complex:
+    return complex(values[np.argmin(np.abs(values - wanted))])
+
+
+def main() -> None:
+    for case in CASES:
+        model = ms.dynamics.dynamic_model(ms.load(case.name), case.forces)
+        near = {f"{name}.q": value for name, value in zip(model.mechanism.drivers, case.near, strict=True)}
+        modes = ms.dynamics.modes(model, initial=near)
+        eigenvalues = [transition_eigenvalues(case, step) for step in STEPS]
+        for number, mode in enumerate(modes):
+            found = [nearest(values, mode.eigenvalue) for values in eigenvalues]
+            extrapolated = 2.0 * found[1] - found[0]
+            errors = [abs(value / mode.eigenvalue - 1.0) for value in (*found, extrapolated)]
+            distances = [ring_down(case, number, amplitude) for amplitude in AMPLITUDES]
+            print(
+                f"{case.name:13s} mode {number + 1} {mode.frequency:9.5f} Hz; ring-down, distance per amplitude "
+                + ", ".join(f"{distance:.1e}" for distance in distances)
+                + "; transitionFD "
+                + ", ".join(f"{error:.1e}" for error in errors),
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
