@@ -9,6 +9,7 @@ import numpy as np
 from mechsim import files, units
 from mechsim.analytic import dynamics
 from mechsim.analytic.solvers import KinematicSolver
+from mechsim.cli.exit_codes import notes
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -16,6 +17,7 @@ from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Lo
 from mechsim.model.load_profile import table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Geared, PlainMotor
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
 
 Element = TypeVar("Element")
@@ -201,7 +203,10 @@ class LoadOptions:
         )
 
     def dynamic_model(self, solver: KinematicSolver) -> dynamics.DynamicModel:
-        """Return the dynamic model of a mechanism."""
+        """Return the dynamic model of a mechanism; note what acts in its MJCF file and not in the model."""
+        read = solver.source if isinstance(solver, MjcfForm) else None
+        if read is not None and read.left_out:
+            notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
         return dynamics.dynamic_model(
             solver, self.forces(solver), density=self.density, diameter=self.diameter
         )

@@ -155,3 +155,17 @@ def test_runs_modes_and_responses_are_drawn(tmp_path, command):
         )
         assert (code, error) == (1 if i == 0 else 0, "")
         assert picture.stat().st_size > 10_000
+
+
+def test_what_acts_in_a_file_and_not_in_the_model_is_noted(tmp_path, monkeypatch, capsys):
+    (tmp_path / "pendulum.xml").write_text(
+        """<mujoco><worldbody><body name="rod"><joint name="pivot" axis="0 1 0" armature="0.1"/>
+        <geom type="capsule" size="0.01" fromto="0 0 0 0.3 0 0"/></body></worldbody>
+        <actuator><position joint="pivot" kp="3"/></actuator></mujoco>"""
+    )
+    words = ["dynamics", str(tmp_path / "pendulum.xml"), "--initial", "pivot.q=0", "--duration", "0.1s"]
+    monkeypatch.setattr("sys.argv", ["mechsim", *words, "--samples", "5"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code in (0, None)
+    assert "left out of the dynamics: armature, servos" in capsys.readouterr().err

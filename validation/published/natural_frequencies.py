@@ -166,7 +166,10 @@ def exact(case: Case) -> tuple[list[Any], list[tuple[Any, Any]]]:
     mass, damping, stiffness = (mp.zeros(count) for _ in range(3))
     rates = {
         link.name: [
-            [mp.diff(lambda *v, i=i, link=link: _state(case, link, v, place)[i], u, order(k)) for i in range(3)]
+            [
+                mp.diff(lambda *v, i=i, link=link: _state(case, link, v, place)[i], u, order(k))
+                for i in range(3)
+            ]
             for k in range(count)
         ]
         for link in mechanism.links
@@ -217,7 +220,9 @@ def errors(case: Case) -> list[tuple[str, float, float, float]]:
 
 
 def main() -> None:
-    print(f"{'mechanism':14s} {'natural frequency [Hz]':36s} {'damping':>9s} {'rel. error':>11s} {'damping err':>12s}")
+    print(
+        f"{'mechanism':14s} {'natural frequency [Hz]':36s} {'damping':>9s} {'rel. error':>11s} {'of damping':>12s}"
+    )
     worst = 0.0
     for case in CASES:
         for frequency, error, of_ratio, ratio in errors(case):

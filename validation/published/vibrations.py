@@ -86,13 +86,11 @@ def main() -> None:
             extrapolated = 2.0 * found[1] - found[0]
             errors = [abs(value / mode.eigenvalue - 1.0) for value in (*found, extrapolated)]
             distances = [ring_down(case, number, amplitude) for amplitude in AMPLITUDES]
-            print(
-                f"{case.name:13s} mode {number + 1} {mode.frequency:9.5f} Hz; ring-down, distance per amplitude "
-                + ", ".join(f"{distance:.1e}" for distance in distances)
-                + "; transitionFD "
-                + ", ".join(f"{error:.1e}" for error in errors),
-                flush=True,
+            ringing, differences = (
+                ", ".join(f"{value:.1e}" for value in values) for values in (distances, errors)
             )
+            print(f"{case.name:13s} mode {number + 1} {mode.frequency:9.5f} Hz", flush=True)
+            print(f"    ring-down, distance per amplitude {ringing}; transitionFD {differences}", flush=True)
 
 
 if __name__ == "__main__":

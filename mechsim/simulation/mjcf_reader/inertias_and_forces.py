@@ -95,6 +95,19 @@ def forces_of_model(model: mujoco.MjModel) -> Forces:
     return Forces(gravity=vector(gravity(model)), friction=tuple(friction), joint_springs=tuple(springs))
 
 
+def left_out_of_dynamics(model: mujoco.MjModel) -> list[str]:
+    """Return what acts in MuJoCo's own run of a model and in no dynamics of this package, in a few words."""
+    tendons = bool(model.tendon_stiffness.any() or model.tendon_damping.any())
+    present = {
+        "armature": bool(model.dof_armature.any()),
+        "fluid": bool(model.opt.density or model.opt.viscosity),
+        "springs and dampers of tendons": tendons,
+        "gravity compensation": bool(model.body_gravcomp.any()),
+        "servos": bool(model.actuator_biasprm.any()),
+    }
+    return [name for name, acts in present.items() if acts]
+
+
 def _linear(value: Array | float) -> float:
     """Return the linear part of a stiffness or damping, which may be a polynomial."""
     return float(np.ravel(value)[0])

@@ -30,7 +30,11 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import (
     free_joints,
     rotational_joints,
 )
-from mechsim.simulation.mjcf_reader.inertias_and_forces import forces_of_model, with_inertias
+from mechsim.simulation.mjcf_reader.inertias_and_forces import (
+    forces_of_model,
+    left_out_of_dynamics,
+    with_inertias,
+)
 from mechsim.simulation.mjcf_reader.kinematic_tree import (
     Carrier,
     KinematicTree,
@@ -159,6 +163,7 @@ class MjcfModel:
         remarks: sentences on what was left out or changed.
         forces: gravity, and springs, dampers and dry friction of hinges and slides.
         fixed: indices of the file's ball and free joints that were removed because they are locked.
+        left_out: what acts in MuJoCo's own run of the file and in no dynamics of this package.
     """
 
     path: str
@@ -171,6 +176,7 @@ class MjcfModel:
     remarks: tuple[str, ...]
     forces: Forces = Forces()
     fixed: tuple[int, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 @quiet()
@@ -235,6 +241,7 @@ def read_model(
         remarks=(*compiled_file.remarks, *loops.remarks),
         forces=forces_of_model(model),
         fixed=compiled_file.fixed,
+        left_out=tuple(left_out_of_dynamics(model)),
     )
 
 
