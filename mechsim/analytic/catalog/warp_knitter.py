@@ -201,7 +201,7 @@ class WarpKnitter(ClosedForm):
         numbered_points = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
         longest = max(*self.sides, *(abs(point) for point in self.platform))
         listed: list[tuple[dict[str, int | None], dict[str, Array]]] = []
-        for pose in self._assemblies_at(self.pivots.at(angle)):
+        for pose in self._assemblies_at(self.pivots.positions(angle)):
             points = {name: xyz(point) for name, point in self._points(angle, *pose).items()}
             gaps = [
                 max(float(np.abs(points[name] - other[name]).max()) for name in points)
@@ -244,7 +244,7 @@ class WarpKnitter(ClosedForm):
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """The base link as the triad carries it; rods and rocker between its points and the pivots."""
         origin, direction = self._base(angle)
-        a, d, e = self.pivots.at_all(angle)
+        a, d, e = self.pivots.positions_of(angle)
         b, c, k = (origin + direction * point for point in self.platform)
         ez = column(EZ)
         yield "crank1", LinkFrame(column(ORIGIN), x=spun(column(EX), ez, angle), z=ez)
@@ -263,11 +263,11 @@ class WarpKnitter(ClosedForm):
         origin, direction = self._path.poses(angles)
         if not isinstance(angle, Jet):
             return origin, direction
-        return carried(origin, direction, self.pivots.at_all(angle), self.platform, self.sides)
+        return carried(origin, direction, self.pivots.positions_of(angle), self.platform, self.sides)
 
     def _points(self, angle: float, origin: complex, direction: complex) -> dict[str, complex]:
         """Return A, B, C, D, K at one crank angle for a pose of the base link."""
-        a, d, _ = self.pivots.at(angle)
+        a, d, _ = self.pivots.positions(angle)
         b, c, k = (origin + direction * point for point in self.platform)
         return dict(zip("ABCDK", (a, b, c, d, k), strict=True))
 
@@ -279,7 +279,7 @@ class WarpKnitter(ClosedForm):
 
     @cached_property
     def _at_zero(self) -> list[tuple[complex, complex]]:
-        return self._assemblies_at(self.pivots.at(0.0))
+        return self._assemblies_at(self.pivots.positions(0.0))
 
     @cached_property
     def _all_assemblies(self) -> list[Self]:
@@ -297,7 +297,7 @@ class WarpKnitter(ClosedForm):
     @cached_property
     def _nominal_determinant(self) -> float:
         origin, direction = self._at_zero[self.assembly - 1] if self._at_zero else (0j, 1.0 + 0j)
-        vectors = leg_vectors(origin, direction, self.pivots.at(0.0), self.platform)
+        vectors = leg_vectors(origin, direction, self.pivots.positions(0.0), self.platform)
         return determinant(vectors, moments(vectors, direction, self.platform))
 
 

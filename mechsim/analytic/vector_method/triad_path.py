@@ -45,12 +45,12 @@ class Pivots:
     ratios: tuple[float, float, float]
     phases: tuple[float, float, float]
 
-    def at(self, angle: float) -> list[complex]:
+    def positions(self, angle: float) -> list[complex]:
         """Return the pivots at one crank angle."""
         driven = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
         return [centre + cmath.rect(crank, ratio * angle + phase) for centre, crank, ratio, phase in driven]
 
-    def at_all(self, angles: Values) -> list[Any]:
+    def positions_of(self, angles: Values) -> list[Any]:
         """Return the pivots at many crank angles, three (n,); as jets if the angles are one."""
         driven = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
         return [
@@ -63,8 +63,8 @@ class Node:
     """A pose on the path and how singular it is."""
 
     angle: float
-    place: complex
-    turn: complex
+    position: complex
+    direction: complex
     determinant: float
 
 
@@ -127,7 +127,7 @@ class TriadPath:
                 if self.end(1, angle) is not None:
                     break
                 position, phase = self._on_table(np.array([angle]))
-                if abs(phase[0] - first.turn) + abs(position[0] - first.place) / self._extent < 1e-7:
+                if abs(phase[0] - first.direction) + abs(position[0] - first.position) / self._extent < 1e-7:
                     self._round = angle
                     break
         return self._round
@@ -148,7 +148,9 @@ class TriadPath:
             if limit is not None:
                 last = self._nodes[side][-1]
                 beyond = side * angles > side * limit
-                beyond |= (side * angles > side * last.angle) & ~(abs(phase - last.turn) < MAX_DISPLACEMENT)
+                beyond |= (side * angles > side * last.angle) & ~(
+                    abs(phase - last.direction) < MAX_DISPLACEMENT
+                )
                 position[beyond] = phase[beyond] = np.nan
         return position - phase * self._middle, phase
 
@@ -177,19 +179,19 @@ class TriadPath:
             nodes = [*self._nodes[-1][:0:-1], *self._nodes[1]]
             self._table = (
                 np.array([node.angle for node in nodes]),
-                np.array([node.place for node in nodes]),
-                np.array([node.turn for node in nodes]),
+                np.array([node.position for node in nodes]),
+                np.array([node.direction for node in nodes]),
             )
         table_angles, positions, turns = self._table
         up = np.searchsorted(table_angles, angles, side="right") - 1
         index = np.where(
             angles >= 0.0, up, np.minimum(np.searchsorted(table_angles, angles), len(table_angles) - 1)
         )
-        pivots = self._pivots.at_all(angles)
+        pivots = self._pivots.positions_of(angles)
         return close(positions[index], turns[index], pivots, self._platform, self._legs, steps)
 
     def _node(self, angle: float, position: complex, phase: complex) -> Node:
-        vectors = leg_vectors(position, phase, self._pivots.at(angle), self._platform)
+        vectors = leg_vectors(position, phase, self._pivots.positions(angle), self._platform)
         return Node(angle, position, phase, determinant(vectors, moments(vectors, phase, self._platform)))
 
     def _advance(self, side: int) -> None:
@@ -207,7 +209,12 @@ class TriadPath:
             )
         angle = current.angle + side * step
         position, phase = close(
-            current.place, current.turn, self._pivots.at(angle), self._platform, self._legs, steps=5
+            current.position,
+            current.direction,
+            self._pivots.positions(angle),
+            self._platform,
+            self._legs,
+            steps=5,
         )
         nodes.append(self._node(angle, position, phase))
         self._table = None
@@ -216,8 +223,10 @@ class TriadPath:
         """Return the crank step in [rad] over which Newton's method from a node is sure to converge."""
         if node.determinant == 0.0:
             return 0.0
-        vectors = leg_vectors(node.place, node.turn, self._pivots.at(node.angle), self._platform)
-        shift, turning = inverse(vectors, moments(vectors, node.turn, self._platform))
+        vectors = leg_vectors(
+            node.position, node.direction, self._pivots.positions(node.angle), self._platform
+        )
+        shift, turning = inverse(vectors, moments(vectors, node.direction, self._platform))
         gains = [abs(complex(abs(s) / self._extent, t)) for s, t in zip(shift, turning, strict=True)]
         second_derivative = sum(gain * b for gain, b in zip(gains, self._bends, strict=True))
         travel = sum(g * leg * v for g, leg, v in zip(gains, self._legs, self._travel, strict=True))

@@ -77,7 +77,7 @@ def spun(reference: Array, axis: Array, angle: Values) -> Any:
     return c * reference + s * cross(axis, reference)
 
 
-def turn(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None = None) -> Array:
+def rotated(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None = None) -> Array:
     """Turn vectors about a direction and rescale them.
 
     Args:
