@@ -26,7 +26,7 @@ from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import Settings, mjcf
-from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel
+from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
 from mechsim.studies.export import export as export_model
 
 
@@ -137,9 +137,12 @@ def export(
             )
         return _catalogue(every, scene_of(scene))
     assert model is not None
+    joints = tuple(cut.split(",")) if cut else ()
+    is_twin = file_format in SERIAL_FORMATS
+    if not is_twin:
+        require_compatible(file_format, scene, joints, settings, timestep, speed, tolerance)
     extension = {"mjcf-tree": "xml"}.get(file_format, file_format)
     path = None if output is None else writable(output, f".{extension}")
-    is_twin = file_format in SERIAL_FORMATS
     with progress("export", None) as report:
         result = export_model(
             model if is_twin else load_model(model, sets, driven),
@@ -149,7 +152,7 @@ def export(
             format=file_format,
             style=style,
             scene=scene,
-            cut=tuple(cut.split(",")) if cut else (),
+            cut=joints,
             timestep=timestep,
             settings=settings,
             tolerance=tolerance,

@@ -110,7 +110,7 @@ def export(
         twin = serial_twin(model, format, independent=independent, set=set)
         _write(output, twin.text)
         return ExportedModel(twin.name, format, twin.text, twin=twin)
-    _require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
+    require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
     solver = model if isinstance(model, LoopForm) else load(model, set, **options)
     shortfall, verified = "", None
     if style == "menagerie":
@@ -145,7 +145,7 @@ def _require_twin(style: str, scene: str, *others: object) -> None:
         )
 
 
-def _require_compatible(
+def require_compatible(
     format: str,
     scene: str,
     cut: Sequence[str],
