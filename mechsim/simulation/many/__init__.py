@@ -1,1 +1,1 @@
-"""Many designs of one mechanism stepped in MuJoCo together: one compiled model, numbers of each."""
+"""Many designs of one mechanism stepped together: one compiled model with the fields of each design."""

@@ -1,4 +1,4 @@
-"""The closed models of designs, and their stepping through a turn of the crank, all in one batch."""
+"""Models of many designs with closed loops: one compiled model and arrays of fields that differ."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ def assembled_fields(
 
 
 def _branch(branch: Branch, arrays: DesignArrays) -> Branch:
-    """Return a joint of the tree as all designs have it."""
+    """Return a joint of the tree with the points and frames of all designs."""
     point_a, frame_a, point_b, frame_b = arrays.sides()[branch.joint.name]
     a = EndArrays(branch.joint.a.link, point_a, frame_a)
     b = EndArrays(branch.joint.b.link, point_b, frame_b)
@@ -255,7 +255,7 @@ def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedM
 def design_models(
     shared: SharedModel, started: StartedDesigns, designs: Sequence[Mechanism] = ()
 ) -> DesignModels:
-    """Return the models of designs, generated, compiled and closed as one is, on arrays.
+    """Return the models of designs, computed on arrays as the generator and compiler do for one.
 
     Args:
         shared: what they have in common.

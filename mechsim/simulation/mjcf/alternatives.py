@@ -1,4 +1,4 @@
-"""Alternatives in the making of a model, for comparing them: how the crank is driven, a rod as a length.
+"""Alternative models for comparisons: other drives of the crank, a rod as a constant distance.
 
 None is what the generator makes; why not is measured in validation/choices/drive.py and scene_costs.py.
 """
@@ -48,7 +48,7 @@ def add_servo(spec: mujoco.MjSpec) -> None:
 
 
 def inertia_at_crank(model: mujoco.MjModel, qpos: Array, tangent: Array) -> float:
-    """Return the inertia of the links at the crank, in [kg m2], its own armature left out.
+    """Return the inertia of the links at the crank without its armature, in [kg m2].
 
     Args:
         model: compiled.
@@ -63,7 +63,7 @@ def inertia_at_crank(model: mujoco.MjModel, qpos: Array, tangent: Array) -> floa
 
 
 def rod_of(mechanism: Mechanism) -> str | None:
-    """Return the link that is no more than a length between two joints; None if there is none.
+    """Return the link that only keeps two joints at a constant distance; None without one.
 
     It must hang in the model by one of its joints and be closed by the other, both spherical, or both
     revolute in a plane; and no point be tracked on it but at those joints.
@@ -93,7 +93,7 @@ def rod_of(mechanism: Mechanism) -> str | None:
 
 
 def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
-    """Take a rod's body out of an assembled model and keep its two ends at a constant distance instead.
+    """Replace a rod's body in an assembled model by a constant distance of its two ends.
 
     The equality is not active as compiled: it is of a kind that closes no loop for `ModelLoops`.
 

@@ -1,4 +1,4 @@
-"""Specification to model, without the one shortcut of MuJoCo's compiler that depends on absolute lengths."""
+"""Compiles specifications with exact positions at any scale, and writes them as exact MJCF text."""
 
 import os
 import warnings
@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 
 @contextmanager
 def quiet() -> Generator[None]:
-    """Silence MuJoCo's log: what it warns of is read from its counters and reported as an outcome.
+    """Silence MuJoCo's log; its warnings are read from its counters and reported as an outcome.
 
     Left alone it writes MUJOCO_LOG.TXT into the current folder.
     """
@@ -30,7 +30,7 @@ def quiet() -> Generator[None]:
 
 @contextmanager
 def wordless() -> Generator[None]:
-    """Keep what libraries in C print themselves, as Qhull does of narrow meshes, off the console."""
+    """Suppress the output of C libraries, such as Qhull's about narrow meshes."""
     try:
         kept = os.dup(2)
     except OSError:  # there is no console to keep it off

@@ -30,7 +30,7 @@ PLACEHOLDER = 0.1
 
 
 def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:
-    """Give a body mass, centre and principal moments."""
+    """Set mass, centre and principal moments of a body."""
     body.explicitinertial = True
     body.mass, body.ipos = inertia.mass, inertia.centre
     body.iquat, body.inertia = principal(inertia)
@@ -51,7 +51,7 @@ def principal(inertia: Inertia) -> tuple[Array, Array]:
 
 
 def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> None:
-    """Give a link a placeholder inertia: a ball about the middle of its joints, 1 kg in a linkage of 0.1 m.
+    """Set the placeholder inertia of a link: a ball about the middle of its joints, 1 kg for a size of 0.1 m.
 
     Under a prescribed crank no motion depends on it; a ball of the link's own size keeps the mass
     matrix well conditioned whatever the scale. MuJoCo takes a moment of inertia below 1e-15 (mjMINVAL)
@@ -82,7 +82,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True, slots=True)
 class Builder:
-    """A model under construction, its mechanism and where its loops are cut."""
+    """A model under construction, its mechanism and its tree."""
 
     spec: mujoco.MjSpec
     mechanism: Mechanism
@@ -102,7 +102,7 @@ class Builder:
         return name
 
     def point(self, name: str, location: Location) -> str:
-        """Add a site at a place, with the axes of its link's frame; a tracked point has one already."""
+        """Add a site at a location with the axes of its link's frame, except at a tracked point."""
         if isinstance(location, str):
             return location
         link, local = located(self.mechanism, location)
@@ -111,7 +111,7 @@ class Builder:
 
 
 def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bodies, forces: Forces) -> None:
-    """Add to a model everything that acts on its mechanism.
+    """Add all forces on its mechanism to a model.
 
     Actuators, in this order: "motor" (its control 1 switches it on; of a DC motor it is the voltage),
     "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
@@ -154,7 +154,7 @@ def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bo
 
 @dataclass(frozen=True, slots=True)
 class Actuators:
-    """Where a model has the actuators that `add_forces` made, in the order in which it makes them."""
+    """Indices of the actuators that `add_forces` adds, in their order."""
 
     motor: slice
     crank_torque: slice
@@ -165,7 +165,7 @@ class Actuators:
 
 
 def actuators(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
-    """Return which of a number of actuators are what; three for each load and each couple."""
+    """Return the indices of actuators by purpose; a load or a couple has three."""
     turning = [
         spring for spring in forces.joint_springs if not KINDS[mechanism.joint(spring.joint).kind].slides
     ]
@@ -275,7 +275,7 @@ def _add_friction(builder: Builder, friction: Friction) -> None:
 
 
 def coulomb_name(joint: str) -> str:
-    """Return the name, but for its axis, of the actuators that are a joint's dry friction."""
+    """Return the name, without the axis, of the actuators of a joint's dry friction."""
     return f"friction in {joint} dry"
 
 

@@ -1,4 +1,4 @@
-"""A joint in a MuJoCo model: the hinges and slides it is made of, and the points that close it when cut.
+"""Joints in a MuJoCo model: their hinges and slides, and the points that coincide in a cut joint.
 
 Each coordinate of a joint is a hinge or a slide of its own; only a ball is one joint without coordinates.
 """
@@ -34,7 +34,7 @@ class EndArrays:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """One joint of the tree, from a link already placed to the next.
+    """One joint of the tree, from its parent link to its child.
 
     Attributes:
         joint: the joint.
@@ -69,7 +69,7 @@ class ModelJoint:
 
 
 def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
-    """Return the names of the model's joints that make up a joint, in the order of its coordinates.
+    """Return the names of the model's joints for a joint, in the order of its coordinates.
 
     None makes up one that floats: what other joints hold hangs on those.
     """
@@ -89,7 +89,7 @@ def model_names(mechanism: Mechanism) -> dict[str, str]:
 
 
 def coincident_points(kind: Kind) -> list[float] | None:
-    """Return heights along the axis at which points of both links meet in a joint, and by that hold it.
+    """Return heights along the axis at which points of both links coincide and so constrain a joint.
 
     A joint can be cut where they do: MuJoCo has an equality that closes it exactly, point on point. None
     if no points say what the joint says.
@@ -108,7 +108,7 @@ def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
 
 
 def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
-    """Return the child's pose in the parent's frame nearest to two rough poses, and its joint coordinates.
+    """Return the child's pose in the parent's frame nearest to an initial guess, and its joint coordinates.
 
     The joint is kept exactly: only its free coordinates are taken from the rough poses. Poses and ends may be
     of d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
@@ -126,12 +126,12 @@ def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[
 
 
 def _placed(end: End | EndArrays, link: Pose) -> tuple[Array, Array]:
-    """Return where a side of a joint stands with its link: point (..., 3) and frame (..., 3, 3)."""
+    """Return the point, (..., 3), and frame, (..., 3, 3), of a side of a joint at the pose of its link."""
     return link.position + rotated(link.rotation, np.asarray(end.point)), link.rotation @ end.frame
 
 
 def _ball(branch: Branch, parent: Pose, child: Pose) -> Pose:
-    """Return the child's pose in the parent's frame, turned as rough poses have it."""
+    """Return the child's pose in the parent's frame with the relative rotation of the initial guess."""
     to_parent = np.swapaxes(parent.rotation, -1, -2)
     rotation = to_parent @ child.rotation
     if KINDS[branch.joint.kind].floating:
@@ -155,7 +155,7 @@ def _posed(branch: Branch, values: Sequence[float | Array]) -> Pose:
 def model_joints(
     mechanism: Mechanism, branch: Branch, local: Pose, values: Sequence[float | Array]
 ) -> list[ModelJoint]:
-    """Return the hinges and slides, or the ball, by which a tree joint holds its child body.
+    """Return the hinges and slides, or the ball, of a tree joint.
 
     Args:
         mechanism: whose joint it is.

@@ -1,4 +1,4 @@
-"""Where to cut the loops: a mechanism as a tree of bodies and a few joints closed by constraints."""
+"""Cuts of loops: a mechanism as a spanning tree and cut joints that constraints close."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -85,14 +85,14 @@ def cut_loops(
 
 
 def _needed(mechanism: Mechanism) -> set[str]:
-    """Return the names of joints that the model must have: what is driven, held or geared."""
+    """Return the names of joints that must not be cut: driven, locked or geared ones."""
     driven = {joint.name for joint in mechanism.driven_joints}
     geared = joints_of(mechanism, [name for law in mechanism.laws for name in law.coordinates])
     return driven | geared | joints_of(mechanism, mechanism.locked)
 
 
 def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str]) -> None:
-    """Refuse to cut what is no joint, or one that the model must have."""
+    """Reject cuts of unknown joints and of joints that must not be cut."""
     for unknown in requested - {joint.name for joint in mechanism.joints}:
         names = ", ".join(joint.name for joint in mechanism.joints)
         raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {names}")
@@ -105,7 +105,7 @@ def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str
 def _weighed(
     mechanism: Mechanism, requested: set[str], needed: set[str], keep: Collection[str]
 ) -> "nx.MultiGraph[str]":
-    """Return links and joints as a graph; the heavier a joint, the rather it stays in the tree."""
+    """Return links and joints as a graph; joints with larger weights stay in the tree first."""
     import networkx as nx
 
     graph: nx.MultiGraph[str] = nx.MultiGraph()
@@ -129,7 +129,7 @@ def _weighed(
 
 
 def _rejection_reason(joint: Joint, needed: set[str]) -> str:
-    """Say why a loop cannot be cut at the joint at which it would have to be."""
+    """Return the reason why a loop cannot be cut at a joint."""
     if joint.name in needed:
         return (
             f"the loop through joint {joint.name!r} has only driven and geared joints; "
@@ -151,7 +151,7 @@ def _cuttable(kind: Kind) -> bool:
 
 
 def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
-    """Count joints from the driven link to each link, never through the frame."""
+    """Return the number of joints from the driven link to each link on paths without the frame."""
     import networkx as nx
 
     driver = mechanism.driven_joints[0]
@@ -183,7 +183,7 @@ def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, floa
     assert normals is not None
 
     def along(end: End | EndArrays) -> float:
-        """Say whether an axis lies along the normal, or against it."""
+        """Return +1 for an axis along the normal, -1 for one against it."""
         return float(np.sign(normals[end.link] @ end.frame[:, 2]))
 
     sums: dict[str, dict[str, float]] = {GROUND: {}}

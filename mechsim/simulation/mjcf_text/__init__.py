@@ -1,1 +1,1 @@
-"""Edits the text of MJCF files in place: comments, order and format stay as their authors have them."""
+"""Edits the text of MJCF files in place and keeps comments, order and format."""

@@ -1,4 +1,4 @@
-"""An MJCF text and the edits made to it: attributes set, elements added or taken away."""
+"""An MJCF text and edits of it: attributes set, elements added or removed."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ _ATTRIBUTE = re.compile(r"""([\w:.-]+)\s*=\s*("[^"]*"|'[^']*')""")
 
 @dataclass
 class Element:
-    """An element and where it stands.
+    """An element and its position in the text.
 
     Attributes:
         tag: its name.
@@ -36,18 +36,18 @@ class Element:
 
     @property
     def empty(self) -> bool:
-        """Whether its start tag is all of it."""
+        """Whether the element consists of its start tag only."""
         return self.close == self.end
 
     def every(self, *tags: str) -> Iterator["Element"]:
-        """Yield the elements in it, all depths, in the order of the text, of these tags if any are named."""
+        """Yield the elements at all depths in the order of the text, with these tags if any are given."""
         for child in self.children:
             if not tags or child.tag in tags:
                 yield child
             yield from child.every(*tags)
 
     def within(self, tag: str) -> "Element | None":
-        """Return the nearest element around it of a tag."""
+        """Return the innermost enclosing element with a tag."""
         above = self.parent
         while above is not None and above.tag != tag:
             above = above.parent
@@ -92,13 +92,13 @@ def elements_of(text: str, where: str = "the text") -> Element:
 
 
 def _indices(text: str, data: bytes) -> Callable[[int], int]:
-    """Return what gives the index of a character from that of its byte."""
+    """Return a function from the index of a byte to the index of its character."""
     plain = len(data) == len(text)
     return lambda byte: byte if plain else len(data[:byte].decode())
 
 
 def _tag_end(text: str, start: int) -> int:
-    """Return the index after the `>` of the tag that starts somewhere; one in a value does not end it."""
+    """Return the index after the `>` that ends a tag; a `>` in a value does not end it."""
     quote, i = "", start
     while True:
         character = text[i]
@@ -112,7 +112,7 @@ def _tag_end(text: str, start: int) -> int:
 
 
 def value_span(text: str, element: Element, name: str) -> tuple[int, int] | None:
-    """Return where the value of an attribute stands between its quotes; None where it has none."""
+    """Return start and end of the value of an attribute between its quotes; None without the attribute."""
     for match in _ATTRIBUTE.finditer(text, element.start, element.opened):
         if match[1] == name:
             return match.start(2) + 1, match.end(2) - 1
@@ -121,7 +121,7 @@ def value_span(text: str, element: Element, name: str) -> tuple[int, int] | None
 
 @dataclass
 class EditedText:
-    """A text with edits that are made when it is asked for.
+    """A text with edits that are applied when the result is requested.
 
     Attributes:
         text: as it was.
@@ -138,14 +138,14 @@ class EditedText:
 
     @property
     def result(self) -> str:
-        """The text with all edits made."""
+        """The text with all edits."""
         out = self.text
         for start, end, new in sorted(self.edits, key=lambda edit: edit[0], reverse=True):
             out = out[:start] + new + out[end:]
         return out
 
     def set(self, element: Element, name: str, value: str) -> None:
-        """Give an element an attribute, in place of the value it has."""
+        """Set an attribute of an element."""
         span = value_span(self.text, element, name)
         if span is not None:
             if self.text[slice(*span)] != value:
@@ -161,11 +161,11 @@ class EditedText:
         self._put(element.opened, self._indent_in(element), new)
 
     def put_after(self, element: Element, new: str) -> None:
-        """Add lines after an element, as far in as it is."""
+        """Add lines after an element with the same indentation."""
         self._put(element.end, self._indent(element), new)
 
     def _put(self, position: int, indent: str, new: str) -> None:
-        """Add lines at a place, what follows it in a line of its own."""
+        """Add lines at a position; the text after it starts a new line."""
         line_goes_on = self.text[position : position + 1].strip() != ""
         lines = "".join(f"\n{indent}{line}" for line in new.split("\n"))
         self.edits.append((position, position, lines + (f"\n{indent}" if line_goes_on else "")))
@@ -181,7 +181,7 @@ class EditedText:
         self.edits.append((position, element.close, before + lines + own))
 
     def take_away(self, element: Element) -> None:
-        """Take an element away, with its line where nothing else stands in it."""
+        """Remove an element, and its line if that is then empty."""
         start, end = element.start, element.end
         first, last = self.text.rfind("\n", 0, start) + 1, self.text.find("\n", end)
         last = len(self.text) if last < 0 else last
@@ -190,12 +190,12 @@ class EditedText:
         self.edits.append((start, end, ""))
 
     def _indent(self, element: Element) -> str:
-        """Return the white space before an element in its line; nothing where something else stands there."""
+        """Return the white space before an element in its line; empty if other text precedes it."""
         before = self.text[self.text.rfind("\n", 0, element.start) + 1 : element.start]
         return before if not before.strip() else ""
 
     def _indent_in(self, element: Element) -> str:
-        """Return the white space with which children of an element begin their lines."""
+        """Return the indentation of the children of an element."""
         own = self._indent(element)
         for child in element.children:
             if "\n" in self.text[element.opened : child.start]:
@@ -209,7 +209,7 @@ MAX_REPEATED = 2
 
 
 def set_options(edited: EditedText, options: Mapping[str, str], flags: Mapping[str, bool]) -> None:
-    """Set options and flags: where the text has them, else in its last `option`, else in a new one."""
+    """Set options and flags where the text has them, else in its last `option` or a new one."""
     sections = [element for element in edited.root.children if element.tag == "option"]
     remaining = dict(options)
     for name, value in options.items():
@@ -252,7 +252,7 @@ def _attributes(values: Mapping[str, str]) -> str:
 
 
 def equality_elements(root: Element) -> list[Element]:
-    """Return the equality constraints of a text, in its order."""
+    """Return the equality constraints of a text in order."""
     return [
         equality for section in root.children if section.tag == "equality" for equality in section.children
     ]
@@ -289,7 +289,7 @@ def _main_defaults(root: Element) -> Sequence[Element]:
 
 
 def _default(root: Element) -> Element | None:
-    """Return what the main default says of equality constraints; None where it says nothing."""
+    """Return the `equality` element of the main default; None without one."""
     defaults = [
         element
         for section in _main_defaults(root)
@@ -321,7 +321,7 @@ def _set_default(edited: EditedText, values: Mapping[str, str]) -> None:
 
 
 def put_comment(edited: EditedText, lines: Sequence[str]) -> None:
-    """Say something at the beginning of the model."""
+    """Add a comment at the beginning of the model."""
     text = "\n     ".join(line.replace("--", "- -") for line in lines)
     edited.put_first(edited.root, f"<!-- {text} -->")
 

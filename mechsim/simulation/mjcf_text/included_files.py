@@ -1,4 +1,4 @@
-"""Files that an MJCF file includes: put into its text where they must change, paths kept right."""
+"""Files that an MJCF file includes: inserted into its text where they change, with adjusted paths."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ MAX_DEPTH = 20
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of an MJCF file, its line ends as they are.
+    """Return the text of an MJCF file with its own line ends.
 
     Raises:
         InputError: where it cannot be read.
@@ -28,7 +28,7 @@ def read_text(path: str | Path) -> str:
 def with_included(
     text: str, folder: Path, selected: Callable[[Element], bool], base: Path | None = None, depth: int = 0
 ) -> tuple[str, tuple[str, ...]]:
-    """Return a text with those included files put into it that are concerned, or include one that is.
+    """Return a text with those included files inserted that change or include one that changes.
 
     Args:
         text: of an MJCF file.
@@ -67,7 +67,7 @@ def find_include(name: str, folder: Path, base: Path | None) -> Path | None:
 
 
 def moved_to(text: str, folder: Path, target: Path) -> str:
-    """Return a text whose relative paths, right from one folder, are right from another.
+    """Return a text with relative paths changed from one folder to another.
 
     Args:
         text: of an MJCF file.
@@ -155,7 +155,7 @@ def _included(path: Path, folder: Path, depth: int = 0) -> Iterator[tuple[str, s
 
 
 def _keys(element: Element) -> Iterator[tuple[str, ...]]:
-    """Yield by what an element is looked for."""
+    """Yield the keys by which an element is found."""
     attributes = element.attributes
     ends = [
         tuple(attributes.get(f"{end}{i}", "") for i in (1, 2))
