@@ -25,7 +25,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.file_bodies import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
-from mechsim.studies.motion_source import MOST_SAMPLES, joint_loads, motion_of, profile_of, weighing
+from mechsim.studies.motion_source import MOST_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
 from mechsim.studies.release import Release
 from mechsim.units import crank_speed, option, parse_angle
 
@@ -127,7 +127,7 @@ def render(
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"
-    motion = motion_of(solver, "simulated" if both else animation.method, profile, samples)
+    motion = drawn_motion(solver, "simulated" if both else animation.method, profile, samples)
     extra: dict[str, Any] = {}
     captions = [] if animation.slow is None else [animation.caption]
     masses: Sequence[LinkMass] = ()

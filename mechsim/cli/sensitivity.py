@@ -23,10 +23,10 @@ from mechsim.studies.sensitivity import (
     Sensitivity,
     ToleranceStudy,
     derivative_table,
-    instants_of,
+    parsed_tolerances,
     path_bands,
+    spread_instants,
     tolerance_study,
-    tolerances_of,
     written_tolerances,
 )
 from mechsim.studies.sensitivity.tolerance_analysis import SAMPLES, SEED
@@ -141,7 +141,7 @@ def sensitivity(
         name = "--angles" if options.angles else "--speed"
         raise InputError(f"{name} is of a crank without a motion law; leave it out with --drive")
     if options.angles is None:
-        instants = instants_of(solver)
+        instants = spread_instants(solver)
     else:
         instants = units.parse_angles(options.angles, "the crank angles")
         warn_about_angles("--angles", options.angles, solver)
@@ -150,7 +150,7 @@ def sensitivity(
     tolerances = None
     if options.tolerances is not None:
         bounds = written_tolerances(options.tolerances)
-        tolerances = tolerances_of(bounds, parametric.dimensions, solver.mechanism, options.distribution)
+        tolerances = parsed_tolerances(bounds, parametric.dimensions, solver.mechanism, options.distribution)
     with progress("sensitivity", None) as report:
         to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
         table = derivative_table(moved, options.quantities, to)

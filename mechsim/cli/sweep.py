@@ -25,12 +25,12 @@ from mechsim.studies.sweep.subject import SweptSubject
 from mechsim.studies.sweep.sweeping import (
     CheckedDesigns,
     built,
-    check_table,
+    check_sweep,
     run_sweep,
     swept_designs,
     swept_task,
 )
-from mechsim.studies.sweep.table import columns, require_libraries, suffix_of
+from mechsim.studies.sweep.table import design_columns, require_libraries, suffix_of
 from mechsim.studies.sweep.task import BUILT
 from mechsim.units import crank_speed
 
@@ -147,7 +147,7 @@ def sweep(
     with progress("sweep", None) as report:
         result = run_sweep(task, output, resume=resume, scheduler=scheduler, progress=report)
     seconds = time.perf_counter() - start
-    checked = check_table(task, result, check) if check > 0 else None
+    checked = check_sweep(task, result, check) if check > 0 else None
     masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.measures.loaded else ()
     data: Any = {"model": source.model, "output": output, "designs": task.designs.count}
     data |= {"built": built(result), "seconds": seconds} | masses_in_json(masses)
@@ -203,7 +203,7 @@ def _print_checked(checked: CheckedDesigns) -> None:
 
 def _print(result: "Dataset", title: str) -> None:
     """Print the least and the largest value of each measure with their designs, and why designs fail."""
-    table = columns(result)
+    table = design_columns(result)
     valid = np.isin(table["outcome"].astype(str), BUILT)
     parameters = [str(name) for name in result.coords]
     measures = [name for name in table if name not in ("outcome", "reason", *parameters)]

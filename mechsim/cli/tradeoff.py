@@ -27,7 +27,7 @@ from mechsim.studies.tradeoff import (
     Budget,
     Subject,
     Tradeoff,
-    measure,
+    measure_tradeoff,
     subject_of,
     subject_of_model,
     write_csv,
@@ -151,7 +151,7 @@ def tradeoff(
     timer = _timed_budget(budget, drawn=plot is not None)
     with progress("tradeoff", None) as report:
         subject = _subject(source, crank_speed(speed), timer)
-        result = measure(subject, budget=timer, seed=seed, progress=report)
+        result = measure_tradeoff(subject, budget=timer, seed=seed, progress=report)
     if path is not None:
         write_csv(path, result, by)
     if plot_path is not None:

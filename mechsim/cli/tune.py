@@ -17,7 +17,7 @@ from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.studies.scene.settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.tune import SECONDS, Tuned, TuningReport
 from mechsim.studies.scene.tune_model import tune as tune_model
-from mechsim.studies.scene.write_tuned import changes
+from mechsim.studies.scene.write_tuned import setting_changes
 
 # rows of the table of tried settings
 MOST_ROWS = 14
@@ -177,7 +177,7 @@ def _print(report: TuningReport, data: dict[str, Any]) -> None:
 
 
 def _summary(result: Tuned, trial: SceneTrial) -> str:
-    changed = changes(result.scene, trial.settings)
+    changed = setting_changes(result.scene, trial.settings)
     return ", ".join(f"{name} {value}" for name, value in changed.items()) or "none"
 
 

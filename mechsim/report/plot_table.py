@@ -25,9 +25,9 @@ from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
 from mechsim.studies.extremes.plot import extremes_map
-from mechsim.studies.motion_source import motion_of, profile_of, simulated_forces, weighing
+from mechsim.studies.motion_source import drawn_motion, profile_of, simulated_forces, weighing
 from mechsim.studies.release import Release
-from mechsim.studies.tradeoff import measure, subject_of
+from mechsim.studies.tradeoff import measure_tradeoff, subject_of
 from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.theory.continuation import trace
 from mechsim.theory.velocity_plan import velocity_plan
@@ -98,7 +98,7 @@ class PlotSource:
         """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""
         if method not in self.motions:
             profile = profile_of(self.solver, self.speed, 1.0)
-            self.motions[method] = motion_of(self.solver, method, profile, samples)
+            self.motions[method] = drawn_motion(self.solver, method, profile, samples)
         return self.motions[method]
 
     @property
@@ -349,7 +349,9 @@ PLOTS = {
     "modes": PlotKind("shapes of the modes of vibration", _modes, released="always"),
     "precision": PlotKind(
         "error over cost of MuJoCo's settings, measured now",
-        lambda source: work_precision(measure(subject_of(source.solver, source.speed), budget=BUDGET)),
+        lambda source: work_precision(
+            measure_tradeoff(subject_of(source.solver, source.speed), budget=BUDGET)
+        ),
     ),
     "stability": PlotKind("where runs stop to be right along every axis, found now", _stability),
 }

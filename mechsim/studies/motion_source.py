@@ -45,7 +45,7 @@ def driven_as(solver: KinematicSolver, profile: CrankProfile) -> dict[str, Any]:
     return {"profile": profile} if solver.motion_laws.crank else {"motion_laws": solver.motion_laws}
 
 
-def motion_of(solver: KinematicSolver, method: str, profile: CrankProfile, samples: float) -> Motion:
+def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, samples: float) -> Motion:
     """Return a motion to be drawn, with so many evenly spread samples after the first.
 
     Args:

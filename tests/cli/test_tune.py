@@ -11,7 +11,7 @@ import pytest
 from scene_texts import FINGER, FLOATING, scene
 
 from mechsim import files
-from mechsim.studies.scene import stepped
+from mechsim.studies.scene import run_scene
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +72,7 @@ def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_says(m
     folder = tmp_path / "judge"
     folder.mkdir()
     judge = scene(folder, drive={"knuckle": "0.5*sin(2*pi*t)"})
-    places = replace(stepped(judge, records=2), qpos=states).points
+    places = replace(run_scene(judge, records=2), qpos=states).points
     assert judge.closure.errors(states, places).max() == pytest.approx(told["tuned"]["error"], rel=1e-3)
 
 

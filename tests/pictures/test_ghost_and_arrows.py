@@ -17,7 +17,7 @@ from mechsim.pictures.render.drawn_model import GHOST
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import span
-from mechsim.studies.motion_source import joint_loads, motion_of, profile_of
+from mechsim.studies.motion_source import drawn_motion, joint_loads, profile_of
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)
@@ -184,7 +184,7 @@ def test_points_and_joints_of_one_name_lie_in_one_place(name):
 def test_both_roads_put_the_same_forces_into_the_joints(name):
     drive = catalog.make(name)
     profile = profile_of(drive, 60.0, 1.0)
-    motion = motion_of(drive, "closed", profile, 12)
+    motion = drawn_motion(drive, "closed", profile, 12)
     closed = joint_loads(drive, "closed", profile, motion)
     simulated = joint_loads(drive, "simulated", profile, motion)
     for kind, found in closed.items():
@@ -236,6 +236,6 @@ def test_every_frame_written_is_told(drive, motion, tmp_path):
 def test_moments_that_are_rounding_are_none(name, none):
     drive = catalog.make(name)
     profile = profile_of(drive, 60.0, 1.0)
-    loads = joint_loads(drive, "closed", profile, motion_of(drive, "closed", profile, 24))
+    loads = joint_loads(drive, "closed", profile, drawn_motion(drive, "closed", profile, 24))
     shown = arrows.arrows("moment", loads["moments"], drive.mechanism.size)
     assert (shown.legend[0] == "moment: none") == none

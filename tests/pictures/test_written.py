@@ -11,14 +11,14 @@ from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.labels import foot, letters
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import camera
-from mechsim.studies.motion_source import motion_of, profile_of
+from mechsim.studies.motion_source import drawn_motion, profile_of
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rsur", "humanoid_ankle", "parallel_gripper"])
 def test_every_joint_that_turns_on_the_ground_has_a_name(name):
     form = load(name)
     mechanism = form.mechanism
-    motion = motion_of(form, "closed", profile_of(form, 1.0, 0.1), 3)
+    motion = drawn_motion(form, "closed", profile_of(form, 1.0, 0.1), 3)
     written = named(Source(mechanism, motion).drawn(Look()), 0)
     at = np.array(list(written.values()))
     for joint in mechanism.joints:

@@ -5,10 +5,10 @@ from scene_texts import FINGER
 
 from mechsim.errors import InputError
 from mechsim.studies.reduction import fit_parameters as refitting
-from mechsim.studies.reduction import reduced, with_comment
+from mechsim.studies.reduction import reduce_scene, with_comment
 from mechsim.studies.reduction.candidates import bodies, stepping
 from mechsim.studies.reduction.candidates.bodies import disconnected_bodies
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, changed
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, with_candidate
 from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
 from mechsim.studies.reduction.fit_parameters import Parameter, refit, set_in_spec
 from mechsim.studies.reduction.observations import observe
@@ -91,7 +91,7 @@ def cluttered(tmp_path_factory):
 def found(cluttered):
     with pytest.MonkeyPatch.context() as patch:
         few_trials(patch)
-        return reduced(*cluttered[:2], BOUND)
+        return reduce_scene(*cluttered[:2], BOUND)
 
 
 @pytest.mark.slow
@@ -124,10 +124,10 @@ def test_geoms_that_touch_stay_and_others_go_with_their_mass_kept(cluttered):
     found = observed(evaluator)
     assert found.touched == {"table", "ball"}
     (away,) = contacts(found)
-    spec = changed(evaluator.spec, away)
+    spec = with_candidate(evaluator.spec, away)
     assert (spec.geom("blade").contype, spec.geom("ball").contype) == (0, 1)
     geoms = next(c for c in visual_elements(found) if "geoms" in c.what)
-    reduced_model = changed(evaluator.spec, geoms).compile()
+    reduced_model = with_candidate(evaluator.spec, geoms).compile()
     assert {reduced_model.geom(g).name for g in range(reduced_model.ngeom)} == {"table", "ball"}
     whole = evaluator.spec.copy().compile()
     assert np.allclose(reduced_model.body_mass, whole.body_mass, rtol=1e-15)
@@ -136,7 +136,7 @@ def test_geoms_that_touch_stay_and_others_go_with_their_mass_kept(cluttered):
 def test_only_what_nothing_joins_is_apart(cluttered):
     _, _, evaluator = cluttered
     (away,) = disconnected_bodies(observed(evaluator))
-    reduced_model = changed(evaluator.spec, away).compile()
+    reduced_model = with_candidate(evaluator.spec, away).compile()
     left = {reduced_model.body(b).name for b in range(reduced_model.nbody)}
     assert left == {"world", "crank", "rod", "lever", "pad", "shelf"}
 
@@ -146,7 +146,7 @@ def test_a_limit_that_is_reached_stays(tmp_path):
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, text))
     away, reached = limits(observed(evaluator))
     assert "knuckle" in reached.what
-    reduced_model = changed(evaluator.spec, away).compile()
+    reduced_model = with_candidate(evaluator.spec, away).compile()
     assert reduced_model.jnt_limited[reduced_model.joint("knuckle").id]
     assert not reduced_model.jnt_limited[reduced_model.joint("elbow").id]
 
@@ -167,9 +167,9 @@ def test_the_bench_condemns_a_scene_that_lacks_what_it_needs(cluttered):
     _, _, evaluator = cluttered
     assert evaluator.errors(evaluator.scene(evaluator.spec)).trajectory == 0.0
     spring = next(c for c in springs(observed(evaluator)) if c.what == "spring of swing")
-    assert evaluator.errors(evaluator.scene(changed(evaluator.spec, spring))).trajectory > BOUND
+    assert evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, spring))).trajectory > BOUND
     heavy = RemovalCandidate("wrong", "a mass", lambda spec: setattr(spec.body("lever"), "mass", 0.3))
-    wrong = evaluator.errors(evaluator.scene(changed(evaluator.spec, heavy)))
+    wrong = evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, heavy)))
     assert wrong.trajectory > BOUND
     assert wrong.torque > 1e-3
     assert wrong.energy > 1e-5
@@ -252,7 +252,7 @@ def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path, in
 def test_a_scene_that_diverges_is_refused(tmp_path):
     user, spec = scene(tmp_path, FINGER.replace('kv="0.02"', 'kv="50"'))
     with pytest.raises(InputError, match="diverges over its motion"):
-        reduced(user, spec, 1e-5)
+        reduce_scene(user, spec, 1e-5)
 
 
 JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
@@ -274,7 +274,7 @@ def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_no
     found = refit((evaluator, to_fit), observed(evaluator), 2, {})
     plain = evaluator.spec.copy()
     stepping.set_longer_steps(plain, 2, int(stepping.EULER))
-    fitted = changed(evaluator.spec, found.candidate)
+    fitted = with_candidate(evaluator.spec, found.candidate)
     errors = {
         kind: held_back.errors(held_back.scene(of)).trajectory
         for kind, of in (("fitted", fitted), ("plain", plain))
@@ -293,10 +293,10 @@ def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
     parameter = Parameter("equality", ("elbow_of_knuckle",), (("eq_solref", 0),))
     fitted = RemovalCandidate("stepping", "fitted", lambda spec: set_in_spec(spec, [parameter], np.ones(1)))
     with pytest.raises(NotApplicable, match="elbow_of_knuckle"):
-        changed(spec, fitted)
+        with_candidate(spec, fitted)
 
 
 def test_a_tracked_point_that_stays_where_it_is_is_refused(tmp_path):
     user, spec = scene(tmp_path, SERVO, track=("P,arm@0,0,0",))
     with pytest.raises(InputError, match=r"moves by 0 m .* track a point that moves"):
-        reduced(user, spec, 1e-5)
+        reduce_scene(user, spec, 1e-5)

@@ -8,7 +8,7 @@ from studies.test_reduction import BOUND, observed, scene
 
 from mechsim.studies.reduction.candidates import joint_polynomials
 from mechsim.studies.reduction.candidates.bodies import fused_bodies
-from mechsim.studies.reduction.candidates.candidate import changed
+from mechsim.studies.reduction.candidates.candidate import with_candidate
 from mechsim.studies.reduction.candidates.mirrors import mirrored_mechanisms
 from mechsim.studies.reduction.candidates.rods import (
     add_weight,
@@ -39,7 +39,7 @@ def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path)
             *scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",))
         )
         (away,) = mirrored_mechanisms(observed(evaluator))
-        reduced_model = evaluator.scene(changed(evaluator.spec, away))
+        reduced_model = evaluator.scene(with_candidate(evaluator.spec, away))
         assert [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)] == ["left"]
         assert (evaluator.errors(reduced_model).trajectory < 1e-12) is same
 
@@ -49,7 +49,7 @@ def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
     found = observed(evaluator)
     assert [(chain.joints, chain.closing) for chain in loose_chains(found)] == [(("elbow",), "closing")]
-    specs = [changed(evaluator.spec, rod) for rod in rods_as_lengths(found)]
+    specs = [with_candidate(evaluator.spec, rod) for rod in rods_as_lengths(found)]
     whole, reduced_model = evaluator.spec.copy().compile(), specs[0].copy().compile()
     assert reduced_model.nv == whole.nv - 1
     assert reduced_model.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-14)
@@ -66,11 +66,11 @@ def test_a_leaf_of_which_nothing_is_tracked_is_fused_halfway(tmp_path):
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
     ways = {way.what: way for way in passive_chains(observed(evaluator))}
     leaf = next(way for what, way in ways.items() if "pad" in what)
-    reduced_model = evaluator.scene(changed(evaluator.spec, leaf))
+    reduced_model = evaluator.scene(with_candidate(evaluator.spec, leaf))
     assert "swing" not in [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)]
     assert evaluator.errors(reduced_model).trajectory < 10 * BOUND
     loop = next(way for what, way in ways.items() if "closing" in what)
-    assert evaluator.errors(evaluator.scene(changed(evaluator.spec, loop))).trajectory > 1e-3
+    assert evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, loop))).trajectory > 1e-3
 
 
 def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
@@ -80,10 +80,10 @@ def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
     )
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, text, track=("nail",)))
     assert [len(fused_bodies(observed(evaluator)))] == [1]
-    reduced_model = changed(evaluator.spec, fused_bodies(observed(evaluator))[0]).compile()
+    reduced_model = with_candidate(evaluator.spec, fused_bodies(observed(evaluator))[0]).compile()
     assert (
         evaluator.errors(
-            evaluator.scene(changed(evaluator.spec, fused_bodies(observed(evaluator))[0]))
+            evaluator.scene(with_candidate(evaluator.spec, fused_bodies(observed(evaluator))[0]))
         ).trajectory
         < BOUND
     )
@@ -125,10 +125,10 @@ def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_th
     )
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
     needed, all_of_them = joint_polynomials.loops_as_polynomials(observed(evaluator))
-    reduced_model = evaluator.scene(changed(evaluator.spec, all_of_them))
+    reduced_model = evaluator.scene(with_candidate(evaluator.spec, all_of_them))
     assert (reduced_model.model.nv, reduced_model.model.neq) == (3, 2)
     assert evaluator.errors(reduced_model).trajectory < 2 * BOUND
-    spec = changed(evaluator.spec, needed)
+    spec = with_candidate(evaluator.spec, needed)
     reduced_model = evaluator.scene(spec)
     assert (reduced_model.model.nv, reduced_model.model.neq) == (2, 1)
     assert evaluator.errors(reduced_model).trajectory < 1e-4

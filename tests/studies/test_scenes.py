@@ -6,7 +6,7 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.scene import compute_reference, errors_of, step_times, stepped
+from mechsim.studies.scene import compute_reference, errors_of, run_scene, step_times
 from mechsim.studies.scene.converged_reference import hardened, interpolated
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
@@ -29,7 +29,7 @@ def test_a_run_is_what_a_loop_in_python_gets_of_the_file(fed):
         data.ctrl[0] = 0.5 * np.sin(2 * np.pi * data.time)
         mujoco.mj_step(model, data)
         states.append(data.qpos.copy())
-    run = stepped(fed, records=None)
+    run = run_scene(fed, records=None)
     assert np.abs(run.qpos[1:] - states).max() < 1e-12
     assert run.time[-1] == pytest.approx(0.5)
 
@@ -38,7 +38,7 @@ def test_the_closure_of_a_closed_state_is_that_state_and_of_one_that_is_open_by_
     closure = fed.closure
     assert closure.drivers == ("knuckle",)
     state = closure.moved_to(fed.start[0], {"knuckle": 0.4})
-    run = replace(stepped(fed, records=2), qpos=state[None])
+    run = replace(run_scene(fed, records=2), qpos=state[None])
     assert closure.errors(run.qpos, run.points).max() < 1e-14
     aside = run.qpos.copy()
     aside[0, 2] += 1e-4  # the lever turns 0.05 m off its point, and the rod with it
@@ -48,19 +48,19 @@ def test_the_closure_of_a_closed_state_is_that_state_and_of_one_that_is_open_by_
 
 def test_a_state_that_no_closed_pose_is_near_is_infinitely_wrong(fed):
     far = fed.start[0][None] + np.array([3.0, 0.0, 0.0, 0.0])
-    run = replace(stepped(fed, records=2), qpos=far)
+    run = replace(run_scene(fed, records=2), qpos=far)
     assert fed.closure.errors(run.qpos, run.points).max() > 1e-2
 
 
 def test_points_that_drivers_leave_open_belong_where_they_are(fed):
     state = fed.closure.moved_to(fed.start[0], {"knuckle": 0.2})
     swung = state + np.array([0.0, 0.0, 0.0, 0.7])
-    run = replace(stepped(fed, records=2), qpos=swung[None])
+    run = replace(run_scene(fed, records=2), qpos=swung[None])
     assert fed.closure.errors(run.qpos, run.points).max() < 1e-14
 
 
 def test_a_prescribed_joint_is_where_its_program_is_and_starts_closed_with_its_rates(driven):
-    run = stepped(driven)
+    run = run_scene(driven)
     assert errors_of(run).drive_error < 1e-9
     qpos, qvel = driven.start
     assert qvel[0] == pytest.approx(np.pi)
@@ -76,8 +76,8 @@ def test_harder_loops_and_smaller_steps_err_less_and_tend_to_the_limit(driven):
     assert not limit.broken
     assert limit.errors[0] < 1e-8
     assert 1.5 < limit.order < 2.5
-    published = errors_of(stepped(driven), limit.run)
-    hard = errors_of(stepped(driven, hardened(driven.model, 1e-4, "RK4")), limit.run)
+    published = errors_of(run_scene(driven), limit.run)
+    hard = errors_of(run_scene(driven, hardened(driven.model, 1e-4, "RK4")), limit.run)
     assert hard.closure < 1e-3 * published.closure
     assert hard.trajectory < 1e-2 * published.trajectory
     assert hard.torque < 0.1 * published.torque
@@ -87,7 +87,7 @@ def test_the_torque_of_a_drive_does_the_work_that_energy_and_dampers_take(tmp_pa
     text = FINGER.replace('damping="0.002"', 'damping="0"').replace('damping="0.001"', 'damping="0"')
     text = text.replace('<position name="servo" joint="knuckle" kp="0.5" kv="0.02"/>', "")
     scene_ = scene(tmp_path, text=text, drive=DRIVEN)
-    run = stepped(scene_, hardened(scene_.model, 5e-5, "RK4"), records=2000)
+    run = run_scene(scene_, hardened(scene_.model, 5e-5, "RK4"), records=2000)
     energies = []
     plain = mujoco.MjModel.from_xml_string(text)
     plain.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
@@ -105,7 +105,7 @@ def test_the_torque_of_a_drive_does_the_work_that_energy_and_dampers_take(tmp_pa
 def test_what_breaks_is_said_and_never_a_number(driven):
     model = hardened(driven.model, 0.02, "Euler")
     model.eq_solref[:] = -1e9, -1.0
-    run = stepped(driven, model)
+    run = run_scene(driven, model)
     assert "state went bad" in run.broken
     errors = errors_of(run)
     assert np.isinf([errors.closure, errors.trajectory, errors.torque]).all()
@@ -113,7 +113,7 @@ def test_what_breaks_is_said_and_never_a_number(driven):
 
 
 def test_a_tracked_point_on_a_body_is_where_mujoco_has_it(fed):
-    run = stepped(fed, records=4)
+    run = run_scene(fed, records=4)
     data = mujoco.MjData(fed.model)
     data.qpos[:] = run.qpos[3]
     mujoco.mj_kinematics(fed.model, data)
@@ -123,7 +123,7 @@ def test_a_tracked_point_on_a_body_is_where_mujoco_has_it(fed):
 
 
 def test_where_a_loop_is_closed_is_tracked_by_itself(fed):
-    run = stepped(fed, records=20)
+    run = run_scene(fed, records=20)
     points = dict(zip(fed.tracked, np.moveaxis(run.points, 1, 0), strict=True))
     open_by = np.linalg.norm(points["closing@rod"] - points["closing@lever"], axis=1).max()
     assert open_by > 1e-7
@@ -144,7 +144,9 @@ def test_the_shortest_motion_has_a_time_under_a_limit_of_processor_time_too(fed)
     before = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (int(spent) + 1000, hard))
     try:
-        seconds = [stepped(fed, records=2, duration=float(fed.model.opt.timestep)).seconds for _ in range(20)]
+        seconds = [
+            run_scene(fed, records=2, duration=float(fed.model.opt.timestep)).seconds for _ in range(20)
+        ]
     finally:
         resource.setrlimit(resource.RLIMIT_CPU, before)
     assert min(seconds) > 0.0
@@ -181,7 +183,7 @@ def test_balls_and_free_bodies_are_closed_in_their_own_coordinates(tmp_path):
       </worldbody><equality><connect name="end" body1="rod" body2="slider" anchor=".05 .01 .03"/></equality>
       <contact><exclude body1="rod" body2="slider"/></contact></mujoco>"""
     one = scene(tmp_path, text=text, drive={"crank": "0.5 + 3*t"}, duration=0.1)
-    run = stepped(one, hardened(one.model, 1e-4, "RK4"), records=100)
+    run = run_scene(one, hardened(one.model, 1e-4, "RK4"), records=100)
     assert errors_of(run).closure < 1e-8
     qpos, qvel = one.start
     later = qpos.copy()

@@ -28,13 +28,13 @@ from mechsim.studies.tradeoff import (
     Subject,
     Tradeoff,
     build_model,
-    measure,
+    measure_tradeoff,
     stepping_methods,
     subject_of,
     subject_of_model,
     trials,
 )
-from mechsim.studies.tradeoff.methods import HARD, cuts_of
+from mechsim.studies.tradeoff.methods import HARD, possible_cuts
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)
@@ -42,7 +42,7 @@ SHORT = (72, 288)
 
 @pytest.fixture(scope="module")
 def found() -> Tradeoff:
-    return measure(subject_of(catalog.make("rssr"), SPEED), budget=90.0, steps=SHORT)
+    return measure_tradeoff(subject_of(catalog.make("rssr"), SPEED), budget=90.0, steps=SHORT)
 
 
 def run(*words: str) -> int:
@@ -66,7 +66,7 @@ def test_every_family_has_its_own_name_and_every_integrator_several():
     assert len(set(names)) == len(names)
     for integrator in INTEGRATORS:
         assert sum(name.startswith(f"{integrator},") for name in names) >= 8
-    assert sum("cut" in name for name in names) == len(cuts_of(catalog.make("rssr").mechanism)) - 1
+    assert sum("cut" in name for name in names) == len(possible_cuts(catalog.make("rssr").mechanism)) - 1
 
 
 def test_the_ladder_covers_drives_levels_and_reductions():
@@ -226,9 +226,9 @@ def test_a_hinge_of_any_name_is_driven_where_one_actuator_acts_on_it(acted, refu
 
 def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
     subject = subject_of(catalog.make("slider_crank"), SPEED)
-    quick = measure(subject, budget=1e-6, steps=SHORT, seed=1)
+    quick = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
     assert {point.method.name for point in quick.points} == {HARD}
-    again = measure(subject, budget=1e-6, steps=SHORT, seed=1)
+    again = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
     assert [p.as_dict()["method"] for p in again.points] == [p.as_dict()["method"] for p in quick.points]
 
 
@@ -312,7 +312,7 @@ def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_an
     machine = DynamicModel(monkeypatch, share, step, building)
     # loading and building come first
     machine.processor = 0.2
-    found = measure(SLIDER, budget=machine.budget(budget))
+    found = measure_tradeoff(SLIDER, budget=machine.budget(budget))
     assert 0.8 * budget < found.seconds < 1.2 * budget
     assert len(found.points) + found.left_out + found.unbuilt == len(STEPS) * len(
         stepping_methods(SLIDER.mechanism, SLIDER.variants)
@@ -327,7 +327,7 @@ def test_a_mechanism_for_which_loading_leaves_no_time_is_refused_with_a_budget_t
 
 def test_a_budget_that_is_long_enough_leaves_nothing_out(monkeypatch):
     machine = DynamicModel(monkeypatch, 1.0, 2e-5, 0.05)
-    found = measure(SLIDER, budget=machine.budget(600.0))
+    found = measure_tradeoff(SLIDER, budget=machine.budget(600.0))
     assert (found.left_out, found.untried) == (0, ())
     assert found.seconds < 300.0
 
@@ -342,7 +342,7 @@ def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_noth
     assert own.reference.what == "a run of 2880 steps a turn"
     monkeypatch.undo()
     monkeypatch.setattr(trials, "stepping_methods", lambda *_: stepping_methods()[:4])
-    found = measure(own, budget=90.0, steps=(72, 1440, 2880))
+    found = measure_tradeoff(own, budget=90.0, steps=(72, 1440, 2880))
     assert {point.settings.steps_per_turn for point in found.points} == {72, 1440}
     assert found.left_out > 0
 

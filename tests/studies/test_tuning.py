@@ -7,11 +7,11 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import InputError
-from mechsim.studies.scene import errors_of, stepped
+from mechsim.studies.scene import errors_of, run_scene
 from mechsim.studies.scene.settings import PlainSettings, settings_of
 from mechsim.studies.scene.step_sizes import disabled, shortest_time_constant, steps_of
 from mechsim.studies.scene.tune import AIM, tuned
-from mechsim.studies.scene.write_tuned import KEY, differing, python_of, tuned_text, written
+from mechsim.studies.scene.write_tuned import KEY, differing, python_of, tuned_text, write_scene
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 HARD = PlainSettings(
@@ -53,9 +53,9 @@ def test_a_search_whose_time_is_up_tries_nothing_more(driven):
 def test_a_tuned_file_is_what_was_run(which, request, tmp_path):
     one = request.getfixturevalue(which)
     text = tuned_text(one, HARD, ["said of it"], tmp_path)
-    outside = written(one, HARD, text.after, tmp_path / "out.xml")
-    meant = stepped(one, HARD.applied(one.model), records=None)
-    assert np.abs(stepped(outside, records=None).qpos - meant.qpos).max() < 1e-12
+    outside = write_scene(one, HARD, text.after, tmp_path / "out.xml")
+    meant = run_scene(one, HARD.applied(one.model), records=None)
+    assert np.abs(run_scene(outside, records=None).qpos - meant.qpos).max() < 1e-12
     assert "a four-bar under a position servo" in text.after
     assert set(FINGER.splitlines()) - set(text.after.splitlines()) <= {
         line
@@ -67,7 +67,7 @@ def test_a_tuned_file_is_what_was_run(which, request, tmp_path):
 def test_a_text_that_says_something_else_is_refused_and_nothing_is_left(fed, tmp_path):
     text = tuned_text(fed, HARD, [], tmp_path).after.replace("implicitfast", "RK4")
     with pytest.raises(InputError, match="differs in option integrator"):
-        written(fed, HARD, text, tmp_path / "out.xml")
+        write_scene(fed, HARD, text, tmp_path / "out.xml")
     assert not [*tmp_path.iterdir()]
 
 
@@ -80,7 +80,7 @@ def test_models_that_differ_in_a_mass_differ(fed):
 def test_the_script_does_in_python_what_was_meant(driven, tmp_path):
     settings = replace(HARD, compliance=1e-4, integrator="RK4")
     plain = replace(settings, compliance=None, integrator=None)
-    written(driven, plain, tuned_text(driven, plain, [], tmp_path).after, tmp_path / "out.xml")
+    write_scene(driven, plain, tuned_text(driven, plain, [], tmp_path).after, tmp_path / "out.xml")
     stands = replace(driven, model=settings.applied(driven.model), key=KEY)
     changed = {"compliance": 1e-4, "integrator": "RK4"}
     lines = python_of(stands, tmp_path / "out.xml", {"knuckle": "0.5*sin(2*pi*t)"}, changed=changed)
@@ -89,7 +89,7 @@ def test_the_script_does_in_python_what_was_meant(driven, tmp_path):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     states = np.array([data.qpos.copy() for data in module.steps()])
-    meant = stepped(replace(stands, key=None), records=None)
+    meant = run_scene(replace(stands, key=None), records=None)
     assert np.abs(states - meant.qpos[1:]).max() < 1e-8
 
 
@@ -130,7 +130,7 @@ def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
     assert found.chosen.errors.closure <= AIM * 5e-6
     assert found.chosen.settings.in_file
     assert found.beyond is None
-    again = errors_of(stepped(driven, found.chosen.settings.applied(driven.model), records=None))
+    again = errors_of(run_scene(driven, found.chosen.settings.applied(driven.model), records=None))
     assert again.closure <= 5e-6
 
 

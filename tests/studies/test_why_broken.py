@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from scene_texts import FINGER, scene
 
-from mechsim.studies.scene import stepped
+from mechsim.studies.scene import run_scene
 from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import finer
@@ -16,7 +16,7 @@ RINGING = PlainSettings(integrator="RK4", solref=(-1e9, -1.0), solimp=(0.9999, 0
 
 def broken(folder, text=FINGER, settings=RINGING, **motion):
     one = scene(folder, text=text, **(motion or {"ctrl": FED}))
-    run = stepped(one, settings.applied(one.model))
+    run = run_scene(one, settings.applied(one.model))
     assert run.broken
     return divergence_reason(run)
 
@@ -35,8 +35,8 @@ def test_the_part_that_is_too_stiff_for_a_step_is_named_and_what_it_asks_for_is_
     assert said.startswith(f"stiffness: {part} asks for steps below")
     enough = float(said.split("below ")[1].split(" s")[0])
     one = scene(tmp_path, text=text, ctrl=FED, duration=500 * enough)
-    assert not stepped(one, replace(rk4, timestep=0.8 * enough).applied(one.model)).broken
-    assert stepped(one, replace(rk4, timestep=3.0 * enough).applied(one.model)).broken
+    assert not run_scene(one, replace(rk4, timestep=0.8 * enough).applied(one.model)).broken
+    assert run_scene(one, replace(rk4, timestep=3.0 * enough).applied(one.model)).broken
 
 
 def test_what_is_too_stiff_for_any_step_is_stepped_implicitly(tmp_path):
@@ -60,7 +60,7 @@ def test_a_joint_at_the_end_of_its_range_is_a_limit(tmp_path):
 
 
 def test_a_run_that_is_one_has_no_cause(tmp_path):
-    assert divergence_reason(stepped(scene(tmp_path, ctrl=FED))) == ""
+    assert divergence_reason(run_scene(scene(tmp_path, ctrl=FED))) == ""
 
 
 def test_a_run_that_diverges_is_followed_by_finer_ones(tmp_path):

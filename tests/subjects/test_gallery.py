@@ -9,7 +9,7 @@ from mechsim.errors import InputError
 from mechsim.studies.agreement.agreement import agreement
 from mechsim.studies.agreement.candidate import values_of_function
 from mechsim.studies.agreement.evaluation_points import evaluation_points
-from mechsim.studies.agreement.misfit import check, formula_tolerance, scales_of
+from mechsim.studies.agreement.misfit import candidate_check, formula_tolerance, scales_of
 from mechsim.studies.validate import case_of
 from mechsim.subjects import gallery
 from mechsim.subjects.python_object import run_object
@@ -63,7 +63,7 @@ def test_the_law_condemns_a_dimension_a_thousandth_off(shown):
     law = values_of_function(run_object(shown.formula), evaluation, "law", shown.parameters)
     scales = scales_of(evaluation, law)
     assert not all(
-        check(
+        candidate_check(
             one, evaluation.exact(one.quantity), evaluation, formula_tolerance(one, scales, None), None
         ).passed
         for one in law

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from scene_texts import scene
 
-from mechsim.studies.scene import compute_reference, errors_of, stepped
+from mechsim.studies.scene import compute_reference, errors_of, run_scene
 from mechsim.studies.scene.converged_reference import HARDEST
 from mechsim.studies.scene.settings import PlainSettings
-from mechsim.studies.scene.write_tuned import python_of, tuned_text, written
+from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 
 MOTION = "0.5*sin(2*pi*t)"
 HARD = PlainSettings(timestep=0.001, integrator="implicitfast", solref=(0.003, 1.0), solimp=HARDEST)
@@ -25,14 +25,14 @@ def judge(monkeypatch):
 def tuned_script(tmp_path):
     """Return a scene and the script that was written for it."""
     one = scene(tmp_path, drive={"knuckle": MOTION}, duration=0.2)
-    outside = written(one, HARD, tuned_text(one, HARD, [], tmp_path).after, tmp_path / "out.xml")
+    outside = write_scene(one, HARD, tuned_text(one, HARD, [], tmp_path).after, tmp_path / "out.xml")
     (tmp_path / "run.py").write_text(python_of(outside, tmp_path / "out.xml", {"knuckle": MOTION}))
     return one, tmp_path / "run.py"
 
 
 def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_script):
     one, path = tuned_script
-    known = errors_of(stepped(one, HARD.applied(one.model), records=None)).closure
+    known = errors_of(run_scene(one, HARD.applied(one.model), records=None)).closure
     script = judge.script_of(path)
     found = judge.closure_error(script, one.duration, one.tracked, one.closure.drivers)
     assert found == pytest.approx(known, rel=1e-6)
@@ -43,7 +43,7 @@ def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_
 def test_a_run_of_small_steps_tells_a_trajectory_as_the_limit_of_the_scene_does(judge, tuned_script):
     one, path = tuned_script
     known = errors_of(
-        stepped(one, HARD.applied(one.model), records=None), compute_reference(one, 1e-9).run
+        run_scene(one, HARD.applied(one.model), records=None), compute_reference(one, 1e-9).run
     ).trajectory
     found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.tracked)
     assert own < 0.2 * found  # of steps sixteen times smaller a sixteenth is left

@@ -18,7 +18,7 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.source import assembled
-from mechsim.studies.tradeoff.methods import cuts_of
+from mechsim.studies.tradeoff.methods import possible_cuts
 
 SPEED = 20.0 * np.pi
 TURNS = 2.0
@@ -31,7 +31,7 @@ def measured(name: str) -> list[dict[str, Any]]:
     mechanism = catalog.make(name).mechanism
     chosen = {joint.name for joint in cut_loops(mechanism).cuts}
     rows: list[dict[str, Any]] = []
-    for cut in cuts_of(mechanism):
+    for cut in possible_cuts(mechanism):
         scene = Scene(cut=cut)
         model = assembled(mechanism, scene).compile()
         row: dict[str, Any] = {

@@ -26,7 +26,7 @@ from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.studies.scene import errors_of, step_times, stepped
+from mechsim.studies.scene import errors_of, run_scene, step_times
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.subjects.readers import load
 
@@ -68,7 +68,7 @@ def main():
                 continue
             scene = replace(scene, duration=DURATION)
             models = [one.applied(scene.model) for one in SETTINGS.values()]
-            errors = [errors_of(stepped(scene, model)).closure for model in models]
+            errors = [errors_of(run_scene(scene, model)).closure for model in models]
             times = step_times([(scene, model) for model in models])
             ratios.append(times / times[0])
             cells = (f"{error:9.2g} {ratio:7.3f}" for error, ratio in zip(errors, ratios[-1], strict=True))

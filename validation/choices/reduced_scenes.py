@@ -26,7 +26,7 @@ from reduced_cases import Case, prepared
 
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.studies.reduction import reduced
+from mechsim.studies.reduction import reduce_scene
 from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator, other_motion
 from mechsim.studies.scene import UserScene
 
@@ -68,7 +68,7 @@ def row(name: str, case: Case, folder: Path) -> dict[str, object]:
     """Return what came of a scene."""
     scene, began = case.scene(folder), process_time()
     bound, spec = PART * scene.characteristic_length, parse_file(scene.path)[0]
-    found = reduced(scene, spec, bound, keep=case.keep)
+    found = reduce_scene(scene, spec, bound, keep=case.keep)
     first, second = found.errors
     third = outside(scene, spec, found.text)
     return {

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.studies.scene import SceneRun, UserScene, errors_of, step_times, stepped
+from mechsim.studies.scene import SceneRun, UserScene, errors_of, run_scene, step_times
 from mechsim.studies.scene.converged_reference import HARDEST
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import shortest_time_constant
@@ -42,7 +42,7 @@ def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, fl
     around = [settings for _, settings in found[:AROUND]]
     for settings in around:
         for one in _second(scene, settings):
-            found += _kept(stepped(scene, one.applied(scene.model)), one, tolerance, found)
+            found += _kept(run_scene(scene, one.applied(scene.model)), one, tolerance, found)
     found.sort(key=lambda one: one[0])
     best = [settings for _, settings in found[: 3 * TIMED] if _stands(scene, settings, tolerance)][:TIMED]
     if not best:
@@ -70,7 +70,7 @@ def _first(scene: UserScene, tolerance: float) -> list[Found]:
                 refsafe=False if constant == 1.5 else None,
                 tolerance=max(float(scene.model.opt.tolerance), scene.solver_tolerance),
             )
-            run = stepped(scene, settings.applied(scene.model))
+            run = run_scene(scene, settings.applied(scene.model))
             tried += [] if run.broken else [run.seconds_per_second]
             found += _kept(run, settings, tolerance, found)
         if found and tried and HOPE * min(tried) > min(found)[0]:
@@ -103,5 +103,5 @@ def _kept(run: SceneRun, settings: PlainSettings, tolerance: float, found: Seque
 
 def _stands(scene: UserScene, settings: PlainSettings, tolerance: float) -> bool:
     model = settings.applied(scene.model)
-    run = stepped(scene, model, records=None, duration=LONGER * scene.duration)
+    run = run_scene(scene, model, records=None, duration=LONGER * scene.duration)
     return errors_of(run).closure <= tolerance

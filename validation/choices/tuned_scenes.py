@@ -36,7 +36,7 @@ from mechsim.studies.scene import (
 )
 from mechsim.studies.scene.open_scene import python_laws
 from mechsim.studies.scene.tune import AIM, SECONDS, SceneTrial, Tuned, tuned
-from mechsim.studies.scene.write_tuned import python_of, tuned_text, written
+from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 
 # how much longer the run from outside is; the most that is paid over the best, and a search may take, in [s]
 LONGER, DEARER, SLOWEST = 1.5, 1.5, 60.0
@@ -60,7 +60,7 @@ def outside(scene: UserScene, found: Tuned, best: SceneTrial, work: Path) -> tup
     stem = f"tuned-{scene.mechanism.name}".replace(" ", "-")
     file, script = work / f"{stem}.xml", work / f"{stem}.py"
     in_file = replace(best.settings, compliance=None)
-    read = written(scene, in_file, tuned_text(scene, in_file, [], work).after, file)
+    read = write_scene(scene, in_file, tuned_text(scene, in_file, [], work).after, file)
     stands = replace(read, model=best.settings.applied(read.model))
     changed = {} if best.settings.in_file else {"compliance": best.settings.compliance}
     script.write_text(python_of(stands, file, python_laws(scene), changed=changed))

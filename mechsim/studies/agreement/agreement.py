@@ -31,10 +31,10 @@ from mechsim.studies.agreement.diagnosis import diagnosis
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
 from mechsim.studies.agreement.misfit import (
     Misfit,
-    check,
-    errors,
+    candidate_check,
+    candidate_errors,
     formula_tolerance,
-    measured,
+    measured_count,
     noise_in,
     scales_of,
 )
@@ -225,13 +225,13 @@ def agreement(
         formula_tolerance(candidate, scales, tolerance, exact=exact_formula) for candidate in candidates
     )
     compared = list(zip(candidates, exact, allowed, strict=True))
-    phase, count = evaluation.phase, measured(candidates)
+    phase, count = evaluation.phase, measured_count(candidates)
     noise = tuple(
-        noise_in(candidate, errors(candidate.quantity, candidate.values, true), phase, limit, count)
+        noise_in(candidate, candidate_errors(candidate.quantity, candidate.values, true), phase, limit, count)
         for candidate, true, limit in compared
     )
     checks = tuple(
-        check(candidate, true, evaluation, limit, tests)
+        candidate_check(candidate, true, evaluation, limit, tests)
         for (candidate, true, limit), tests in zip(compared, noise, strict=True)
     )
     verdict = concluded(checks)

@@ -16,11 +16,11 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import Settings
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
-from mechsim.studies.agreement.misfit import Scales, errors
+from mechsim.studies.agreement.misfit import Scales, candidate_errors
 from mechsim.studies.motion_source import profile_of, simulated
-from mechsim.studies.scene.errors import interpolated
+from mechsim.studies.scene.errors import cubic_interpolation
 from mechsim.studies.scene.published_run import published_scene
-from mechsim.studies.scene.run import SceneRun, stepped
+from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.subjects.mjcf_source import MjcfForm
 
@@ -111,7 +111,7 @@ def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRu
     fine = _finer(scene)
     how = f"{scene.path} as published, step {float(scene.model.opt.timestep) * 1e3:g} ms"
     runs = [
-        _at_instants(scene, stepped(scene, model, records=None), evaluation, quantity)
+        _at_instants(scene, run_scene(scene, model, records=None), evaluation, quantity)
         for model in (None, fine)
     ]
     return TwoRuns(runs[0], runs[1], evaluation, f"{how}, {controls}")
@@ -139,7 +139,7 @@ def _at_instants(
     if run.broken:
         raise InputError(f"{solver.name}: {run.broken}")
     keep = run.time <= time[-1] + 2.0 * float(run.model.opt.timestep)
-    qpos = interpolated(run.time[keep], run.qpos[keep], time)
+    qpos = cubic_interpolation(run.time[keep], run.qpos[keep], time)
     recorded = replace(run, time=time, qpos=qpos, qvel=np.zeros((len(time), run.qvel.shape[1])))
     joints = _coordinates(scene, run.model, qpos)
     drivers = {
@@ -265,7 +265,7 @@ def _of_one(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | Non
     quantity = candidate.quantity
 
     def gap(first: Array, other: Array) -> Array:
-        return errors(quantity, first, other)
+        return candidate_errors(quantity, first, other)
 
     requested = runs.requested.exact(quantity)
     plain, fine = (run.exact.exact(quantity) for run in (runs.plain, runs.fine))

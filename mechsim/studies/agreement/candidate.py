@@ -86,7 +86,7 @@ def values_of_function(
     if isinstance(plane, str):
         result = {name: value for name, value in result.items() if name != "plane"}
     reader = QuantityReader(evaluation.solver.mechanism, who, plane if isinstance(plane, str) else "")
-    return [read(str(name), value, reader, where) for name, value in result.items()]
+    return [read_candidate(str(name), value, reader, where) for name, value in result.items()]
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class QuantityReader:
         return AXES.replace(AXES[int(np.argmax(normal))], "")
 
 
-def read(name: str, value: object, reader: QuantityReader, where: Mapping[str, Array]) -> Candidate:
+def read_candidate(name: str, value: object, reader: QuantityReader, where: Mapping[str, Array]) -> Candidate:
     """Return one claim.
 
     Args:

@@ -109,7 +109,7 @@ def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> 
     return Scales(length, stroke, rate, scales["force"] or 1.0, scales["torque"] or 1.0)
 
 
-def errors(quantity: Quantity, values: Array, exact: Array) -> Array:
+def candidate_errors(quantity: Quantity, values: Array, exact: Array) -> Array:
     """Return the differences of values (n, k), of angles within half a revolution."""
     difference = values - exact
     return wrapped(difference) if quantity.angle else difference
@@ -150,7 +150,7 @@ def weights(candidate: Candidate, evaluation: EvaluationPoints, tolerance: Toler
     return np.maximum(candidate.uncertainty, tolerance.value)
 
 
-def measured(candidates: Sequence[Candidate]) -> int:
+def measured_count(candidates: Sequence[Candidate]) -> int:
     """Return how many quantities have standard deviations."""
     return sum(candidate.uncertainty is not None for candidate in candidates)
 
@@ -179,7 +179,7 @@ def noise_in(
     )
 
 
-def check(
+def candidate_check(
     candidate: Candidate,
     exact: Array,
     evaluation: EvaluationPoints,
@@ -190,7 +190,7 @@ def check(
 
     A measured claim is as good as its noise tests and its components without standard deviation.
     """
-    error = errors(candidate.quantity, candidate.values, exact)
+    error = candidate_errors(candidate.quantity, candidate.values, exact)
     kind, subject = _compared(candidate.quantity)
     if noise is None or candidate.uncertainty is None:
         length = np.sqrt((error**2).sum(1))
@@ -280,7 +280,7 @@ class Misfit:
     @property
     def noisy(self) -> bool:
         """Whether something was measured with a standard deviation."""
-        return measured(self.candidates) > 0
+        return measured_count(self.candidates) > 0
 
     @cached_property
     def before(self) -> Array:
@@ -301,7 +301,7 @@ class Misfit:
         """
         kept = slice(None) if rows is None else rows
         scaled = [
-            (errors(candidate.quantity, candidate.values, values) / scale)[kept].ravel()
+            (candidate_errors(candidate.quantity, candidate.values, values) / scale)[kept].ravel()
             for candidate, values, scale in zip(self.candidates, predicted, self.bounds, strict=True)
         ]
         return np.concatenate(scaled)
@@ -316,7 +316,7 @@ class Misfit:
         for candidate, values, weight, tolerance in zip(
             self.candidates, predicted, self.bounds, self.allowed, strict=True
         ):
-            error = errors(candidate.quantity, candidate.values, values)[kept]
+            error = candidate_errors(candidate.quantity, candidate.values, values)[kept]
             scaled = np.abs(error / weight[kept])
             if candidate.uncertainty is None:
                 largest.append(float(np.sqrt((scaled**2).sum(1)).max(initial=0.0)))
@@ -326,7 +326,7 @@ class Misfit:
                     error,
                     self.evaluation.phase[kept],
                     tolerance,
-                    measured(self.candidates),
+                    measured_count(self.candidates),
                 )
                 bare = scaled[:, ~candidate.measured_columns]
                 largest.append(0.0 if noise is None else noise.decisive.used)

@@ -159,7 +159,7 @@ def tangent(solver: ClosedForm, value: float, method: str) -> Trial:
         "near tangent",
         limiting,
         value,
-        started(limiting, angle),
+        with_start_angle(limiting, angle),
         speed=SINGULAR_SPEED,
         method=method,
         note=f"by {method}",
@@ -253,7 +253,7 @@ def with_limiting_length(solver: ClosedForm, slack: float) -> TwoBranchForm:
     return scaled(inside * (1.0 + slack * float(np.sign(1.0 - outside))))
 
 
-def started(solver: ClosedForm, angle: float) -> Mechanism:
+def with_start_angle(solver: ClosedForm, angle: float) -> Mechanism:
     """Return the mechanism with its initial guess at a crank angle in [rad]."""
     motion = solver.solve([angle])
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}

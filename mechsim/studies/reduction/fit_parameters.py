@@ -29,7 +29,7 @@ from mechsim.studies.reduction.candidates.stepping import (
 from mechsim.studies.reduction.observations import Evidence
 from mechsim.studies.reduction.reduced_scene import ReducedScene, ReducedSceneEvaluator
 from mechsim.studies.scene.errors import deviation
-from mechsim.studies.scene.run import stepped
+from mechsim.studies.scene.run import run_scene
 
 SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -309,7 +309,7 @@ class _Fit:
         return np.concatenate([self._deviation(evaluator, scene, values) for evaluator, scene in self.runs])
 
     def _deviation(self, evaluator: ReducedSceneEvaluator, scene: ReducedScene, values: Array) -> Array:
-        run = stepped(
+        run = run_scene(
             replace(scene, model=with_parameters(scene.model, self.parameters, values)), records=None
         )
         if run.broken:

@@ -11,7 +11,7 @@ from mechsim.numerics.rank import rank
 from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.reduced_scene import ReducedScene
-from mechsim.studies.scene.run import stepped
+from mechsim.studies.scene.run import run_scene
 
 # number of instants observed, evenly over the motion
 SAMPLES = 600
@@ -77,7 +77,7 @@ class Evidence:
 @quiet()
 def observe(spec: mujoco.MjSpec, scene: ReducedScene, tracked: frozenset[str], tolerance: float) -> Evidence:
     """Run a scene over its motion and record what its elements do."""
-    run = stepped(scene, records=SAMPLES)
+    run = run_scene(scene, records=SAMPLES)
     model, data = scene.model, mujoco.MjData(scene.model)
     touched, limited = set[int](), set[str]()
     forces = np.zeros(model.nu)

@@ -9,7 +9,7 @@ from typing import Any, cast, get_args
 from mechsim import files
 from mechsim.errors import InputError
 from mechsim.simulation.stepping import Progress, no_progress
-from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduced, with_comment
+from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduce_scene, with_comment
 from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.open_scene import open_scene, scene_file
 from mechsim.studies.scene.scene import spec_of
@@ -110,7 +110,7 @@ def reduce(
     with scene_file(model) as path:
         scene, notes = open_scene(path, ctrl=ctrl, track=points, **options)
         keep = {name for text in points for name in text.partition("@")[0].split(",")} | set(scene.tracked)
-        result = reduced(scene, spec_of(scene), limit, keep=keep, by=cast(By, by), progress=progress)
+        result = reduce_scene(scene, spec_of(scene), limit, keep=keep, by=cast(By, by), progress=progress)
         text = with_comment(result, Path(path).name, limit, UNITS[by])
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:

@@ -17,7 +17,7 @@ from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.state import matching_state
 from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.evaluator import SceneEvaluator
-from mechsim.studies.scene.run import SceneRun, step_times, stepped
+from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene, with_scaled_tolerance
 
 
@@ -117,7 +117,7 @@ class ReducedSceneEvaluator:
     @cached_property
     def run(self) -> SceneRun:
         """The full scene's run, every step of it."""
-        return stepped(self.full, records=None)
+        return run_scene(self.full, records=None)
 
     @property
     def tracked_bodies(self) -> frozenset[str]:

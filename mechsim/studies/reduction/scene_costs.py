@@ -13,9 +13,9 @@ from mechsim.studies.reduction.candidates import VISUAL_ONLY
 from mechsim.studies.reduction.candidates.candidate import (
     NotApplicable,
     RemovalCandidate,
-    changed,
     count_text,
-    set_options,
+    set_spec_options,
+    with_candidate,
 )
 from mechsim.studies.reduction.observations import Evidence, observe
 from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator
@@ -73,7 +73,7 @@ def scene_costs(
     tried = {"as it is": evaluator.full}
     for candidate in _candidates(observed):
         try:
-            tried[candidate.what] = evaluator.scene(changed(evaluator.spec, candidate))
+            tried[candidate.what] = evaluator.scene(with_candidate(evaluator.spec, candidate))
         except (NotApplicable, ValueError):
             continue
     times = step_times([(candidate, candidate.model) for candidate in tried.values()], rounds, progress)
@@ -109,7 +109,7 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
     sparse = mujoco.mj_isSparse(observed.model)
     kind = mujoco.mjtJacobian.mjJAC_DENSE if sparse else mujoco.mjtJacobian.mjJAC_SPARSE
     what = f"{'dense' if sparse else 'sparse'} matrices"
-    candidates.append(RemovalCandidate("options", what, partial(set_options, jacobian=int(kind))))
+    candidates.append(RemovalCandidate("options", what, partial(set_spec_options, jacobian=int(kind))))
     for field, names, kinds, prefix in (
         ("integrator", INTEGRATORS, mujoco.mjtIntegrator, "mjINT_"),
         ("solver", SOLVERS, mujoco.mjtSolver, "mjSOL_"),
@@ -117,7 +117,7 @@ def _candidates(observed: Evidence) -> list[RemovalCandidate]:
         for name in names:
             value = getattr(kinds, prefix + name)
             if int(getattr(option, field)) != int(value):
-                edit = partial(set_options, **{field: int(value)})
+                edit = partial(set_spec_options, **{field: int(value)})
                 candidates.append(RemovalCandidate("options", f"{field} {name}", edit))
     loops = [candidate.name for candidate in observed.spec.equalities if candidate.active]
     if loops:
@@ -130,7 +130,7 @@ def _flag(what: str, field: str, bit: int, flags: int, *, disables: bool) -> Rem
     """Return the candidate that toggles a flag."""
     enabled = bool(flags & bit) != disables
     return RemovalCandidate(
-        "flags", f"{what} {'off' if enabled else 'on'}", partial(set_options, **{field: flags ^ bit})
+        "flags", f"{what} {'off' if enabled else 'on'}", partial(set_spec_options, **{field: flags ^ bit})
     )
 
 

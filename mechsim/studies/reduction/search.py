@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.candidates import CATEGORIES
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, changed
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, with_candidate
 from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps
 from mechsim.studies.reduction.fit_parameters import Parameter, refit
 from mechsim.studies.reduction.observations import Evidence, observe
@@ -89,7 +89,7 @@ class Reduction:
 
 
 @quiet()
-def reduced(
+def reduce_scene(
     scene: UserScene,
     spec: mujoco.MjSpec,
     tolerance: float,
@@ -212,7 +212,7 @@ class _Search:
         """Return the scene with a candidate applied, and its error; None if that is too large."""
         self.tried += 1
         try:
-            spec = changed(self.spec, candidate)
+            spec = with_candidate(self.spec, candidate)
             scene = self.evaluator.scene(spec)
         except (NotApplicable, ValueError):
             return None
@@ -296,7 +296,7 @@ class _Search:
         """Take the best remaining steps, if there are any."""
         if self.steps:
             _, candidate, error = self.steps.pop(0)
-            self.take(candidate, changed(self.spec, candidate), error)
+            self.take(candidate, with_candidate(self.spec, candidate), error)
 
     def verified(self, second: ReducedSceneEvaluator) -> Reduction:
         """Return the reduced scene; take candidates back until both motions satisfy the tolerance."""
@@ -331,7 +331,7 @@ class _Search:
         scenes: dict[int, ReducedScene] = {}
         for number, item in enumerate(self.left_out):
             try:
-                scenes[number] = self.evaluator.scene(changed(self.evaluator.spec, item.candidate))
+                scenes[number] = self.evaluator.scene(with_candidate(self.evaluator.spec, item.candidate))
             except (NotApplicable, ValueError):
                 continue
         ratios = time_ratios(self.evaluator.full, [*scenes.values()]) if scenes else []
@@ -346,7 +346,7 @@ class _Search:
         spec, kept = self.evaluator.spec, list[LeftOut]()
         for item in self.left_out:
             try:
-                spec = changed(spec, item.candidate)
+                spec = with_candidate(spec, item.candidate)
             except NotApplicable:
                 continue
             kept.append(item)
@@ -383,14 +383,14 @@ def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -
         if reduction.left_out
         else "Nothing was left out: no candidate kept the tolerance and saved time.",
     ]
-    lines += [f"  {line(item, reduction.by, unit)}" for item in reduction.left_out]
+    lines += [f"  {candidate_line(item, reduction.by, unit)}" for item in reduction.left_out]
     lines += [f"Taken back, since the result exceeded the tolerance: {what}" for what in reduction.undone]
     # a comment must not hold two dashes in a row
     text = "\n".join(f"  {item}" for item in lines).replace("--", "- -")
     return f"<!--\n{text}\n-->\n{reduction.text}"
 
 
-def line(item: LeftOut, by: By, unit: str) -> str:
+def candidate_line(item: LeftOut, by: By, unit: str) -> str:
     """Return the line of an applied candidate."""
     error, ratio = item.alone_errors.by(by), item.time_ratio
     if not error < float("inf"):

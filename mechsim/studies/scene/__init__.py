@@ -5,7 +5,7 @@ from mechsim.studies.scene.converged_reference import ConvergedReference, comput
 from mechsim.studies.scene.errors import MEASURES, By, SceneErrors, errors_of, start_error
 from mechsim.studies.scene.evaluator import SceneEvaluator, SceneTrial
 from mechsim.studies.scene.exact_closure import ExactClosure
-from mechsim.studies.scene.run import SceneRun, step_times, stepped
+from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene, scene_of, spec_of, with_assembled_start
 
 __all__ = [
@@ -20,10 +20,10 @@ __all__ = [
     "UserScene",
     "compute_reference",
     "errors_of",
+    "run_scene",
     "scene_of",
     "spec_of",
     "start_error",
     "step_times",
-    "stepped",
     "with_assembled_start",
 ]

@@ -17,8 +17,8 @@ from mechsim.numerics.refinement import refine
 from mechsim.simulation.divergence import stiffness_cause
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
-from mechsim.studies.scene.errors import By, deviation, interpolated
-from mechsim.studies.scene.run import SceneRun, stepped
+from mechsim.studies.scene.errors import By, cubic_interpolation, deviation
+from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import HARDEST
 
@@ -128,7 +128,7 @@ def _refined(
         progress(f"limit: {integrator}, {steps:,} steps", 0.0)
         start = budget.spent
         model = hardened(scene.model, scene.duration / steps, integrator, solver_tolerance)
-        run = stepped(scene, model, records=RECORDED, phase=0.5)
+        run = run_scene(scene, model, records=RECORDED, phase=0.5)
         runs[:] = [] if run.broken else [*runs[-2:], run]
         if len(runs) == 3:
             return _extrapolated(runs, integrator)
@@ -154,5 +154,5 @@ def _extrapolated(runs: Sequence[SceneRun], integrator: str) -> ConvergedReferen
 
 def _differences(run: SceneRun, finer: SceneRun) -> tuple[float, float]:
     """Return the largest differences of points, in [m], and of forces between two runs."""
-    forces = run.forces - interpolated(finer.time, finer.forces, run.time)
+    forces = run.forces - cubic_interpolation(finer.time, finer.forces, run.time)
     return worst(np.linalg.norm(deviation(run, finer), axis=2)), worst(forces)

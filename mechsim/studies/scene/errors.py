@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import significant
 from mechsim.simulation.divergence import limit_or_contact, near_singular, stiffness_cause
-from mechsim.studies.scene.run import SceneRun, stepped
+from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 
 By = Literal["closure", "trajectory", "torque"]
@@ -82,13 +82,13 @@ def errors_of(
     change = np.nan
     if energy:
         sampled, nodes = run.every(len(run.time) // ENERGY_SAMPLES), reference.nodes
-        change = worst(sampled.energies - interpolated(nodes.time, nodes.energies, sampled.time))
+        change = worst(sampled.energies - cubic_interpolation(nodes.time, nodes.energies, sampled.time))
     return SceneErrors(closed, trajectory, torque, drive_error(run), change)
 
 
 def deviation(run: SceneRun, reference: SceneRun) -> Array:
     """Return the displacements of a run's tracked points from those of another, (n, k, 3) in [m]."""
-    return run.points - interpolated(reference.time, reference.points, run.time)
+    return run.points - cubic_interpolation(reference.time, reference.points, run.time)
 
 
 def drive_error(run: SceneRun) -> float:
@@ -103,7 +103,7 @@ def drive_error(run: SceneRun) -> float:
     )
 
 
-def interpolated(nodes: Array, values: Array, time: Array) -> Array:
+def cubic_interpolation(nodes: Array, values: Array, time: Array) -> Array:
     """Return values (n, ...) at rising nodes (n,), interpolated by cubics through four neighbours."""
     if len(nodes) < 4:
         return values[np.searchsorted(nodes, time).clip(0, len(nodes) - 1)]
@@ -119,7 +119,7 @@ def interpolated(nodes: Array, values: Array, time: Array) -> Array:
 
 def start_error(scene: UserScene) -> float:
     """Return the largest distance of a tracked point from the exact closure at time zero, in [m]."""
-    run = stepped(scene, records=2, duration=float(scene.model.opt.timestep))
+    run = run_scene(scene, records=2, duration=float(scene.model.opt.timestep))
     return worst(scene.closure.errors(run.qpos[:1], run.points[:1]))
 
 
@@ -127,7 +127,7 @@ def divergence_reason(run: SceneRun) -> str:
     """Return in one clause why a run diverged, and where; empty if it did not."""
     if not run.broken:
         return ""
-    full = stepped(run.scene, run.model, records=None)
+    full = run_scene(run.scene, run.model, records=None)
     cause = near_singular(full.time, _singularity_distance(full)) or limit_or_contact(
         run.model, full.time, full.qpos, full.qvel
     )
@@ -135,7 +135,7 @@ def divergence_reason(run: SceneRun) -> str:
         return cause
     fine = copy.copy(run.model)
     fine.opt.timestep /= FINER
-    if not stepped(run.scene, fine, records=2).broken:
+    if not run_scene(run.scene, fine, records=2).broken:
         return f"stiffness: a step {FINER:g} times smaller does not diverge"
     return f"a step {FINER:g} times smaller diverges too, as with loops that contradict each other"
 
@@ -145,7 +145,9 @@ def _force_error(run: SceneRun, reference: SceneRun) -> float:
     references, error = reference.forces_by_name, 0.0
     for name, values in run.forces_by_name.items():
         if name in references:
-            error = max(error, worst(values - interpolated(reference.time, references[name], run.time)))
+            error = max(
+                error, worst(values - cubic_interpolation(reference.time, references[name], run.time))
+            )
     return error
 
 

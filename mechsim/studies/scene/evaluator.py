@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from mechsim.studies.scene.errors import SceneErrors, errors_of
-from mechsim.studies.scene.run import RECORDS, SceneRun, stepped
+from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import UNCHANGED, PlainSettings
 
@@ -59,5 +59,5 @@ class SceneEvaluator:
             records: approximate number of compared instants; None for every step.
             duration: in [s]; None for the scene's.
         """
-        run = stepped(scene, settings.applied(scene.model), records=records, duration=duration)
+        run = run_scene(scene, settings.applied(scene.model), records=records, duration=duration)
         return SceneTrial(settings, self.errors(run), run.seconds_per_second)

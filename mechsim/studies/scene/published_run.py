@@ -12,7 +12,7 @@ from mechsim.model.finding import Finding
 from mechsim.model.motion_laws import CrankProfile, State, steady
 from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.studies.scene.run import SceneRun, stepped
+from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.studies.scene.settings import settings_of
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -120,7 +120,7 @@ def published_run(source: MjcfForm, profile: CrankProfile) -> PublishedRun:
         scene, driven = published_scene(source, profile)
     except MechsimError as error:
         return PublishedRun(path=path, settings=settings, note=str(error), run=False)
-    run = stepped(scene, records=RECORDS)
+    run = run_scene(scene, records=RECORDS)
     if run.broken:
         return PublishedRun(path=path, settings=settings, driven=driven, note=run.broken)
     return PublishedRun(

@@ -138,7 +138,7 @@ class SceneRun:
 
 
 @quiet()
-def stepped(
+def run_scene(
     scene: UserScene,
     model: mujoco.MjModel | None = None,
     *,
@@ -219,7 +219,7 @@ def _time_of(scene: UserScene, model: mujoco.MjModel) -> float:
     spent, simulated, runs = 0.0, 0.0, 0
     while not spent > 0.0 or (spent < MIN_MEASURED_TIME and runs < MAX_REPETITIONS):
         runs += 1
-        run = stepped(scene, model, records=2)
+        run = run_scene(scene, model, records=2)
         if run.broken:
             return np.inf
         spent += run.seconds

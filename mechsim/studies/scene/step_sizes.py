@@ -11,7 +11,7 @@ from mechsim.model.limits import MAX_SCENE_STEPS
 from mechsim.numerics.refinement import refine
 from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.evaluator import SceneEvaluator
-from mechsim.studies.scene.run import RECORDS, SceneRun, stepped
+from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import ALLOWABLE, HARDEST, PlainSettings, settings_of
 
@@ -213,7 +213,7 @@ def finer(
         options += [_with_hard_loops(settings, ratio * own) for ratio in ratios]
 
     def run_with(option: PlainSettings) -> FinerRun:
-        run = stepped(scene, option.applied(scene.model), records=records or RECORDS)
+        run = run_scene(scene, option.applied(scene.model), records=records or RECORDS)
         return FinerRun(run, SceneEvaluator().errors(run), option)
 
     def attempt(i: int) -> FinerRun:

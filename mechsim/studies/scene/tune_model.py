@@ -16,18 +16,18 @@ from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.scene.errors import MEASURES, By, divergence_reason, errors_of, start_error
 from mechsim.studies.scene.evaluator import SceneTrial
 from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
-from mechsim.studies.scene.run import stepped
+from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.scene import UserScene, with_assembled_start
 from mechsim.studies.scene.settings import ALLOWABLE, settings_of
 from mechsim.studies.scene.tune import AIM, SECONDS, Tuned, TuningReport, tuned
 from mechsim.studies.scene.write_tuned import (
     KEY,
     TunedText,
-    changes,
     control_lines,
     python_of,
+    setting_changes,
     tuned_text,
-    written,
+    write_scene,
 )
 from mechsim.units import parse, si
 
@@ -167,7 +167,7 @@ def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, t
     error = start_error(scene)
     if error <= AIM * tolerance:
         return scene, ()
-    if error <= tolerance and errors_of(stepped(scene, records=None)).closure <= tolerance:
+    if error <= tolerance and errors_of(run_scene(scene, records=None)).closure <= tolerance:
         return scene, ()
     note = (
         f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file starts "
@@ -180,7 +180,7 @@ def _require_runnable(result: Tuned) -> None:
     """Raise InputError with the cause for a scene that diverges with all settings that were tried."""
     if np.isfinite(result.closest.errors.by(result.by)) or result.beyond is not None:
         return
-    cause = divergence_reason(stepped(result.scene)) or "no closed pose is near its states"
+    cause = divergence_reason(run_scene(result.scene)) or "no closed pose is near its states"
     raise InputError(
         f"{result.scene.path}: the scene diverges with all of {len(result.tried)} settings: {cause}; change "
         "the motion or the scene"
@@ -196,12 +196,12 @@ def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, .
     reports: list[TuningReport] = []
 
     def finish(read_back: UserScene) -> str:
-        run = stepped(read_back, records=None)
+        run = run_scene(read_back, records=None)
         reports.append(TuningReport(result, result.evaluator.errors(run)))
         comment = _comment(reports[0], scene, laws)
         return tuned_text(result.scene, best.settings, comment, path.parent).after
 
-    read_back = written(result.scene, best.settings, draft.after, path, finish)
+    read_back = write_scene(result.scene, best.settings, draft.after, path, finish)
     if script is not None:
         _write_script(script, result, read_back, path, laws)
     after = path.read_text(encoding="utf-8")
@@ -219,7 +219,7 @@ def _as_dict(result: Tuned, trial: SceneTrial) -> dict[str, Any]:
     return {
         "error": trial.errors.by(result.by),
         "ms_per_s": 1e3 * trial.seconds,
-        "settings": dict(changes(result.scene, trial.settings)),
+        "settings": dict(setting_changes(result.scene, trial.settings)),
         "errors": trial.errors.as_dict(),
     }
 

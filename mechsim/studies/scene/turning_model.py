@@ -19,7 +19,7 @@ from mechsim.simulation.mjcf_text.edited_text import EditedText, put_comment
 from mechsim.simulation.source import from_mechanism
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
-from mechsim.studies.scene import errors_of, scene_of, stepped
+from mechsim.studies.scene import errors_of, run_scene, scene_of
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.tune import SECONDS, tuned
 from mechsim.studies.scene.write_tuned import plain_model, tuned_text
@@ -95,7 +95,7 @@ def exported_model(
         text = tuned_text(scene, result.best.settings, [], path.parent).after
         path.write_text(text)
         written_scene = replace(scene, model=plain_model(str(path)))
-        error = errors_of(stepped(written_scene, records=None)).closure
+        error = errors_of(run_scene(written_scene, records=None)).closure
         edited = EditedText(text)
         comment = [
             f"mechsim export: {'keeps' if error <= tolerance else 'does not keep'} {tolerance:g} m at "

@@ -200,7 +200,7 @@ def _word(value: object) -> str:
 
 
 @quiet()
-def written(
+def write_scene(
     scene: UserScene,
     settings: PlainSettings,
     text: str,
@@ -273,7 +273,7 @@ def _differ(a: object, b: object) -> bool:
     return not (equal.all() or np.array_equal(first, second))
 
 
-def changes(scene: UserScene, settings: PlainSettings) -> Mapping[str, str]:
+def setting_changes(scene: UserScene, settings: PlainSettings) -> Mapping[str, str]:
     """Return what settings change of a scene, setting -> value as text."""
     values = settings.changes_to(scene.model).as_dict()
     return {

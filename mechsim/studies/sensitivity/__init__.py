@@ -1,6 +1,6 @@
 """How quantities of a motion depend on dimensions: exact derivatives, tolerances, clearances."""
 
-from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, instants_of
+from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, spread_instants
 from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
 from mechsim.studies.sensitivity.tolerance_analysis import (
     PathDeviation,
@@ -8,7 +8,7 @@ from mechsim.studies.sensitivity.tolerance_analysis import (
     path_bands,
     tolerance_study,
 )
-from mechsim.studies.sensitivity.tolerances import Tolerances, tolerances_of, written_tolerances
+from mechsim.studies.sensitivity.tolerances import Tolerances, parsed_tolerances, written_tolerances
 
 __all__ = [
     "Loading",
@@ -18,9 +18,9 @@ __all__ = [
     "ToleranceStudy",
     "Tolerances",
     "derivative_table",
-    "instants_of",
+    "parsed_tolerances",
     "path_bands",
+    "spread_instants",
     "tolerance_study",
-    "tolerances_of",
     "written_tolerances",
 ]

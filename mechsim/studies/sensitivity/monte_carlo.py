@@ -164,7 +164,7 @@ class Sampled:
     most: Array
 
 
-def sampled(
+def sample_tolerances(
     solved: Solved,
     derivative: Array,
     plays: Sequence[Array],

@@ -363,7 +363,7 @@ def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamil
     )
 
 
-def instants_of(solver: KinematicSolver) -> Array:
+def spread_instants(solver: KinematicSolver) -> Array:
     """Return path parameters spread over the whole motion, (n,) in [rad].
 
     A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:

@@ -17,7 +17,12 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
-from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, QuantityDerivatives, instants_of
+from mechsim.studies.sensitivity.moved_family import (
+    Loading,
+    MovedFamily,
+    QuantityDerivatives,
+    spread_instants,
+)
 from mechsim.subjects.readers import parametric_model
 from mechsim.subjects.toml_values import suggestion
 
@@ -204,7 +209,7 @@ def moved(
     designs = parametric_model(model)
     solver = designs.make({})
     if angles is None and t is None:
-        return moved_along(designs, instants_of(solver), crank_speed, forces)
+        return moved_along(designs, spread_instants(solver), crank_speed, forces)
     path_speed = crank_speed if solver.motion_laws.crank else None
     parameter = np.atleast_1d(
         numbers(path_instants(solver.mechanism, solver.motion_laws, angles, path_speed, 0.0, t).parameter)

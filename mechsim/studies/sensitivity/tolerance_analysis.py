@@ -8,9 +8,9 @@ import numpy as np
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array, tangents
 from mechsim.studies.sensitivity.expansion import Advance, Solved, solves
-from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sampled
+from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sample_tolerances
 from mechsim.studies.sensitivity.sensitivity import Sensitivity
-from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, tolerances_of
+from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, parsed_tolerances
 
 SAMPLES, SEED = 100_000, 1
 
@@ -30,7 +30,7 @@ class ToleranceStudy:
     table: Sensitivity
     tolerances: Tolerances
     offs: Mapping[str, Sequence[Mapping[str, Array]]]
-    sampled: Sampled | None
+    sample_tolerances: Sampled | None
 
     __repr__ = short_repr
 
@@ -134,7 +134,7 @@ def tolerance_study(
     requested = (
         tolerances
         if isinstance(tolerances, Tolerances)
-        else tolerances_of(tolerances, moved.designs.dimensions, moved.solver.mechanism)
+        else parsed_tolerances(tolerances, moved.designs.dimensions, moved.solver.mechanism)
     )
     columns = list(table.values)
     moved.designs.require_independent(requested.bounds)
@@ -158,7 +158,7 @@ def tolerance_study(
         solved = Solved(moved, columns, requested.bounds, values, angular)
         loose = [np.array([_row(row, columns) for row in own]) for own in plays.values()]
         advance = _counted(progress, CHECKED + (solves(len(derivative)) if len(derivative) else 0))
-        monte_carlo = sampled(solved, derivative, loose, requested, samples, seed, advance)
+        monte_carlo = sample_tolerances(solved, derivative, loose, requested, samples, seed, advance)
     offs |= {joint + CLEARANCE: own for joint, own in plays.items()}
     return ToleranceStudy(table, requested, offs, monte_carlo)
 

@@ -46,7 +46,7 @@ class Tolerances:
         return SPREAD[self.distribution]
 
 
-def tolerances_of(
+def parsed_tolerances(
     written: Mapping[str, str | float],
     dimensions: Mapping[str, Dimension],
     mechanism: Mechanism,

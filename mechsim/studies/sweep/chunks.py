@@ -20,7 +20,7 @@ from mechsim.files import atomic_path
 from mechsim.numerics.resources import size_text
 from mechsim.simulation.mjcf import quiet
 from mechsim.studies.release import Release
-from mechsim.studies.sweep.methods import by_one_formula, measured
+from mechsim.studies.sweep.methods import by_one_formula, measured_designs
 from mechsim.studies.sweep.subject import OfCatalog, OfPython, OfToml
 from mechsim.studies.sweep.table import library
 from mechsim.studies.sweep.task import Measured, SweepTask
@@ -228,7 +228,7 @@ def _run_local(
     lock = threading.Lock()
 
     def run(number: int, low: int, high: int) -> None:
-        measured_values = measured(task, low, high)
+        measured_values = measured_designs(task, low, high)
         with lock:
             keep(number, measured_values)
 
@@ -266,7 +266,7 @@ def _sent(
             number, low, high = waiting.pop()
             # each chunk holds only its own designs: shared data would be lost with the worker that holds it
             own = replace(task.designs, values=task.designs.rows(low, high), spread="list")
-            future = client.submit(measured, replace(task, designs=own), 0, high - low, pure=False)
+            future = client.submit(measured_designs, replace(task, designs=own), 0, high - low, pure=False)
             under_way[future] = number
             sent.append(future)
         return sent

@@ -168,7 +168,7 @@ def _count(text: str, source: str) -> int:
     return count
 
 
-def grid(values: Mapping[str, object], model: str, parameters: Mapping[str, str]) -> Designs:
+def grid_designs(values: Mapping[str, object], model: str, parameters: Mapping[str, str]) -> Designs:
     """Return all values of each parameter with all of the others, the last one varying fastest.
 
     Raises:
@@ -181,7 +181,7 @@ def grid(values: Mapping[str, object], model: str, parameters: Mapping[str, str]
     return Designs(kept, {name: parameters[name] for name in kept}, "grid", f"grid of {description}")
 
 
-def listed(
+def listed_designs(
     values: Mapping[str, object], model: str, parameters: Mapping[str, str], description: str
 ) -> Designs:
     """Return designs one by one: parameter -> values, (n,) each in SI.
@@ -209,7 +209,7 @@ def _row(name: str, value: object, model: str, parameters: Mapping[str, str]) ->
     return row.astype(np.float64)
 
 
-def sampled(
+def sampled_designs(
     text: str, spans: Mapping[str, object], model: str, parameters: Mapping[str, str], seed: int = SEED
 ) -> Designs:
     """Return designs spread over spans of parameters: `sobol:N`, `halton:N`, `latin:N` or `random:N`.
@@ -284,7 +284,7 @@ def read_designs(
         unit = unit_of(name, model, parameters)
         own = (declared or {}).get(name, "")
         columns[name] = np.array([_value(row, i, unit, path, line, own) for line, row in enumerate(rows, 2)])
-    return listed(columns, model, parameters, f"{len(rows)} designs of {Path(path).name}")
+    return listed_designs(columns, model, parameters, f"{len(rows)} designs of {Path(path).name}")
 
 
 def _value(row: Sequence[str], i: int, unit: str, path: str, line: int, declared: str) -> float:

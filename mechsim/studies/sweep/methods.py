@@ -45,7 +45,7 @@ RETURN_TOLERANCE = 1e-9
 MAX_REASON = 240
 
 
-def measured(task: SweepTask, low: int, high: int) -> Measured:
+def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
     """Return the measures of designs low to high; designs that fail are reported by their outcome."""
     rows = task.designs.rows(low, high)
     result = nothing_measured(task, high - low)

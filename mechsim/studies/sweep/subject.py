@@ -118,7 +118,7 @@ class SweptSubject:
         )
 
 
-def swept(
+def swept_subject(
     model: str | KinematicSolver | Mechanism, set: Mapping[str, str | float] | None = None, **options: Any
 ) -> SweptSubject:
     """Return a subject to be swept.

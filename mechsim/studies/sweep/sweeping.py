@@ -31,17 +31,17 @@ from mechsim.studies.sweep.designs import (
     SEED,
     Designs,
     declared_units,
-    grid,
-    listed,
+    grid_designs,
+    listed_designs,
     parameter_units,
     read_designs,
-    sampled,
+    sampled_designs,
 )
 from mechsim.studies.sweep.measures import RELEASED, measures
 from mechsim.studies.sweep.methods import facts_alone, measured_alone, require_measurable
 from mechsim.studies.sweep.released_measures import released_alone
 from mechsim.studies.sweep.stepped_runs import prescribed_motion, with_closed_start
-from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept
+from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept_subject
 from mechsim.studies.sweep.table import (
     HASH_ATTRIBUTE,
     column_name,
@@ -143,7 +143,7 @@ def swept_designs(
     **options: Any,
 ) -> tuple[SweptSubject, dict[str, str]]:
     """Return the subject and its variable parameters: parameter -> SI unit, empty if none is declared."""
-    subject = model if isinstance(model, SweptSubject) else swept(model, set, **options)
+    subject = model if isinstance(model, SweptSubject) else swept_subject(model, set, **options)
     if isinstance(subject.make, OfPython):
         return subject, dict.fromkeys(subject.design_family.dimensions, "")
     return subject, parameter_units(subject.design_family, subject.solver)
@@ -225,8 +225,12 @@ def _designs(
     if isinstance(design, str):
         return read_designs(design, name, parameters, declared_units(subject.design_family))
     if design is not None:
-        return listed(design, name, parameters, "list of designs")
-    return grid(vary, name, parameters) if sample is None else sampled(sample, vary, name, parameters)
+        return listed_designs(design, name, parameters, "list of designs")
+    return (
+        grid_designs(vary, name, parameters)
+        if sample is None
+        else sampled_designs(sample, vary, name, parameters)
+    )
 
 
 def run_sweep(
@@ -338,7 +342,7 @@ class CheckedDesigns:
     failed: dict[int, str]
 
 
-def check_table(task: SweepTask, result: "Dataset", count: int) -> CheckedDesigns:
+def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesigns:
     """Measure random built designs again, and compare their motions with the other method.
 
     The other method is MuJoCo's poses for formulas and loop equations, and these for stepped designs.

@@ -147,7 +147,7 @@ def _write_zarr(path: Path, result: "Dataset") -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def columns(result: "Dataset") -> dict[str, np.ndarray]:
+def design_columns(result: "Dataset") -> dict[str, np.ndarray]:
     """Return a sweep as columns: parameters, measures, outcome and reason, a row a design."""
     dims = [str(name) for name in result.dims]
     names = [*map(str, result.coords), *map(str, result.data_vars)]
@@ -156,7 +156,7 @@ def columns(result: "Dataset") -> dict[str, np.ndarray]:
 
 
 def _write_csv(path: Path, result: "Dataset") -> None:
-    table = columns(result)
+    table = design_columns(result)
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
@@ -173,7 +173,7 @@ def _write_parquet(path: Path, result: "Dataset") -> None:
         "units": {str(name): column.attrs.get("units", "1") for name, column in result.variables.items()},
         "grid": [str(name) for name in result.dims] if "design" not in result.dims else [],
     }
-    table = columns(result)
+    table = design_columns(result)
     arrays = [
         arrow.array(column, arrow.string()).dictionary_encode() if name in TEXTS else arrow.array(column)
         for name, column in table.items()
@@ -287,7 +287,7 @@ def drawn_sweep(path: str, measures: tuple[str, ...] | None, kind: str | None) -
         InputError: for a file without a sweep, or a measure it does not contain.
     """
     result = read_sweep(path)
-    table = columns(result)
+    table = design_columns(result)
     parameter_names = [str(name) for name in result.coords]
     measure_names = [name for name in table if name not in (*parameter_names, *TEXTS)]
     measured_columns = {name: table[name] for name in measure_names}

@@ -5,7 +5,7 @@ from mechsim.studies.budget import Budget
 from mechsim.studies.tradeoff.methods import DEFAULTS, STEPS, Build, SteppingMethod, stepping_methods
 from mechsim.studies.tradeoff.models import BuiltModel, build_model
 from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
-from mechsim.studies.tradeoff.trials import measure
+from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Point, Tradeoff, write_csv
 
 __all__ = [
@@ -21,7 +21,7 @@ __all__ = [
     "Subject",
     "Tradeoff",
     "build_model",
-    "measure",
+    "measure_tradeoff",
     "stepping_methods",
     "subject_of",
     "subject_of_model",

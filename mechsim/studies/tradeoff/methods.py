@@ -147,7 +147,7 @@ def _implicit_servos() -> Iterator[SteppingMethod]:
 def _other_builds(mechanism: Mechanism, variants: Iterable[str]) -> dict[str, Build]:
     """Return models with other cuts, with more elements, or reduced, by name."""
     own = {joint.name for joint in cut_loops(mechanism).cuts}
-    builds = {f"cut {'+'.join(cut)}": Build(cut=cut) for cut in cuts_of(mechanism) if set(cut) != own}
+    builds = {f"cut {'+'.join(cut)}": Build(cut=cut) for cut in possible_cuts(mechanism) if set(cut) != own}
     builds |= {f"level {level}": Build(level=level) for level in LEVELS if level != BUILD.level}
     builds |= {variant: Build(variant=variant) for variant in variants}
     rod = rod_of(mechanism)
@@ -182,7 +182,7 @@ def _of_integrator(integrator: str) -> Iterator[SteppingMethod]:
     yield method(2, "2 steps, 1e-08", replace(two, compliance=1e-8))
 
 
-def cuts_of(mechanism: Mechanism) -> list[tuple[str, ...]]:
+def possible_cuts(mechanism: Mechanism) -> list[tuple[str, ...]]:
     """Return every set of joints whose cutting leaves a tree that MuJoCo can close."""
     loops = len(mechanism.joints) - len(mechanism.links)
     cuts: list[tuple[str, ...]] = []

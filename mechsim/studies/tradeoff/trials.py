@@ -23,7 +23,7 @@ MAX_COST_RATIO = 2.0
 
 
 @quiet()
-def measure(
+def measure_tradeoff(
     subject: Subject,
     *,
     budget: float | Budget = 60.0,

@@ -6,7 +6,7 @@ import pytest
 from mechsim.analytic import catalog
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.sensitivity import MovedFamily, derivative_table, instants_of
+from mechsim.studies.sensitivity import MovedFamily, derivative_table, spread_instants
 from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 4.1])
@@ -58,7 +58,7 @@ def test_programs_are_tabled_over_time():
         "five_bar", drive={"left": "120deg+20deg*sin(2*pi*t)", "right": "60deg+20deg*sin(4*pi*t)"}
     )
     form = of.make({})
-    table = derivative_table(MovedFamily(of, instants_of(form)[::24], 1.0), ["left"], ["arm"])
+    table = derivative_table(MovedFamily(of, spread_instants(form)[::24], 1.0), ["left"], ["arm"])
     assert next(table.columns())[0] == "t"
     # a driver stands where its program has it, whatever the arms
     assert not table.derivatives("left.q")["arm"].any()
@@ -81,14 +81,14 @@ def test_what_is_no_quantity_or_dimension_is_refused_with_the_nearest(of, to, sa
 
 def test_a_swinging_crank_is_looked_at_between_its_dead_centres():
     form = catalog.make("four_bar", rocker=0.035)
-    at = instants_of(form)
+    at = spread_instants(form)
     low, high = form.crank_range().arcs[0]
     assert low < at[0] < at[-1] < high
 
 
 def test_a_motion_is_looked_at_aside_of_where_assemblies_meet():
     of = parametric_model("elliptic_trammel")
-    at = instants_of(of.make({}))
+    at = spread_instants(of.make({}))
     assert len(at) == 71
     assert np.abs(np.cos(at)).min() > 1e-3
     assert derivative_table(MovedFamily(of, at[::10], 1.0), ["pen"]).by

@@ -10,9 +10,9 @@ from mechsim.errors import InputError
 from mechsim.studies.sensitivity import (
     MovedFamily,
     derivative_table,
+    parsed_tolerances,
     path_bands,
     tolerance_study,
-    tolerances_of,
     written_tolerances,
 )
 from mechsim.studies.sensitivity.expansion import Solved
@@ -52,7 +52,9 @@ def test_no_random_mechanism_is_farther_off_than_the_worst_case():
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     found = table("hoeken", of=("rocker",))
     given = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
-    asked = tolerances_of(given, found.moved.designs.dimensions, found.moved.solver.mechanism, distribution)
+    asked = parsed_tolerances(
+        given, found.moved.designs.dimensions, found.moved.solver.mechanism, distribution
+    )
     study = tolerance_study(found, asked, samples=40_000)
     random = study.random("rocker.q")
     assert study.sampled.sampling.order == 1
@@ -145,7 +147,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
     path = tmp_path / "tolerances.csv"
     path.write_text("dimension,tolerance\ncrank,±0.02mm\narm_angle,+-0.1 deg\n")
     found = table()
-    read = tolerances_of(
+    read = parsed_tolerances(
         written_tolerances(str(path)), found.moved.designs.dimensions, found.moved.solver.mechanism
     )
     assert read.bounds == {"crank": pytest.approx(2e-5), "arm_angle": pytest.approx(np.deg2rad(0.1))}
@@ -166,7 +168,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
 def test_what_is_no_tolerance_is_refused_in_one_line(written, said):
     found = table()
     with pytest.raises(InputError, match=said):
-        tolerances_of(
+        parsed_tolerances(
             written_tolerances(written), found.moved.designs.dimensions, found.moved.solver.mechanism
         )
 

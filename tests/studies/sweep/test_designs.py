@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.studies.sweep.designs import grid, parsed_range, read_designs, sampled
+from mechsim.studies.sweep.designs import grid_designs, parsed_range, read_designs, sampled_designs
 from mechsim.studies.sweep.sweeping import swept_designs
 
 SUBJECT, THERE = swept_designs("rssr")
@@ -26,7 +26,7 @@ def test_places_vary_by_parts_and_choices_by_their_values():
 
 
 def test_a_grid_has_all_with_all_and_any_part_of_it_is_made_by_itself():
-    designs = grid({"crank": [1.0, 2.0], "rocker": [3.0, 4.0, 5.0]}, "rssr", THERE)
+    designs = grid_designs({"crank": [1.0, 2.0], "rocker": [3.0, 4.0, 5.0]}, "rssr", THERE)
     assert designs.shape == (2, 3)
     whole = designs.rows(0, 6)
     assert whole["crank"].tolist() == [1.0] * 3 + [2.0] * 3
@@ -35,7 +35,7 @@ def test_a_grid_has_all_with_all_and_any_part_of_it_is_made_by_itself():
 
 def test_samples_fill_their_spans_and_are_the_same_each_time():
     spans = {"crank": (1.0, 2.0), "rocker": (5.0, 9.0)}
-    first, again = (sampled("sobol:100", spans, "rssr", THERE) for _ in range(2))
+    first, again = (sampled_designs("sobol:100", spans, "rssr", THERE) for _ in range(2))
     crank, rocker = first.values.values()
     assert 1.0 <= crank.min() < 1.02 < 1.98 < crank.max() <= 2.0
     assert abs(rocker.mean() - 7.0) < 0.1
@@ -71,9 +71,9 @@ def test_what_is_no_range_is_refused(text, said):
 def test_other_designs_that_cannot_be_are_refused(tmp_path):
     for text in ("sobl:8", "sobol:0", "sobol:x", "sobol"):
         with pytest.raises(InputError, match="sobol:N"):
-            sampled(text, {"crank": (1.0, 2.0)}, "rssr", THERE)
+            sampled_designs(text, {"crank": (1.0, 2.0)}, "rssr", THERE)
     with pytest.raises(InputError, match="lower and its upper end"):
-        sampled("sobol:8", {"crank": (2.0, 1.0)}, "rssr", THERE)
+        sampled_designs("sobol:8", {"crank": (2.0, 1.0)}, "rssr", THERE)
     path = tmp_path / "designs.csv"
     for text, said in (
         ("crank\n", "no row"),

@@ -6,7 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.simulation import Settings
-from mechsim.studies.sweep.sweeping import check_table, run_sweep, swept_task
+from mechsim.studies.sweep.sweeping import check_sweep, run_sweep, swept_task
 from mechsim.studies.sweep.task import SweepTask
 
 FEW = Settings(steps_per_turn=60)
@@ -82,9 +82,9 @@ def test_a_check_finds_a_table_that_is_wrong():
     for given in (ASKED, {"samples": 12}):
         task = swept_task("watt_six_bar", {"crank": [0.02, 0.03]}, "range:output", **given)
         found = run_sweep(task)
-        assert check_table(task, found, 2).passed == 2
+        assert check_sweep(task, found, 2).passed == 2
         found["range:output"].values[1] *= 1.0 + 1e-6
-        checked = check_table(task, found, 2)
+        checked = check_sweep(task, found, 2)
         assert checked.passed == 1
         assert "in the table and" in checked.failed[1]
 

@@ -5,7 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.studies.sweep import methods
-from mechsim.studies.sweep.sweeping import built, check_table, run_sweep, swept_task
+from mechsim.studies.sweep.sweeping import built, check_sweep, run_sweep, swept_task
 
 FOUR_BAR = """name = "bar"
 units = { length = "mm" }
@@ -71,11 +71,11 @@ def test_designs_that_swing_agree_with_mujoco_and_with_each_by_itself(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
     found = run_sweep(task)
     assert found["outcome"].values.tolist() == ["swings", "passed"]
-    checked = check_table(task, found, 2)
+    checked = check_sweep(task, found, 2)
     assert checked.passed == checked.count == 2, checked.failed
     broken = found.copy(deep=True)
     broken["range:rocker"][0] += 1e-4
-    assert check_table(task, broken, 2).passed == 1
+    assert check_sweep(task, broken, 2).passed == 1
 
 
 def test_forces_of_a_swing_are_those_of_a_run():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.studies.sweep.methods import by_one_formula, come_back, measured
+from mechsim.studies.sweep.methods import by_one_formula, come_back, measured_designs
 from mechsim.studies.sweep.sweeping import swept_task
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
 
@@ -25,12 +25,12 @@ def both(monkeypatch, task):
     count = task.designs.count
     left = []
     monkeypatch.setattr("mechsim.studies.sweep.methods.one_by_one", lambda t, r, index, f: left.extend(index))
-    together = measured(task, 0, count)
+    together = measured_designs(task, 0, count)
     monkeypatch.undo()
     assert left == []
     with monkeypatch.context() as patched:
         patched.setattr(SweepTask, "loops", None)
-        alone = measured(task, 0, count)
+        alone = measured_designs(task, 0, count)
     return together, alone
 
 
@@ -58,7 +58,7 @@ def test_a_link_that_spins_is_followed_with_what_it_belongs_to(monkeypatch):
 
 
 def test_what_does_not_turn_fully_swings():
-    found = measured(swept_task("looper", {"crank": [0.05, 0.006]}, "max:C.x", samples=24), 0, 2)
+    found = measured_designs(swept_task("looper", {"crank": [0.05, 0.006]}, "max:C.x", samples=24), 0, 2)
     assert [OUTCOMES[i] for i in found.outcome] == ["swings", "passed"]
     # a further root of one sign is numbered by all it does over the turn, which no start tells
     task = swept_task("looper", {"crank": [0.006]}, "max:C.x", set={"side": "2"})

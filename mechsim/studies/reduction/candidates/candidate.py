@@ -31,7 +31,7 @@ class RemovalCandidate:
     only_if_faster: bool = False
 
 
-def changed(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.MjSpec:
+def with_candidate(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.MjSpec:
     """Return a copy of a specification with a candidate applied.
 
     Raises:
@@ -46,7 +46,7 @@ def changed(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.MjSpec:
     return copy
 
 
-def set_options(spec: mujoco.MjSpec, **values: int) -> None:
+def set_spec_options(spec: mujoco.MjSpec, **values: int) -> None:
     """Set options of a specification, as integrator or disableflags."""
     for name, value in values.items():
         setattr(spec.option, name, value)

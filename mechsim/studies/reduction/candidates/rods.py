@@ -149,7 +149,10 @@ def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
     candidates: list[RemovalCandidate] = []
     step = float(observed.spec.option.timestep)
     for chain in loose_chains(observed):
-        if observed.spec.equality(chain.closing).type != CONNECT or rod_of(observed.spec, chain) is None:
+        if (
+            observed.spec.equality(chain.closing).type != CONNECT
+            or rod_of_chain(observed.spec, chain) is None
+        ):
             continue
         for constant in (None, *CONSTANTS):
             stiffness = (
@@ -164,7 +167,7 @@ def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
     return candidates
 
 
-def rod_of(spec: mujoco.MjSpec, chain: LooseChain) -> tuple[Array, float] | None:
+def rod_of_chain(spec: mujoco.MjSpec, chain: LooseChain) -> tuple[Array, float] | None:
     """Return the common anchor of a chain's joints, (3,), and the distance to its end; None if there is none.
 
     The hinge axes must pass through one point, so that the rod can follow the direction of the force.
@@ -185,7 +188,7 @@ def _as_length(spec: mujoco.MjSpec, chain: LooseChain, constant: float | None) -
     equality = spec.equality(chain.closing)
     if equality is None or any(spec.body(name) is None for name in chain.bodies):
         raise NotApplicable(f"loop {chain.closing} is removed already")
-    rod = rod_of(spec, chain)
+    rod = rod_of_chain(spec, chain)
     if rod is None:
         raise NotApplicable(f"{chain.bodies[0]} is no rod")
     anchor, length = rod

@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.studies.reduction.candidates.bodies import joints_of
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, set_options
+from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, set_spec_options
 from mechsim.studies.reduction.observations import Evidence
 
 # categories: cheaper steps; longer steps
@@ -60,9 +60,9 @@ def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
         ),
     ):
         if applies:
-            candidates.append(RemovalCandidate(CHEAPER_STEPS, what, partial(set_options, **change)))
+            candidates.append(RemovalCandidate(CHEAPER_STEPS, what, partial(set_spec_options, **change)))
     if option.iterations > 1:
-        what, edit = "iterations of the solver after the first", partial(set_options, iterations=1)
+        what, edit = "iterations of the solver after the first", partial(set_spec_options, iterations=1)
         candidates.append(RemovalCandidate(CHEAPER_STEPS, what, edit, only_if_faster=True))
     return candidates
 
