@@ -7,7 +7,8 @@ from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.scene import compute_reference, errors_of, run_scene, step_times
-from mechsim.studies.scene.converged_reference import hardened, interpolated
+from mechsim.studies.scene.converged_reference import hardened
+from mechsim.studies.scene.errors import cubic_interpolation
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 
@@ -156,7 +157,7 @@ def test_cubics_meet_between_known_instants():
     known = np.linspace(0.0, 1.0, 21)
     values = np.stack([known**3, 1.0 - known**2], 1)
     time = np.array([0.0, 0.013, 0.5, 0.987, 1.0])
-    assert interpolated(known, values, time) == pytest.approx(
+    assert cubic_interpolation(known, values, time) == pytest.approx(
         np.stack([time**3, 1.0 - time**2], 1), abs=1e-14
     )
 

@@ -30,7 +30,7 @@ class ToleranceStudy:
     table: Sensitivity
     tolerances: Tolerances
     offs: Mapping[str, Sequence[Mapping[str, Array]]]
-    sample_tolerances: Sampled | None
+    sampled: Sampled | None
 
     __repr__ = short_repr
 
