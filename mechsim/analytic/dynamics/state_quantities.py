@@ -9,10 +9,9 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.analytic.loops.kinematics import Coordinates, twists
-from mechsim.analytic.loops.record import point_on, tree_joint_motions
+from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.vector_method.rotations import cross, wrap
 from mechsim.errors import InputError
-from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.model.quantities import Quantity, numeric_quantity, record_columns
@@ -40,11 +39,7 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
         angle=first.value,
         speed=first.rate,
         acceleration=first.acceleration,
-        points={
-            point: point_on(links[link], local)
-            for point, (link, local) in mechanism.points.items()
-            if link != GROUND
-        },
+        points=tracked_points(mechanism, links),
         links=links,
         joints=joints,
         time=times,

@@ -14,11 +14,11 @@ from mechsim.analytic.loops.oracle import crank_angles, crank_rate
 from mechsim.analytic.loops.path import ContinuationPath, PathNames
 from mechsim.analytic.loops.path_rates import Instants, LoopMotion, loop_motion
 from mechsim.analytic.loops.path_segments import PrescribedValues
-from mechsim.analytic.loops.record import point_on, tree_joint_motions
+from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.loops.solver import LoopSolver, loop_solver
 from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.errors import AssemblyError
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism, described, starting_at
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
@@ -213,11 +213,7 @@ def motion_record(
         angle=angle,
         speed=speed,
         acceleration=acceleration,
-        points={
-            point: point_on(links[link], local)
-            for point, (link, local) in mechanism.points.items()
-            if link != GROUND
-        },
+        points=tracked_points(mechanism, links),
         links=links,
         joints=tree_joint_motions(tree, mechanism.joints, links, coordinates),
         conditioning=motion.conditioning,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.loops.maximal_coordinates import Poses, equations, row_units, scaled
-from mechsim.analytic.loops.record import joint_motions, point_on
+from mechsim.analytic.loops.record import joint_motions, tracked_points
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import KINDS, antiparallel_message
@@ -240,17 +240,12 @@ def rates(
         )
         for i, name in enumerate(names)
     }
-    points = {
-        point: point_on(links[link], local)
-        for point, (link, local) in mechanism.points.items()
-        if link != GROUND
-    }
     return Motion(
         source="loop equations",
         angle=angle,
         speed=speed,
         acceleration=acceleration,
-        points=points,
+        points=tracked_points(mechanism, links),
         links=links,
         joints={
             name: motion for joint in mechanism.joints for name, motion in joint_motions(joint, links).items()

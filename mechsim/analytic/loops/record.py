@@ -51,6 +51,12 @@ def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
     return PointMotion(link.position + arm, link.velocity + tangential, link.acceleration + acceleration)
 
 
+def tracked_points(mechanism: Mechanism, links: Mapping[str, LinkMotion]) -> dict[str, PointMotion]:
+    """Return the motions of the tracked points of moving links."""
+    moving = ((name, *owner) for name, owner in mechanism.points.items() if owner[0] != GROUND)
+    return {name: point_on(links[link], local) for name, link, local in moving}
+
+
 def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, JointMotion]:
     """Return the motion of each coordinate of a joint from those of its links; angles are unwrapped."""
     kind = KINDS[joint.kind]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.kinematics import LinkPoses, link_poses
-from mechsim.analytic.loops.record import point_on
+from mechsim.analytic.loops.record import tracked_points
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.model.joint_kinds import KINDS, coordinates
 from mechsim.model.links import GROUND, Pose
@@ -387,11 +387,7 @@ def even_motion(curve: AssemblyCurve, steps: int, duration: float) -> Motion:
         angle=poses.angle,
         speed=rates.evaluate(arc)[:, column] * rate,
         acceleration=rates.derivative().evaluate(arc)[:, column] * rate**2,
-        points={
-            name: point_on(links[link], local)
-            for name, (link, local) in curve.mechanism.points.items()
-            if link != GROUND
-        },
+        points=tracked_points(curve.mechanism, links),
         links=links,
         time=arc / rate,
     )
