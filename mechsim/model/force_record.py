@@ -116,7 +116,7 @@ class ForceRecord:
             smallest that fit are given. Empty where the method does not report it.
         drives: driven or held coordinate -> torque on the joint's link b about its axis, or force along it,
             (n,) in [N m] or [N]. Empty where a crank is driven. Otherwise angle, speed and acceleration are
-            those of the programs' clock, and the torque is the drives' power by its speed.
+            those of the path parameter of the motion laws, and the torque is the drives' power by its rate.
         holds: coordinate locked while a crank is driven -> likewise; of those under programs, in `drives`.
         drive_accelerations: driven coordinate -> its acceleration, (n,) in [rad/s2] or [m/s2].
         straight: names among gears and drives that are forces in [N].

@@ -43,10 +43,10 @@ class DynamicModel:
     def unit_motion(
         self, angles: ArrayLike, as_run: Motion | None = None, *, within: bool = False
     ) -> UnitMotion:
-        """Return poses, first and second derivatives by the crank angle, at crank angles (n,) in [rad].
+        """Return poses, first and second derivatives by the path parameter, at path parameters (n,) in [rad].
 
-        Under programs by the angle of their clock, where a motion under them is given at what its drivers
-        really did. Asked for poses `within` the joints' ranges, it refuses those beyond.
+        Under motion laws the drivers are where they were in a run, if one is given. With `within`, poses
+        beyond the ranges of joints are rejected.
 
         Raises:
             AssemblyError: where the loops do not close, or a joint would leave its range.

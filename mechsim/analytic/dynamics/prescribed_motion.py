@@ -264,7 +264,7 @@ def _drive_accelerations(unit: UnitMotion, rate: Array) -> dict[str, Array]:
 
 
 def _clock_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
-    """Return the drives' power at unit speed of the crank or the clock, (n,) in [N m]."""
+    """Return the drives' power at unit rate of the path parameter, (n,) in [N m]."""
     if not unit.drivers:
         return next(iter(drives.values()))
     return sum((effort * unit.driver_rates[name] for name, effort in drives.items()), np.zeros(len(unit)))

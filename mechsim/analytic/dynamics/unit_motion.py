@@ -38,8 +38,8 @@ class UnitMotion:
         twist: first derivative: of the origin in [m/rad], of the orientation in [1], (n, L, 6).
         bias: second derivative likewise, (n, L, 6).
         idle: twists that no joint resists once the crank is held, (n, L, 6, k).
-        drivers: driver -> its value, (n,), where programs drive; the angle is then their clock's.
-        driver_rates: driver -> its derivative by the clock's angle, (n,).
+        drivers: driver -> its value, (n,), under motion laws; the angle is then their path parameter.
+        driver_rates: driver -> its derivative by the path parameter, (n,).
         driver_seconds: driver -> its second derivative, (n,).
     """
 

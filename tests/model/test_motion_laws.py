@@ -1,0 +1,51 @@
+"""Motion laws: a crank at any speed is one of them, for every solver."""
+
+import numpy as np
+import pytest
+from driven import five_bar
+
+import mechsim as ms
+from mechsim.errors import InputError
+from mechsim.model.motion_laws import CRANK
+
+PARAMETER = np.linspace(0.2, 1.4, 7)
+LAWS = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t)"}
+
+
+@pytest.mark.parametrize("name", ["four_bar", "looper", "klann"])
+def test_a_solver_without_motion_laws_has_that_of_a_crank(name):
+    laws = ms.load(name).motion_laws
+    assert laws is CRANK
+    assert laws.axis == "angle"
+    assert laws.path_speed(3.0) == 3.0
+    assert laws.time(PARAMETER) is None
+    for values, expected in zip(laws.along_path(PARAMETER), (PARAMETER, 1.0, 0.0), strict=True):
+        np.testing.assert_array_equal(values[0], np.broadcast_to(expected, 7))
+
+
+def test_parameters_and_times_of_motion_laws_belong_together():
+    laws = ms.load("five_bar", drive=LAWS, duration="0.5 s").motion_laws
+    assert laws.axis == "t"
+    assert laws.path_speed(3.0) == laws.rate
+    times = np.linspace(0.0, 0.5, 5)
+    np.testing.assert_allclose(laws.time(laws.parameter(times)), times, rtol=1e-15, atol=1e-16)
+    np.testing.assert_allclose(laws.spread(5), laws.parameter(times), rtol=1e-15, atol=1e-16)
+    value, first, second = laws.along_path(laws.parameter(times))
+    for found, expected in zip(
+        (value, first * laws.rate, second * laws.rate**2), laws.state(times), strict=True
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14)
+
+
+def test_a_revolution_of_a_crank_is_spread_without_its_end():
+    np.testing.assert_allclose(CRANK.spread(4), 0.5 * np.pi * np.arange(4), rtol=1e-15)
+
+
+def test_motion_laws_that_do_not_drive_all_drivers_are_rejected():
+    mechanism = five_bar()
+    with pytest.raises(InputError, match="left, right have no motion law; give each one"):
+        CRANK.require_drivers(mechanism)
+    laws = ms.load("five_bar", drive=LAWS, duration=1.0).motion_laws
+    laws.require_drivers(mechanism)
+    with pytest.raises(InputError, match="the motion laws are of left, right; drivers are crank"):
+        laws.require_drivers(ms.load("four_bar").mechanism)
