@@ -191,7 +191,7 @@ def _final(result: DynamicRun) -> dict[str, float]:
 def _statics(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
     """Return the equilibria, and what holds the initial configuration."""
     mechanism, solutions = model.mechanism, equilibria(model, initial=initial)
-    efforts = holding(model, initial=initial) if initial else {}
+    torques = holding(model, initial=initial) if initial else {}
     drivers = mechanism.drivers or tuple(solutions[0].q)[:1] if solutions else ()
 
     def text() -> None:
@@ -207,12 +207,12 @@ def _statics(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
         searched = f"found from {STARTS + 1} configurations of this assembly"
         title = f"{mechanism.name}: {len(solutions)} equilibria {searched}"
         print_table(title, ("at [rad, m]", "stable", "potential [J]", "frequencies [Hz]"), rows)
-        for driver, effort in efforts.items():
+        for driver, torque in torques.items():
             unit = "N" if mechanism.unit(driver) == "m" else "N m"
-            print_text(f"{number(effort)} {unit} in {driver} hold the initial configuration")
+            print_text(f"{number(torque)} {unit} in {driver} hold the initial configuration")
 
     facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
-    return Result({"equilibria": facts, "holding": efforts}, text)
+    return Result({"equilibria": facts, "holding": torques}, text)
 
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
