@@ -52,8 +52,8 @@ CHANGED = (
     "the model's own time step, integrator, solver and constraint compliance were replaced by the settings "
     "of the run, and its drivers carry virtual inertia; gravity, masses, friction and actuators are its own"
 )
-TOUCHING = ", and so are contacts of what the drivers leave open"
-UNTOUCHED = ", and contacts do not act, for the drivers settle every place"
+TOUCHING = ", and so are contacts of bodies that the drivers do not determine"
+UNTOUCHED = ", and contacts do not act, because the drivers determine all poses"
 # bytes per recorded number, with intermediate arrays
 BYTES_PER_NUMBER = 32.0
 # crank angles at which a profile is probed for closure

@@ -66,8 +66,8 @@ def _lag_note(driven: DrivenRun, run: Run) -> str:
     if distance <= run.tolerance:
         return ""
     return (
-        f"places are up to {distance:.2g} m from where programs want them by then: drivers lag, which this "
-        "tolerance does not count; more steps bring them nearer by their square"
+        f"positions differ by up to {distance:.2g} m from those of the motion laws at the same time: the "
+        "drivers lag, which this tolerance does not include; the lag falls with the square of the steps"
     )
 
 
@@ -104,13 +104,13 @@ def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run, repo
         reason = f"{report.reason}, and by compliance {compliance:.2g} {remaining:.2g} m"
         return _with_report(run, replace(report, trials=steps_spent, reason=reason))
     note = (
-        f"loops are held by compliance {compliance:.2g}: "
-        f"{settings.compliance_used:.2g} leaves places off by {estimate:.2g} m"
+        f"loops have compliance {compliance:.2g}: "
+        f"{settings.compliance_used:.2g} leaves a position error of {estimate:.2g} m"
     )
     settings, steps_spent = replace(settings, compliance=compliance), steps_spent + run.steps
     if attempts[-1].outcome == "passed":
         final_report = replace(
-            report, estimates={"place": remaining}, trials=steps_spent - run.steps, reason=""
+            report, estimates={"position": remaining}, trials=steps_spent - run.steps, reason=""
         )
         return _with_report(attempts[-1], final_report, note)
     return _with_report(*_run_to_tolerance(driven, settings, tolerance, steps, steps_spent), note)
@@ -133,14 +133,14 @@ def _run_to_tolerance(
         return Attempt(
             run=run,
             steps=run.steps,
-            estimates={"place": run.estimate},
+            estimates={"position": run.estimate},
             order=ORDER,
             final=final,
             diverged=run.outcome == "diverged",
         )
 
     def reason(steps: int, estimate: float) -> str:
-        return f"{round(steps / driven.cycle)} steps a turn leave the places off by {estimate:.2g} m"
+        return f"{round(steps / driven.cycle)} steps a turn leave a position error of {estimate:.2g} m"
 
     max_steps = max(MAX_STEPS, int(MAX_STEPS_OF_MOTION * driven.cycle / driven.profile.turns))
     return run_within_tolerance(

@@ -62,7 +62,7 @@ def test_a_slow_motion_under_weight_keeps_a_tolerance_by_harder_loops(path):
     assert run.tolerance_report.satisfied
     assert run.estimate <= TOLERANCE
     assert run.settings.compliance < 0.1 * COMPLIANCE
-    assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves places off by" in run.note
+    assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves a position error of" in run.note
 
 
 def test_a_compliance_that_was_asked_for_is_kept_and_the_miss_says_which_would_do(path):

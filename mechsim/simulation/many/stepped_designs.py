@@ -211,7 +211,7 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
 
 
 # joints only, which the states contain; positions of points, too; or rates and accelerations of all
-Content = Literal["joints", "places", "rates"]
+Content = Literal["joints", "positions", "rates"]
 
 
 def design_motion(stepped: SteppedDesigns, rows: Rows, records: Rows, content: Content) -> Motion:
@@ -237,7 +237,7 @@ def _chunk(stepped: SteppedDesigns, rows: Rows, records: Rows, content: Content)
     if content == "rates":
         motion = evaluate(stepped.loops_at(rows, len(records)), track, states, "step")
         points = dict(motion.points)
-    elif content == "places":
+    elif content == "positions":
         sites = stepped.position_loops(rows, len(records)).posed.site_positions(states.qpos)
         points = {
             name: PointMotion(sites[:, model.site(name).id], zero_vectors, zero_vectors)

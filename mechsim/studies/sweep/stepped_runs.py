@@ -95,7 +95,7 @@ def _detail(task: SweepTask) -> Content:
     """Return the level of detail that the measures need."""
     if task.measures.accelerated:
         return "rates"
-    return "places" if task.measures.wants("stroke") or task.measures.uses("point") else "joints"
+    return "positions" if task.measures.wants("stroke") or task.measures.uses("point") else "joints"
 
 
 def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, float], str, str]:
