@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
+from mechsim.analytic.dynamics.singular_crossing import collocated
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring
@@ -100,6 +101,50 @@ def test_a_row_of_four_bars_passes_the_pose_where_its_mobility_jumps():
     run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.0}, duration=2.0, samples=20)
     angle, _ = a02_four_bars.exact(2, run.time[1:])
     assert np.abs(run.motion.points["B0"].position[1:, :2] - a02_four_bars.tip(angle)).max() <= 1e-10
+
+
+def test_a_row_of_four_bars_crosses_five_singular_poses_without_loss_of_digits():
+    run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.3}, duration=6.0, samples=12)
+    right = [np.pi / 2.0, -1.3]
+    exact = solve_ivp(
+        lambda _, y: [y[1], -3.5 * GRAVITY / 3.0 * np.cos(y[0])],
+        (0.0, 6.0), right, "DOP853", run.time, rtol=2.3e-14, atol=1e-14,
+    )  # fmt: skip
+    error = np.abs(run.motion.points["B0"].position[:, :2] - a02_four_bars.tip(exact.y[0])).max()
+    # measured 2.3e-11; extrapolation over the poses left 2.9e-9
+    assert error <= 3e-10
+    assert run.energy_error <= 1e-9
+
+
+@pytest.mark.parametrize(("stiffness", "crossed"), [(1.0, True), (1e6, False)])
+def test_collocation_crosses_a_smooth_motion_and_rejects_one_that_it_does_not_resolve(stiffness, crossed):
+    def derivative(_, state):
+        return np.array([state[1], -stiffness * state[0]]), 0.0
+
+    solution = collocated(derivative, 0.0, np.array([0.0, 1.0]), 0.1, lambda t: np.array([t, 1.0]))
+    assert (solution is not None) == crossed
+    if solution is not None:
+        assert solution(0.1) == pytest.approx([np.sin(0.1), np.cos(0.1)], abs=1e-13)
+
+
+def test_collocation_rejects_nodes_off_the_loops():
+    def derivative(_, state):
+        return np.array([state[1], -state[0]]), 1e-6
+
+    assert collocated(derivative, 0.0, np.array([0.0, 1.0]), 0.1, lambda t: np.array([t, 1.0])) is None
+
+
+def test_a_strongly_damped_block_is_integrated_implicitly():
+    """2 v' = 20 - 4e6 v: a decay in 0.5 microseconds, then steady sliding over a second."""
+    forces = Forces(gravity=(10.0, 0.0, 0.0), friction=(Friction("s", viscous=4e6),))
+    run = ms.dynamics.run(slider(), forces, duration=1.0, samples=4)
+    assert run.outcome == "done"
+    # explicit steps are stable up to 3 microseconds: 300,000 of them
+    assert run.steps < 2000
+    steady, decay = 20.0 / 4e6, 2.0 / 4e6
+    exact = steady * (run.time - decay * (1.0 - np.exp(-run.time / decay)))
+    assert run.motion.joints["s"].value == pytest.approx(exact, rel=1e-9, abs=1e-15)
+    assert run.motion.joints["s"].rate[1:] == pytest.approx(np.full(4, steady), rel=1e-9)
 
 
 def test_andrews_squeezer_reaches_its_published_angles():

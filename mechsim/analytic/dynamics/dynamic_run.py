@@ -16,7 +16,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.dynamics.forward_dynamics import Integration, StateLayout, Trajectory, stops_of
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
-from mechsim.analytic.dynamics.state_quantities import motion_of, parse_event, stacked
+from mechsim.analytic.dynamics.state_quantities import joined, motion_of, parse_event, stacked
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
@@ -152,19 +152,20 @@ def run(
 def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
     """Return a trajectory at instants (n,) in [s], each projected onto the loops."""
     layout = StateLayout(equations)
-    states: list[Kinematics] = []
     results: list[Dynamics] = []
+    states: list[Kinematics] = []
     energies: list[tuple[float, float]] = []
     ends = np.array([piece.last for piece in trajectory.pieces])
-    for time in times.tolist():
-        piece = trajectory.pieces[min(int(np.searchsorted(ends, time)), len(ends) - 1)]
-        q, rates, work, lost = layout.unpack(piece.solution(time))
-        state = equations.kinematics(*projected(equations, q, rates))
+    pieces = np.minimum(np.searchsorted(ends, times), len(ends) - 1)
+    for number in np.unique(pieces):
+        piece, instants = trajectory.pieces[number], times[pieces == number]
+        unpacked = [layout.unpack(piece.solution(time)) for time in instants.tolist()]
+        rates = np.concatenate([rate for _, rate, _, _ in unpacked], 1)
+        state = equations.kinematics(*projected(equations, joined([q for q, _, _, _ in unpacked]), rates))
         mode = piece.mode
-        dynamics = equations.accelerate(state, np.array([time]), mode.sliding, mode.stuck, piece.contacts)
+        results.append(equations.accelerate(state, instants, mode.sliding, mode.stuck, piece.contacts))
         states.append(state)
-        results.append(dynamics)
-        energies.append((work, lost))
+        energies += [(work, lost) for _, _, work, lost in unpacked]
     whole = equations.kinematics(*stacked(states))
     accelerations = np.concatenate([dynamics.acceleration for dynamics in results], 1)
     kinetic = np.concatenate([dynamics.kinetic for dynamics in results])

@@ -267,9 +267,13 @@ class EquationsOfMotion:
 
     def conditioning(self, state: Kinematics) -> float:
         """Return the smallest singular value of one state's loop constraints; 1 without loops."""
+        return float(self.conditionings(state)[0])
+
+    def conditionings(self, state: Kinematics) -> Array:
+        """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops."""
         if not self.rank:
-            return 1.0
-        return float(np.linalg.svd(state.jacobian[0], compute_uv=False)[self.rank - 1])
+            return np.ones(len(state.q))
+        return np.linalg.svd(state.jacobian, compute_uv=False)[:, self.rank - 1]
 
     def friction_rates(self, state: Kinematics) -> Array:
         """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""

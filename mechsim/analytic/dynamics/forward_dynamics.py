@@ -1,12 +1,13 @@
 """Forward dynamics of any mechanism: its motion in time from an initial state under forces.
 
-An explicit Runge-Kutta method of order 8 with dense output (DOP853) integrates the equations of motion.
-After every step the state is projected onto the loop constraints, so that they do not drift. Coulomb friction
-sticks and slides; stops of joints are hit with a coefficient of restitution. Events end a step exactly.
+An explicit Runge-Kutta method of order 8 with dense output (DOP853) integrates the equations of motion;
+Radau's method of order 5 does where they are stiff. After every step the state is projected onto the loop
+constraints, so that they do not drift. Coulomb friction sticks and slides; stops of joints are hit with a
+coefficient of restitution. Events end a step exactly.
 
-Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.5;
-E. Eich, Convergence results for a coordinate projection method applied to mechanical systems with algebraic
-constraints, SIAM Journal on Numerical Analysis 30 (1993) 1467-1482.
+Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.5,
+and II (1996), section IV.8; E. Eich, Convergence results for a coordinate projection method applied to
+mechanical systems with algebraic constraints, SIAM Journal on Numerical Analysis 30 (1993) 1467-1482.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,6 +18,8 @@ import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
 from mechsim.analytic.dynamics.initial_state import projected
+from mechsim.analytic.dynamics.linearization import null_space
+from mechsim.analytic.dynamics.singular_crossing import collocated
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import AssemblyError
@@ -39,15 +42,21 @@ BALANCED = 1e-9
 SAMPLES = 6
 
 # a configuration whose constraint Jacobian has a smallest singular value below this fraction of that at the
-# start is too near a singular one: accelerations lose digits there. Extrapolation crosses it; its error is of
-# order eight in the time it takes (validation/published/forward_dynamics.py, problem A02)
-SINGULAR = 1e-2
+# start is too near a singular one for explicit steps: accelerations lose digits there
+SINGULAR = 2e-2
+# decays of the fastest rate during a run above which an implicit method is used: the explicit one needs about
+# a step for every three
+MOST_DECAYS = 2e4
+# relative error of an implicit step, and step of its forward differences
+IMPLICIT_TOLERANCE, FORWARD_STEP = 1e-11, 1e-7
 # rates are not scaled to balance energy where the kinetic energy is below this fraction of the largest
 SLOW = 1e-2
 # a singular configuration is crossed from within this many times that distance
 CLOSE = 4.0
 # tries to find the far side of a singular configuration, each 1.5 times as far
 CROSSINGS = 12
+# factor on the distance where no singular configuration is crossed: the path only passes near one
+NEARER = 0.1
 
 # state -> a number that is zero at the event
 EventFunction = Callable[[Kinematics, float], float]
@@ -135,8 +144,9 @@ class Integration:
         self.pieces: list[Piece] = []
         self.events: list[float] = []
         self.steps = 0
-        self.nearest = SINGULAR * equations.conditioning(equations.kinematics(q, rates))
-        self.blocked = self.stepping = False
+        self.regular = self.nearest = SINGULAR * equations.conditioning(equations.kinematics(q, rates))
+        self.blocked = self.stepping = self.implicit = False
+        self.ends: list[tuple[str, EventFunction]] = []
         self.energy: float | None = None
         self.largest_kinetic = self.correction = 0.0
         self.corrections = [0.0]
@@ -144,32 +154,59 @@ class Integration:
 
     def run(self, duration: float, until: EventFunction | None = None) -> Trajectory:
         """Integrate until a duration in [s] or an event, and return the trajectory."""
-        from scipy.integrate import DOP853
-
         outcome, reason = "done", ""
+        self.ends = [] if until is None else [("until", until)]
         try:
             self._choose_mode()
+            self.implicit = self._is_stiff(duration)
             while self.time < duration:
-                solver = DOP853(
-                    self._derivative,
-                    self.time,
-                    self.state,
-                    duration,
-                    rtol=self.tolerance,
-                    atol=self._atol(),  # pyright: ignore[reportArgumentType]
-                )
-                ended = self._smooth_motion(solver, until)
+                ended = self._smooth_motion(self._solver(duration))
                 if ended is not None:
                     outcome, reason = ended
                     break
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
+        return self._trajectory(outcome, reason)
+
+    def _trajectory(self, outcome: Outcome, reason: str) -> Trajectory:
         drift = max(self.corrections)
         return Trajectory(
             tuple(self.pieces), self.time, outcome, reason, self.steps, tuple(self.events), drift
         )
 
-    def _smooth_motion(self, solver: Any, until: EventFunction | None) -> tuple[Outcome, str] | None:
+    def _solver(self, duration: float) -> Any:
+        """Return the integrator of smooth motion: DOP853, or Radau's method where it is stiff."""
+        from scipy.integrate import DOP853, Radau
+
+        if not self.implicit:
+            options: dict[str, Any] = {"rtol": self.tolerance, "atol": self._atol()}
+            return DOP853(self._derivative, self.time, self.state, duration, **options)
+        tolerance = max(self.tolerance, IMPLICIT_TOLERANCE)
+        options = {"rtol": tolerance, "atol": self._atol() * (tolerance / self.tolerance)}
+        return Radau(self._derivative, self.time, self.state, duration, jac=self._jacobian, **options)
+
+    def _is_stiff(self, horizon: float) -> bool:
+        """Return whether the fastest decay of a rate is too short for explicit steps over a time in [s]."""
+        basis = null_space(self.equations, self.layout.unpack(self.state)[0])
+        jacobian = self._jacobian(self.time, self.state)
+        rates = slice(self.layout.positions, self.layout.positions + self.layout.count)
+        free = self.equations.free
+        derivative = basis.T @ jacobian[rates, rates][np.ix_(free, free)] @ basis
+        decay = float(np.abs(np.linalg.eigvals(derivative)).max(initial=0.0))
+        return decay * horizon > MOST_DECAYS
+
+    def _jacobian(self, time: float, state: Array) -> Array:
+        """Return the derivative of the right-hand side by the state, by forward differences."""
+        layout = self.layout
+        count = layout.positions + layout.count
+        scale = layout.scale(max(self.fastest, 1.0))[:count] * FORWARD_STEP
+        moved = state + np.concatenate([np.diag(scale), np.zeros((count, 2))], 1)
+        values = self._derivatives(np.full(count + 1, time), np.concatenate([state[None], moved]))
+        jacobian = np.zeros((len(state), len(state)))
+        jacobian[:, :count] = (values[1:] - values[0]).T / scale
+        return jacobian
+
+    def _smooth_motion(self, solver: Any) -> tuple[Outcome, str] | None:
         """Step until an event changes the mode or the run ends; None where it goes on."""
         while solver.status == "running":
             self.blocked = False
@@ -180,7 +217,7 @@ class Integration:
             self.steps += 1
             if self.blocked and self._cross():
                 return None
-            if not np.isfinite(solver.y).all():
+            if solver.status == "failed" or not np.isfinite(solver.y).all():
                 return "diverged", f"the integrator found no step at {self.time:.6g} s ({message})"
             if self.steps > MOST_STEPS:
                 return (
@@ -189,7 +226,7 @@ class Integration:
                 )
             dense = solver.dense_output()
             before, after = self.time, float(solver.t)
-            event = self._first_event(dense, before, after, until)
+            event = self._first_event(dense, before, after)
             last = after if event is None else event[0]
             self.pieces.append(Piece(before, last, dense, self.mode, self._contact_indices()))
             self.time = last
@@ -199,7 +236,7 @@ class Integration:
             self.fastest = max(self.fastest, float(np.abs(rates).max(initial=0.0)))
             self.state = self.layout.pack(q, rates, work, lost)
             if event is not None:
-                if event[1] == "until":
+                if event[1] != "mode":
                     return "done", ""
                 self.events.append(last)
                 if len(self.events) > MOST_EVENTS:
@@ -207,6 +244,11 @@ class Integration:
                 self._impact()
                 self._choose_mode()
                 return self._at_rest()
+            if (
+                self.nearest < self.regular
+                and self.equations.conditioning(self._kinematics(self.state)) > CLOSE * self.regular
+            ):
+                self.nearest = self.regular
             solver.y = self.state.copy()
             solver.f = self._derivative(after, self.state)
         return None
@@ -222,6 +264,9 @@ class Integration:
             self.energy = kinetic + potential - gained
         self.largest_kinetic = max(self.largest_kinetic, kinetic)
         target = self.energy + gained - potential
+        if self.implicit:
+            self.largest_kinetic = max(self.largest_kinetic, kinetic)
+            return rates
         if kinetic < SLOW * self.largest_kinetic or not 0.5 * kinetic < target < 2.0 * kinetic:
             return rates
         self.correction += target - kinetic
@@ -240,18 +285,27 @@ class Integration:
         return [self.stops[i].index for i in self.mode.contacts]
 
     def _derivative(self, time: float, state: Array) -> Array:
-        if not np.isfinite(state).all():
-            return np.full_like(state, np.nan)
-        kinematics = self._kinematics(state)
-        if self.stepping and self.equations.conditioning(kinematics) < self.nearest:
+        return self._derivatives(np.array([time]), state[None])[0]
+
+    def _derivatives(self, times: Array, states: Array) -> Array:
+        """Return the derivatives of n states; not a number where one is too near a singular configuration."""
+        if not np.isfinite(states).all():
+            return np.full_like(states, np.nan)
+        q, rates = self.layout.unpack_states(states)
+        kinematics = self.equations.kinematics(q, rates)
+        if self.stepping and (self.equations.conditionings(kinematics) < self.nearest).any():
             # the integrator then rejects the step
             self.blocked = True
-            return np.full_like(state, np.nan)
-        dynamics = self._accelerate(kinematics, time, self.mode)
-        return self.layout.derivative(state, kinematics, dynamics)
+            return np.full_like(states, np.nan)
+        mode, contacts = self.mode, self._contact_indices()
+        dynamics = self.equations.accelerate(kinematics, times, mode.sliding, mode.stuck, contacts)
+        return self.layout.derivatives(states, kinematics, dynamics)
 
     def _cross(self) -> bool:
-        """Cross a singular configuration by extrapolating the last step; False where none is near."""
+        """Cross a singular configuration, or allow steps nearer to it where the path only passes near one.
+
+        False where none is near.
+        """
         if not self.pieces:
             return False
         piece = self.pieces[-1]
@@ -261,28 +315,51 @@ class Integration:
             return False
         distance = 2.0 * (piece.last - piece.first) * conditioning / (before - conditioning)
         for _ in range(CROSSINGS):
-            time = self.time + distance
-            q, rates, work, lost = self.layout.unpack(piece.solution(time))
-            if self.equations.conditioning(self.equations.kinematics(q, rates)) > conditioning:
-                q, rates = projected(self.equations, q, rates)
-                self.pieces.append(Piece(self.time, time, piece.solution, self.mode, self._contact_indices()))
-                self.time, self.state = time, self.layout.pack(q, rates, work, lost)
+            far = self.equations.conditioning(self._kinematics(piece.solution(self.time + distance)))
+            if far > conditioning:
+                # the smallest singular value is proportional to the distance on both sides
+                distance *= 2.0 * conditioning / (conditioning + far)
+                crossing = collocated(self._on_loops, self.time, self.state, distance, piece.solution)
+                if crossing is None:
+                    break
+                self._accept_crossing(self.time + distance, crossing)
                 return True
             distance *= 1.5
-        return False
+        self.nearest *= NEARER
+        return True
+
+    def _accept_crossing(self, time: float, solution: Callable[[float], Array]) -> None:
+        """Continue from the far side of a singular configuration."""
+        q, rates, work, lost = self.layout.unpack(solution(time))
+        q, rates = projected(self.equations, q, rates)
+        rates = self._balanced(q, rates, work - lost)
+        self.pieces.append(Piece(self.time, time, solution, self.mode, self._contact_indices()))
+        self.time, self.state = time, self.layout.pack(q, rates, work, lost)
+        self.nearest = self.regular
+
+    def _on_loops(self, time: float, state: Array) -> tuple[Array, float]:
+        """Return the derivative at the nearest state that satisfies the loops, and the distance to it."""
+        q, rates, work, lost = self.layout.unpack(state)
+        q, rates = projected(self.equations, q, rates)
+        nearest = self.layout.pack(q, rates, work, lost)
+        positions = self.layout.positions
+        return self._derivative(time, nearest), float(np.abs((nearest - state)[:positions]).max())
 
     def _atol(self) -> Array:
         """Absolute tolerances: of coordinates 1, of rates the fastest, of energies none."""
         kinematics = self._kinematics(self.state)
         acceleration = self._accelerate(kinematics, self.time, self.mode).acceleration
         rate = max(self.fastest, float(np.sqrt(np.abs(acceleration).max(initial=0.0))), 1e-6)
-        return self.tolerance * self.layout.scale(rate)
+        scale = self.layout.scale(rate)
+        if self.implicit:
+            scale[-2:] = float(np.trace(self.equations.mass(kinematics)[0])) * rate**2
+        return self.tolerance * scale
 
     def _first_event(
-        self, dense: Callable[[float], Array], before: float, after: float, until: EventFunction | None
+        self, dense: Callable[[float], Array], before: float, after: float
     ) -> tuple[float, str] | None:
         """Return the first event within a step: its instant and kind."""
-        functions: list[tuple[str, EventFunction]] = [] if until is None else [("until", until)]
+        functions = [*self.ends]
         functions += [("mode", function) for function in self._mode_functions()]
         if not functions:
             return None
@@ -393,12 +470,18 @@ class Integration:
         """Return the outcome where friction holds everything for good; None where something moves."""
         if not (self.mode.stuck or self.mode.contacts) or not self.equations.steady:
             return None
+        if self._is_still():
+            return "stopped", f"friction holds the mechanism at rest from {self.time:.6g} s on"
+        return None
+
+    def _is_still(self) -> bool:
         state = self._kinematics(self.state)
         dynamics = self._accelerate(state, self.time, self.mode)
         still = np.abs(state.rates).max(initial=0.0) <= 10.0 * REST * max(self.fastest, 1e-9)
-        if still and np.abs(dynamics.acceleration).max(initial=0.0) <= 1e-9 * max(self.fastest, 1e-9) ** 2:
-            return "stopped", f"friction holds the mechanism at rest from {self.time:.6g} s on"
-        return None
+        return bool(still and np.abs(dynamics.acceleration).max(initial=0.0) <= self._small_acceleration())
+
+    def _small_acceleration(self) -> float:
+        return 1e-9 * max(self.fastest, 1e-9) ** 2
 
 
 class StateLayout:
@@ -412,6 +495,7 @@ class StateLayout:
         self.tree = equations.loops.tree
         self.units = equations.loops.units
         self.count, self.balls = self.tree.count, len(self.tree.balls)
+        self.positions = self.count + 4 * self.balls
 
     def pack(self, q: Coordinates, rates: Array, work: float, lost: float) -> Array:
         """Return the vector of one state."""
@@ -420,29 +504,37 @@ class StateLayout:
 
     def unpack(self, state: Array) -> tuple[Coordinates, Array, float, float]:
         """Return coordinates, rates (count, 1), work done and energy lost of a vector."""
-        n, b = self.count, 4 * self.balls
-        rotations = np.zeros((self.balls, 3, 3, 1))
-        for i, rotation in enumerate(rotations):
-            rotation[..., 0] = rotation_matrix(state[n + 4 * i : n + 4 * i + 4])
-        q = Coordinates((state[:n] * self.units)[:, None], rotations)
-        return q, state[n + b : 2 * n + b, None].copy(), float(state[-2]), float(state[-1])
+        q, rates = self.unpack_states(state[None])
+        return q, rates, float(state[-2]), float(state[-1])
 
-    def derivative(self, state: Array, kinematics: Kinematics, dynamics: Dynamics) -> Array:
-        """Return the derivative of a vector by time."""
-        values = kinematics.rates[:, 0].copy()
+    def unpack_states(self, states: Array) -> tuple[Coordinates, Array]:
+        """Return coordinates and rates (count, n) of n vectors."""
+        n, positions = self.count, self.positions
+        rotations = np.zeros((self.balls, 3, 3, len(states)))
+        for i, rotation in enumerate(rotations):
+            for k, state in enumerate(states):
+                rotation[..., k] = rotation_matrix(state[n + 4 * i : n + 4 * i + 4])
+        q = Coordinates(states[:, :n].T * self.units[:, None], rotations)
+        return q, states[:, positions : positions + n].T.copy()
+
+    def derivatives(self, states: Array, kinematics: Kinematics, dynamics: Dynamics) -> Array:
+        """Return the derivatives of n vectors by time, (n, size)."""
+        values = kinematics.rates.copy()
         values[self.tree.ball_indices] = 0.0
         turning: list[Array] = []
         for i, ball in enumerate(self.tree.balls):
-            rate = kinematics.rates[ball.first_angle : ball.first_angle + 3, 0]
+            rate = kinematics.rates[ball.first_angle : ball.first_angle + 3]
             first = self.count + 4 * i
-            turning.append(quaternion_rate(state[first : first + 4], rate))
-        powers = [dynamics.power_in[0], dynamics.power_lost[0]]
-        return np.concatenate([values, *turning, dynamics.acceleration[:, 0], powers])
+            quaternions = states[:, first : first + 4]
+            turning.append(
+                np.array([quaternion_rate(*pair) for pair in zip(quaternions, rate.T, strict=True)]).T
+            )
+        powers = dynamics.power_in[None], dynamics.power_lost[None]
+        return np.concatenate([values, *turning, dynamics.acceleration, *powers]).T
 
     def scale(self, rate: float) -> Array:
         """Return characteristic magnitudes of the vector's components at a characteristic rate."""
-        positions = self.count + 4 * self.balls
-        return np.concatenate([np.ones(positions), np.full(self.count, rate), np.full(2, 1e300)])
+        return np.concatenate([np.ones(self.positions), np.full(self.count, rate), np.full(2, 1e300)])
 
 
 def quaternion(rotation: Array) -> Array:

@@ -42,16 +42,16 @@ def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[
 
 
 def projected(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> tuple[Coordinates, Array]:
-    """Return the closed configuration and the consistent rates nearest to given ones.
+    """Return the n closed configurations and consistent rates nearest to given ones.
 
     Raises:
         AssemblyError: where Newton's method does not close the loops.
     """
     q = _closed(equations, q)
-    jacobian = equations.kinematics(q, rates).jacobian[0]
+    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
     rates = rates.copy()
-    free = rates[equations.free, 0]
-    rates[equations.free, 0] = free - np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ (jacobian @ free)
+    violation = jacobian @ rates[equations.free].T[..., None]
+    rates[equations.free] -= (np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ violation)[..., 0].T
     return q, rates
 
 
@@ -77,10 +77,10 @@ def _closed(
         q.values[list(indices), 0] = values * loops.units[list(indices)]
         loops = replace(loops, driven=(*loops.driven, *indices))
     q, gap = close_nearest(loops, q)
-    if not gap[0] <= CLOSED:
+    if not (gap <= CLOSED).all():
         name = equations.model.mechanism.name
         raise AssemblyError(
-            f"{name}: the loops do not close at the initial values (a gap of {gap[0]:.3g} of the longest "
+            f"{name}: the loops do not close at the initial values (a gap of {gap.max():.3g} of the longest "
             "link is left); give values within the range of motion, of independent coordinates only"
         )
     return q

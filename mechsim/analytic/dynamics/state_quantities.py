@@ -49,11 +49,15 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
 
 def stacked(states: Sequence[Kinematics]) -> tuple[Coordinates, Array]:
     """Return coordinates and rates of several states together, (count, n)."""
-    q = Coordinates(
-        np.concatenate([state.q.values for state in states], 1),
-        np.concatenate([state.q.turns for state in states], -1),
+    return joined([state.q for state in states]), np.concatenate([state.rates for state in states], 1)
+
+
+def joined(configurations: Sequence[Coordinates]) -> Coordinates:
+    """Return several configurations together."""
+    return Coordinates(
+        np.concatenate([q.values for q in configurations], 1),
+        np.concatenate([q.turns for q in configurations], -1),
     )
-    return q, np.concatenate([state.rates for state in states], 1)
 
 
 def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
@@ -139,9 +143,9 @@ def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
     result = numeric_quantity(name, mechanism)
     if not result.order:
         return state_quantity(name, mechanism), 0
-    if result.function is not None or len(result.columns) != 1:
+    if result.function is not None or len(result.columns) > 1:
         raise InputError(f"{name} has no linear response; give a component, as P.vx or J.v")
-    (column,) = result.columns
+    column = result.columns[0]
     if column.source == "point":
         return numeric_quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
     return numeric_quantity(column.subject, mechanism), result.order
