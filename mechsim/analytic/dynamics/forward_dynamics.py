@@ -315,10 +315,10 @@ class Integration:
             return False
         distance = 2.0 * (piece.last - piece.first) * conditioning / (before - conditioning)
         for _ in range(CROSSINGS):
-            far = self.equations.conditioning(self._kinematics(piece.solution(self.time + distance)))
-            if far > conditioning:
+            beyond = self.equations.conditioning(self._kinematics(piece.solution(self.time + distance)))
+            if beyond > conditioning:
                 # the smallest singular value is proportional to the distance on both sides
-                distance *= 2.0 * conditioning / (conditioning + far)
+                distance *= 2.0 * conditioning / (conditioning + beyond)
                 crossing = collocated(self._on_loops, self.time, self.state, distance, piece.solution)
                 if crossing is None:
                     break

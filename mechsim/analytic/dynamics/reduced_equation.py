@@ -269,8 +269,8 @@ def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
     """Return the coefficients of the reduced equation for a motion per radian, a flywheel in [kg m2]."""
     inertia, derivative = generalised_inertia(unit)
     friction = np.zeros(len(unit))
-    for part in acting.dry:
-        friction = friction + part.size * size_of(part.rate)
+    for dry in acting.dry:
+        friction = friction + dry.size * size_of(dry.rate)
     return Reduced(
         unit.angle,
         inertia + flywheel,
@@ -290,9 +290,9 @@ def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
     Returns:
         (n,) in [kg m2] and (n,) in [kg m2/rad].
     """
-    ones, none = np.ones(len(unit)), np.zeros(len(unit))
-    momenta = unit.inertial(none, ones)  # J's wrenches are those of unit acceleration at rest
-    derivative = 2.0 * power(unit, unit.inertial(ones, none))
+    unity, none = np.ones(len(unit)), np.zeros(len(unit))
+    momenta = unit.inertial(none, unity)  # J's wrenches are those of unit acceleration at rest
+    derivative = 2.0 * power(unit, unit.inertial(unity, none))
     return power(unit, momenta), derivative
 
 
