@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 # that is not listed has none. Lower a number with every module that is rewritten; never raise one
 REMAINING = {
     "mechsim/analytic/derivatives": 2,
-    "mechsim/analytic/dynamics": 40,
+    "mechsim/analytic/dynamics": 38,
     "mechsim/cli": 19,
     "mechsim/model": 15,
     "mechsim/pictures/plots": 2,
