@@ -273,7 +273,8 @@ class EquationsOfMotion:
         """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops."""
         if not self.rank:
             return np.ones(len(state.q))
-        return np.linalg.svd(state.jacobian, compute_uv=False)[:, self.rank - 1]
+        values: Array = np.linalg.svd(state.jacobian, compute_uv=False).astype(np.float64)
+        return values[:, self.rank - 1]
 
     def friction_rates(self, state: Kinematics) -> Array:
         """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""

@@ -154,7 +154,8 @@ class Integration:
 
     def run(self, duration: float, until: EventFunction | None = None) -> Trajectory:
         """Integrate until a duration in [s] or an event, and return the trajectory."""
-        outcome, reason = "done", ""
+        outcome: Outcome = "done"
+        reason = ""
         self.ends = [] if until is None else [("until", until)]
         try:
             self._choose_mode()
