@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 from mechsim._version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from mechsim import simulation, testing, units
     from mechsim.analytic import catalog, dynamics
     from mechsim.analytic import loops as closure
@@ -182,7 +180,7 @@ if not TYPE_CHECKING:  # what a type checker does not find above it is to compla
         return globals()[name]
 
 
-def __dir__() -> "Sequence[str]":
+def __dir__() -> Any:
     return __all__
 
 

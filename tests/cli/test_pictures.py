@@ -91,13 +91,6 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
             ("--trace", "--speed", "5rpm"),
             "--trace follows the curve of assemblies; leave out --speed",
         ),
-        (("--kind", "curve", "--spring", "crank=1"), "plot 'curve' shows no forces; loads are of torque, "),
-        (("--kind", "curve", "--initial", "crank.q=1"), "a run from an initial state is of quantities, "),
-        (("--kind", "bode"), "a Bode diagram needs --response LOAD:QUANTITY"),
-        (("--kind", "quantities"), "no quantity is named; give --of"),
-        (("--kind", "phase", "--speed", "5rpm"), "--speed is of a driven crank"),
-        (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
-        (("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"), "is not known of a run"),
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
