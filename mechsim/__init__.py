@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from mechsim.report.notebook import show, view
     from mechsim.simulation import Run, Settings
     from mechsim.studies.agreement.agreement import Agreement, validate
+    from mechsim.studies.check import check
     from mechsim.studies.closed_configurations import closed_qpos, sample
     from mechsim.studies.export import export
     from mechsim.studies.fit.calibration import fit
@@ -87,6 +88,7 @@ _HOMES = _MODULES | {
     "Spring": "model.forces",
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
+    "check": "studies.check",
     "closed_qpos": "studies.closed_configurations",
     "crosscheck": "verdict.crosscheck",
     "export": "studies.export",
@@ -137,6 +139,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "catalog",
+    "check",
     "closed_qpos",
     "closure",
     "course",

@@ -19,6 +19,7 @@ GROUPS = {
     "Models": {
         "list": ("show.list_mechanisms", "List the mechanisms of catalogue and gallery."),
         "show": ("show.show", "Show joints, mobility, range, dead centres, assemblies."),
+        "check": ("check.check_files", "Check closed-loop MuJoCo models: a linter."),
         "export": ("export.export", "Write a mechanism as a MuJoCo model or as TOML."),
     },
     "Motion": {

@@ -1,0 +1,201 @@
+"""Command `mechsim check`: a linter for closed-loop MuJoCo models."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
+
+import typer
+
+from mechsim._version import __version__
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import writable
+from mechsim.cli.output import in_colour, print_table, wrapped
+from mechsim.errors import InputError
+from mechsim.files import atomic_path
+from mechsim.simulation.findings.rules import RULES, EqualityStiffness, Violation
+from mechsim.studies.check import check, explain, fixed_copy
+
+FORMATS = ("text", "json", "github", "sarif")
+COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
+SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+PAGE = "docs/reference/check.md"
+
+
+class ViolationJson(TypedDict):
+    """A finding of a rule."""
+
+    rule: str
+    severity: Literal["error", "warning", "note"]
+    file: str
+    line: int | None
+    object: str
+    value: float
+    message: str
+    fix: str
+
+
+class StiffnessJson(TypedDict):
+    """An equality as a spring and damper."""
+
+    name: str
+    stiffness: float
+    damping: float
+    time_constant_steps: float
+    gap_per_newton: float
+
+
+class CheckFilesJson(TypedDict):
+    """The findings in all files, errors first in each."""
+
+    files: int
+    errors: int
+    findings: list[ViolationJson]
+    fixed: NotRequired[str | None]
+    equalities: NotRequired[dict[str, list[StiffnessJson]]]
+
+
+@command
+def check_files(
+    models: Annotated[list[str], typer.Argument(metavar="FILE...", help="MJCF or URDF files.")],
+    *,
+    select: Annotated[
+        str | None, typer.Option(metavar="RULE,...", help="Only these rules; MS1 means all that begin so.")
+    ] = None,
+    ignore: Annotated[str | None, typer.Option(metavar="RULE,...", help="Leave these rules out.")] = None,
+    fix: Annotated[
+        str | None, typer.Option(metavar="OUT", help="Write a repaired copy of the one file.")
+    ] = None,
+    output_format: Annotated[
+        str, typer.Option(metavar="text|json|github|sarif", help="Format of the findings.")
+    ] = "text",
+    target: Annotated[
+        str | None, typer.Option(metavar="urdf", help="Also report what this format cannot hold.")
+    ] = None,
+    explain_equalities: Annotated[
+        bool,
+        typer.Option("--explain", help="Also print stiffness, damping and gap per newton of equalities."),
+    ] = False,
+) -> Result[CheckFilesJson]:
+    """Check closed-loop models: rules with severity, line and remedy. An error ends with exit code 1.
+
+    Examples:
+    mechsim check gripper.xml ankle.xml --ignore MS111
+    mechsim check gripper.xml --fix repaired.xml --explain
+    """
+    if output_format not in FORMATS:
+        raise InputError(f"there is no output format {output_format!r}; known are {', '.join(FORMATS)}")
+    if fix is not None and len(models) != 1:
+        raise InputError(f"--fix repairs one file, and there are {len(models)}; check them one by one")
+    path = None if fix is None else writable(fix, ".xml")
+    codes = [text.split(",") if text else [] for text in (select, ignore)]
+    violations = [
+        v for model in models for v in check(model, select=codes[0], ignore=codes[1], target=target)
+    ]
+    equalities = {model: explain(model) for model in models} if explain_equalities else {}
+    errors = sum(violation.severity == "error" for violation in violations)
+    data: CheckFilesJson = {
+        "files": len(models),
+        "errors": errors,
+        "findings": [ViolationJson(**asdict(violation)) for violation in violations],
+    }
+    repaired: list[str] = []
+    if path is not None:
+        text, repaired = fixed_copy(models[0], violations)
+        with atomic_path(path) as unfinished:
+            unfinished.write_text(text)
+        data["fixed"] = fix
+    if explain_equalities:
+        data["equalities"] = {
+            model: [StiffnessJson(**asdict(row)) for row in rows] for model, rows in equalities.items()
+        }
+
+    def text() -> None:
+        _print(violations, output_format, data)
+        for model, rows in equalities.items():
+            _print_stiffness(model, rows)
+        if path is not None:
+            typer.echo(
+                f"wrote {fix}, repaired: {', '.join(repaired) or 'nothing'}", err=output_format != "text"
+            )
+
+    return Result(data, text, errors == 0)
+
+
+def _print(violations: Sequence[Violation], output_format: str, data: CheckFilesJson) -> None:
+    if output_format == "json":
+        typer.echo(json.dumps(data, indent=2))
+    elif output_format == "sarif":
+        typer.echo(json.dumps(_sarif(violations), indent=2))
+    elif output_format == "github":
+        for violation in violations:
+            typer.echo(_github(violation))
+    else:
+        for violation in violations:
+            position = violation.file if violation.line is None else f"{violation.file}:{violation.line}"
+            head = f"{position}: {violation.rule} {violation.severity}: {violation.message}"
+            lines = wrapped(head, "", "  ")
+            colour = COLOURS[violation.severity]
+            typer.echo("\n".join([in_colour(lines[0], colour), *lines[1:]]))
+            for line in wrapped(violation.fix, "    ", "    ") if violation.fix else ():
+                typer.echo(line)
+        counts = {
+            severity: sum(violation.severity == severity for violation in violations) for severity in COLOURS
+        }
+        total = ", ".join(f"{count} {severity}{'s' * (count != 1)}" for severity, count in counts.items())
+        typer.echo(f"{data['files']} file{'s' * (data['files'] != 1)}: {total}")
+
+
+def _github(violation: Violation) -> str:
+    """Return a workflow command of GitHub Actions."""
+    kind = {"error": "error", "warning": "warning", "note": "notice"}[violation.severity]
+    line = "" if violation.line is None else f",line={violation.line}"
+    message = f"{violation.message}; {violation.fix}" if violation.fix else violation.message
+    escaped = message.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    return f"::{kind} file={violation.file}{line},title={violation.rule}::{escaped}"
+
+
+def _sarif(violations: Sequence[Violation]) -> dict[str, Any]:
+    """Return findings in the Static Analysis Results Interchange Format, version 2.1.0 (OASIS)."""
+    rules = [
+        {
+            "id": rule.code,
+            "name": rule.kind,
+            "shortDescription": {"text": rule.title},
+            "fullDescription": {"text": rule.reason},
+            "helpUri": f"{PAGE}#{rule.code.lower()}",
+            "defaultConfiguration": {"level": rule.severity},
+        }
+        for rule in RULES
+    ]
+    results = [
+        {
+            "ruleId": violation.rule,
+            "level": violation.severity,
+            "message": {"text": f"{violation.message}; {violation.fix}".removesuffix("; ")},
+            "locations": [
+                {
+                    "physicalLocation": {
+                        "artifactLocation": {"uri": violation.file},
+                        "region": {"startLine": violation.line or 1},
+                    }
+                }
+            ],
+        }
+        for violation in violations
+    ]
+    driver = {"name": "mechsim", "version": __version__, "rules": rules}
+    return {
+        "$schema": SARIF_SCHEMA,
+        "version": "2.1.0",
+        "runs": [{"tool": {"driver": driver}, "results": results}],
+    }
+
+
+def _print_stiffness(model: str, rows: Sequence[EqualityStiffness]) -> None:
+    head = ("equality", "stiffness N/m", "damping N s/m", "time constant, steps", "gap per newton, m")
+    print_table(
+        f"{model}: equalities where it starts",
+        head,
+        [[row.name, row.stiffness, row.damping, row.time_constant_steps, row.gap_per_newton] for row in rows],
+    )

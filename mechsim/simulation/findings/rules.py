@@ -1,0 +1,418 @@
+"""The rules of `mechsim check`: identifier, severity, title and explanation of each kind of finding."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import MechsimError
+from mechsim.model.finding import NO_POSITION, Finding
+from mechsim.simulation.closed_configurations import CLOSED, StraightPath, driver_ranges, straight_path
+from mechsim.simulation.findings import findings
+from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
+from mechsim.simulation.findings.inspected import EQUALITY
+from mechsim.simulation.matrices import dense_rows
+from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.mjcf_reader import MjcfModel
+from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
+from mechsim.simulation.mjcf_text.edited_text import EditedText, equality_elements, set_options
+
+Severity = Literal["error", "warning", "note"]
+Target = Literal["urdf"]
+# configurations drawn to see which limits of passive joints stop the drivers, and the seed
+DRAWN, SEED = 200, 0
+# fraction of closed configurations that a passive joint's limits may reject without a finding
+REJECTED = 0.01
+HARMLESS = "harmless"
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A rule of the linter.
+
+    Attributes:
+        code: identifier, as MS101.
+        kind: of the findings it reports.
+        severity: "error" for what makes a run wrong, "warning" for what distorts it, "note" for what users
+            should know.
+        title: in a few words.
+        reason: the cause, in a sentence or two.
+    """
+
+    code: str
+    kind: str
+    severity: Severity
+    title: str
+    reason: str
+
+
+RULES = (
+    Rule(
+        "MS101",
+        "timestep",
+        "error",
+        "Time step too long for the stiffest loop",
+        "The gap of a loop obeys a stiff differential equation. With a step beyond the stability "
+        "limit of the integrator it grows or rings.",
+    ),
+    Rule(
+        "MS102",
+        "gap",
+        "error",
+        "Loop open at the start",
+        "The two sides of an equality are apart in the reference configuration. MuJoCo closes the "
+        "gap in the first steps with large forces.",
+    ),
+    Rule(
+        "MS103",
+        "units",
+        "error",
+        "Value in a wrong unit",
+        "A joint range, mass or length is plausible only in another unit, such as degrees in a "
+        "file of radians.",
+    ),
+    Rule(
+        "MS104",
+        "inertia",
+        "error",
+        "Impossible inertia",
+        "No rigid body has these moments of inertia, or a moving body has no mass.",
+    ),
+    Rule(
+        "MS105",
+        "limit",
+        "warning",
+        "Start outside joint limits",
+        "A joint is outside its range where the model starts, so that the limit pushes it back.",
+    ),
+    Rule(
+        "MS106",
+        "collision",
+        "warning",
+        "Bodies of a loop collide",
+        "Geoms of links that a loop joins overlap and push each other apart.",
+    ),
+    Rule(
+        "MS107",
+        "redundant",
+        "warning",
+        "Redundant loop constraints",
+        "Constraint equations depend on each other. Reactions are not unique, and inexact ones fight.",
+    ),
+    Rule(
+        "MS108",
+        "actuator",
+        "warning",
+        "Actuators work against each other",
+        "An actuator acts against other actuators, the loops or the motion of the drivers.",
+    ),
+    Rule(
+        "MS109",
+        "refsafe",
+        "warning",
+        "Time constant raised by refsafe",
+        "MuJoCo raises time constants below two steps, so that loops are softer than the file states.",
+    ),
+    Rule(
+        "MS110",
+        "soft",
+        "warning",
+        "Soft loop",
+        "Equality constraints are springs. The forces in the loop open it by a visible gap.",
+    ),
+    Rule(
+        "MS111",
+        "open",
+        "note",
+        "Degrees of freedom left open",
+        "With the drivers locked the mechanism still moves; springs, weight or contacts decide.",
+    ),
+    Rule(
+        "MS201",
+        "passive-actuator",
+        "warning",
+        "Actuator on a passive joint",
+        "The loops determine the joint from the other actuated joints, so that both act on one "
+        "degree of freedom.",
+    ),
+    Rule(
+        "MS202",
+        "passive-limit",
+        "note",
+        "Limits of a passive joint stop the drivers",
+        "The range of a passive joint rejects driver positions that their own limits allow. A "
+        "tree without the loop would not stop there.",
+    ),
+    Rule(
+        "MS203",
+        "loop-joint",
+        "note",
+        "A closing constraint carries less than a joint",
+        "A connect or weld that closes a loop has no limits, drive or friction. What the real "
+        "joint has must be put on another joint.",
+    ),
+    Rule(
+        "MS301",
+        "target",
+        "warning",
+        "Lost in the target format",
+        "The target format has no element for a part of the model.",
+    ),
+)
+BY_KIND = {rule.kind: rule for rule in RULES}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Violation:
+    """A finding of a rule in a file.
+
+    Attributes:
+        rule: its code.
+        severity: of the rule, or "note" where the finding is harmless.
+        file: that was checked, or the included file that holds the line.
+        line: 1 is the first; None where the finding is in no single line.
+        object: the element.
+        value: size of the finding, in the unit that the message names.
+        message: one sentence.
+        fix: the remedy; empty where nothing needs repair.
+    """
+
+    rule: str
+    severity: Severity
+    file: str
+    line: int | None
+    object: str
+    value: float
+    message: str
+    fix: str
+
+
+def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]:
+    """Return what the rules find in a model, errors first.
+
+    Args:
+        read: of the file.
+        target: format to which the model is to be converted; None for none.
+    """
+    with quiet():
+        reported = [*findings(read), *_passive_actuators(read), *_passive_limits(read), *_loop_joints(read)]
+        reported += _lost_in_urdf(read) if target == "urdf" else []
+    order = {"error": 0, "warning": 1, "note": 2}
+    result = [_violation(read, finding) for finding in reported]
+    return sorted(result, key=lambda violation: (order[violation.severity], violation.rule))
+
+
+def _violation(read: MjcfModel, finding: Finding) -> Violation:
+    rule = BY_KIND[finding.kind]
+    harmless = finding.remedy == HARMLESS
+    return Violation(
+        rule=rule.code,
+        severity="note" if harmless else rule.severity,
+        file=finding.file or read.path,
+        line=finding.line,
+        object=finding.what,
+        value=float(finding.by),
+        message=finding.message,
+        fix="" if harmless else finding.remedy,
+    )
+
+
+def _closed_path(model: mujoco.MjModel) -> StraightPath | None:
+    """Return the straight paths of the actuated joints; None for a model without loops that close."""
+    try:
+        return straight_path(model, None)
+    except MechsimError:
+        return None
+
+
+def _actuated(model: mujoco.MjModel, path: StraightPath) -> bool:
+    """Whether there are drivers, and an actuator acts on each of them."""
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    joints = model.dof_jntid[path.drivers]
+    return len(joints) > 0 and bool(np.isin(joints, model.actuator_trnid[on_joint, 0]).all())
+
+
+def _passive_actuators(read: MjcfModel) -> Iterator[Finding]:
+    """Yield motors on joints that the loops determine from other actuated joints."""
+    model = plainly_compiled(read.spec.copy())
+    path = _closed_path(model)
+    if path is None:
+        return
+    passive = {int(model.dof_jntid[dof]) for dof in path.passive}
+    for a in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).tolist():
+        joint = int(model.actuator_trnid[a, 0])
+        if joint in passive:
+            name, joint_name = model.actuator(a).name or f"actuator{a + 1}", model.joint(joint).name
+            yield Finding(
+                kind="passive-actuator",
+                what=name,
+                by=1.0,
+                message=f"actuator {name} acts on {joint_name}, which the loops determine from the other actuators",
+                remedy=f"leave {name} out, or give all of them forces that agree",
+                **NO_POSITION,
+            )
+
+
+def _passive_limits(read: MjcfModel) -> Iterator[Finding]:
+    """Yield passive joints whose limits reject closed configurations within the drivers' limits."""
+    model = plainly_compiled(read.spec.copy())
+    path = _closed_path(model)
+    if path is None or not _actuated(model, path):
+        return
+    low, high = driver_ranges(path)
+    qpos, error = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
+    closed = error < CLOSED
+    if not closed.any():
+        return
+    rejected = path.outside(qpos[closed]).mean(0)
+    driven = {int(model.dof_jntid[dof]) for dof in path.drivers}
+    for joint in np.flatnonzero(rejected > REJECTED).tolist():
+        if joint not in driven:
+            name = model.joint(joint).name
+            yield Finding(
+                kind="passive-limit",
+                what=name,
+                by=float(rejected[joint]),
+                message=f"the limits of passive joint {name} reject {rejected[joint]:.0%} of the closed "
+                "configurations within the limits of the drivers",
+                remedy="put the limit on the drivers, or leave it where it is meant",
+                **NO_POSITION,
+            )
+
+
+def _loop_joints(read: MjcfModel) -> Iterator[Finding]:
+    """Yield closing constraints in models whose other passive joints have limits, damping or friction."""
+    model = plainly_compiled(read.spec.copy())
+    closing = [
+        model.equality(i).name or f"equality{i + 1}"
+        for i in range(model.neq)
+        if int(model.eq_type[i]) in (CONNECT, WELD)
+    ]
+    path = _closed_path(model)
+    if path is None or not closing:
+        return
+    joints = {int(model.dof_jntid[dof]) for dof in path.passive}
+    has = {
+        "limits": any(model.jnt_limited[joint] for joint in joints),
+        "friction": any(model.dof_frictionloss[dof] > 0.0 for dof in path.passive),
+        "damping": any(np.any(model.dof_damping[dof] > 0.0) for dof in path.passive),
+    }
+    if any(has.values()):
+        listed = ", ".join(name for name, is_present in has.items() if is_present)
+        yield Finding(
+            kind="loop-joint",
+            what=", ".join(closing),
+            by=float(len(closing)),
+            message=f"{', '.join(closing)} closes a loop without {listed}, which other passive joints have",
+            remedy="put them on a joint next to it",
+            **NO_POSITION,
+        )
+
+
+def _lost_in_urdf(read: MjcfModel) -> list[Finding]:
+    """Return what URDF has no element for."""
+    model = plainly_compiled(read.spec.copy())
+    ball, free = mujoco.mjtJoint.mjJNT_BALL, mujoco.mjtJoint.mjJNT_FREE
+    eq = mujoco.mjtEq
+    stiffness = np.asarray(model.jnt_stiffness).reshape(model.njnt, -1)
+    lost = {
+        "connect and weld equalities": int(np.isin(model.eq_type, (eq.mjEQ_CONNECT, eq.mjEQ_WELD)).sum()),
+        "nonlinear joint couplings": sum(
+            bool(model.eq_data[i, 2:5].any()) for i in range(model.neq) if model.eq_type[i] == eq.mjEQ_JOINT
+        ),
+        "ball joints": int((model.jnt_type == ball).sum()),
+        "free joints": int((model.jnt_type == free).sum()),
+        "tendons": int(model.ntendon),
+        "joint springs": int(stiffness.any(1).sum()),
+        "actuators": int(model.nu),
+        "keyframes": int(model.nkey),
+    }
+    return [
+        Finding(
+            kind="target",
+            what=feature,
+            by=float(count),
+            message=f"URDF has no element for {count} {feature}",
+            remedy="keep the MJCF file, or export the serial twin (mechsim export --format urdf)",
+            **NO_POSITION,
+        )
+        for feature, count in lost.items()
+        if count
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class EqualityStiffness:
+    """An equality constraint as a spring and damper at the start; the least stiff of its rows.
+
+    Attributes:
+        name: of the equality.
+        stiffness: in [N/m], or [N m/rad] for couplings of angles.
+        damping: in [N s/m], or [N m s/rad].
+        time_constant_steps: time constant of the gap in time steps; 0 where stiffness is given directly.
+        gap_per_newton: static gap per unit of force, in [m/N] or [rad/(N m)].
+    """
+
+    name: str
+    stiffness: float
+    damping: float
+    time_constant_steps: float
+    gap_per_newton: float
+
+
+def equality_stiffness(read: MjcfModel) -> list[EqualityStiffness]:
+    """Return the stiffness of each active equality where the model starts.
+
+    A row of MuJoCo's soft constraints with the regularisation R has, at rest, the force k d r / R for a gap r
+    (MuJoCo documentation, Computation, constraint model).
+    """
+    model = plainly_compiled(read.spec.copy())
+    data = mujoco.MjData(model)
+    data.qpos[:] = read.qpos
+    with quiet():
+        mujoco.mj_forward(model, data)
+    rows = np.flatnonzero(data.efc_type == EQUALITY)
+    active = np.flatnonzero(np.abs(dense_rows(data)).max(1, initial=0.0) > 0.0) if model.nv else rows
+    rows = np.intersect1d(rows, active)
+    k, b, d, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
+    stiffness, damping = k * d / data.efc_R[rows], b / data.efc_R[rows]
+    result: list[EqualityStiffness] = []
+    for number in np.unique(data.efc_id[rows]).tolist():
+        own = np.flatnonzero(data.efc_id[rows] == number)
+        weakest = own[int(np.argmin(stiffness[own]))]
+        constant = max(0.0, float(model.eq_solref[number, 0])) / float(model.opt.timestep)
+        name = model.equality(number).name or f"equality{number + 1}"
+        least = float(stiffness[weakest])
+        result.append(EqualityStiffness(name, least, float(damping[weakest]), constant, 1.0 / least))
+    return result
+
+
+def fixed_text(text: str, read: MjcfModel, violated: Sequence[Violation]) -> tuple[str, list[str]]:
+    """Return the text of a file with soft and too fast loops repaired, and the codes of the repaired rules.
+
+    Time constants become two steps and impedances MuJoCo's highest; a step that is too long is shortened to
+    the one that the finding names.
+    """
+    edited, repaired = EditedText(text), list[str]()
+    codes = {violation.rule for violation in violated}
+    elements = equality_elements(edited.root)
+    names = [equality.name for equality in read.spec.equalities]
+    step = float(read.spec.option.timestep)
+    for violation in violated:
+        if violation.rule == "MS101":
+            step /= violation.value
+            set_options(edited, {"timestep": f"{step:.6g}"}, {})
+            repaired.append(violation.rule)
+    for violation in violated:
+        if violation.rule not in ("MS109", "MS110"):
+            continue
+        for name in violation.object.split(", "):
+            if name in names and len(elements) == len(names):
+                element = elements[names.index(name)]
+                edited.set(element, "solref", f"{MIN_STEPS * step:.6g} 1")
+                if "MS110" in codes:
+                    edited.set(element, "solimp", f"{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2")
+                repaired.append(violation.rule)
+    return edited.result, sorted(set(repaired))

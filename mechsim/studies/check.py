@@ -1,0 +1,64 @@
+"""Check closed-loop models by the linter's rules, from files or objects of MuJoCo."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from mechsim.errors import InputError
+from mechsim.simulation.findings.rules import (
+    RULES,
+    EqualityStiffness,
+    Violation,
+    equality_stiffness,
+    fixed_text,
+    violations,
+)
+from mechsim.simulation.mjcf_reader import MjcfModel, read_model
+
+
+def check(
+    model: Any, *, select: Sequence[str] = (), ignore: Sequence[str] = (), target: str | None = None
+) -> list[Violation]:
+    """Return what the linter's rules find in a closed-loop model, errors first.
+
+    Args:
+        model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
+        select: codes of rules, or their beginnings, as "MS1"; empty takes all.
+        ignore: likewise, rules to leave out.
+        target: "urdf" reports what URDF cannot hold too.
+
+    Returns:
+        Violations with rule, severity, file, line, object, value, message and fix.
+
+    Raises:
+        InputError: for a file that MuJoCo rejects, or an unknown rule or target.
+
+    Example:
+        >>> [violation.rule for violation in ms.check("gripper.xml") if violation.severity == "error"]
+        []
+    """
+    if target not in (None, "urdf"):
+        raise InputError(f"there is no target {target!r}; known is urdf")
+    for code in (*select, *ignore):
+        if not code or not any(rule.code.startswith(code) for rule in RULES):
+            raise InputError(f"there is no rule {code!r}; known are {', '.join(rule.code for rule in RULES)}")
+    return [
+        violation
+        for violation in violations(_read(model), target)  # pyright: ignore[reportArgumentType]
+        if (not select or violation.rule.startswith(tuple(select)))
+        and not (ignore and violation.rule.startswith(tuple(ignore)))
+    ]
+
+
+def explain(model: Any) -> list[EqualityStiffness]:
+    """Return each equality of a model as a spring and damper where the model starts."""
+    return equality_stiffness(_read(model))
+
+
+def fixed_copy(path: str, violated: Sequence[Violation]) -> tuple[str, list[str]]:
+    """Return the text of a file with repairs, and the codes of the repaired rules."""
+    with open(path, encoding="utf-8-sig") as file:
+        return fixed_text(file.read(), _read(path), violated)
+
+
+def _read(model: Any) -> MjcfModel:
+    return read_model(model, describe_only=True)

@@ -1,0 +1,145 @@
+"""The linter: each rule reports its fault and not a sound file, in every format, and repairs what it can."""
+
+import json
+from pathlib import Path
+
+import mujoco
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+from mechsim.simulation.findings.rules import RULES
+from mechsim.studies.check import explain
+
+ROOT = Path(__file__).parents[3]
+SOUND = """<mujoco><compiler angle="radian"/><option timestep="0.001" gravity="0 0 0"/><worldbody>
+<body><joint name="crank" axis="0 0 1"/><geom size=".01" pos=".03 0 0"/>
+ <body pos=".06 0 0"><joint name="coupler" axis="0 0 1"/><geom size=".01" pos=".05 0 0"/>
+  <site name="a" pos=".1 0 0"/></body></body>
+<body pos=".16 -.08 0"><joint name="rocker" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
+ <site name="b" pos="0 .08 0"/></body></worldbody>
+<equality><connect name="loop" site1="a" site2="b"/></equality>
+<actuator><motor name="drive" joint="crank"/></actuator></mujoco>"""
+SOFT = SOUND.replace('gravity="0 0 0"', 'gravity="0 -9.81 0"').replace(
+    'site2="b"', 'site2="b" solref="0.1 1"'
+)
+FAULTS = {
+    "MS102": SOUND.replace('pos="0 .08 0"', 'pos="0 .09 0"'),
+    "MS109": SOUND.replace('site2="b"', 'site2="b" solref="0.0005 1"'),
+    "MS110": SOFT,
+    "MS111": SOUND.replace('<joint name="rocker"', '<joint name="slide" type="slide" axis="1 0 0"/><joint name="rocker"'),
+    "MS201": SOUND.replace("</actuator>", '<motor joint="rocker"/></actuator>'),
+    "MS202": SOUND.replace(
+        'name="rocker" axis="0 0 1"', 'name="rocker" axis="0 0 1" range="-.1 .1" limited="true"'
+    ),
+    "MS203": SOUND.replace('name="rocker" axis="0 0 1"', 'name="rocker" axis="0 0 1" damping="0.1"'),
+}
+
+
+def written(tmp_path, text):
+    path = tmp_path / "model.xml"
+    path.write_text(text)
+    return str(path)
+
+
+def run(monkeypatch, capsys, *words):
+    monkeypatch.setattr("sys.argv", ["mechsim", "check", *words])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return ended.value.code or 0, capsys.readouterr()
+
+
+def test_a_sound_file_has_no_errors_and_no_warnings(tmp_path):
+    violations = ms.check(written(tmp_path, SOUND))
+    assert {violation.severity for violation in violations} <= {"note"}
+
+
+@pytest.mark.parametrize("code", FAULTS)
+def test_each_fault_is_reported_by_its_rule(code, tmp_path):
+    violations = {violation.rule: violation for violation in ms.check(written(tmp_path, FAULTS[code]))}
+    rule = next(rule for rule in RULES if rule.code == code)
+    assert code in violations
+    assert violations[code].severity == rule.severity
+    sound = {violation.rule for violation in ms.check(written(tmp_path, SOUND))}
+    assert code not in sound
+
+
+def test_rules_are_selected_and_ignored_by_their_beginnings(tmp_path):
+    path = written(tmp_path, FAULTS["MS202"])
+    assert {violation.rule for violation in ms.check(path, select=["MS2"])} == {"MS202", "MS203"}
+    assert "MS202" not in {violation.rule for violation in ms.check(path, ignore=["MS202"])}
+
+
+def test_exit_code_1_needs_an_error(tmp_path, monkeypatch, capsys):
+    code, out = run(monkeypatch, capsys, written(tmp_path, FAULTS["MS102"]))
+    assert code == 1
+    assert "MS102 error" in out.out
+    code, out = run(monkeypatch, capsys, written(tmp_path, SOFT))
+    assert code == 0
+    assert "0 errors, 1 warning" in out.out
+
+
+def test_formats_hold_the_same_findings(tmp_path, monkeypatch, capsys):
+    path = written(tmp_path, FAULTS["MS102"])
+    expected = [violation.rule for violation in ms.check(path)]
+    _, out = run(monkeypatch, capsys, path, "--output-format", "json")
+    assert [finding["rule"] for finding in json.loads(out.out)["findings"]] == expected
+    _, out = run(monkeypatch, capsys, path, "--output-format", "github")
+    assert out.out.startswith(f"::error file={path},line=7,title=MS102::")
+    _, out = run(monkeypatch, capsys, path, "--output-format", "sarif")
+    sarif = json.loads(out.out)
+    assert sarif["version"] == "2.1.0"
+    (one_run,) = sarif["runs"]
+    assert [result["ruleId"] for result in one_run["results"]] == expected
+    assert {rule["id"] for rule in one_run["tool"]["driver"]["rules"]} == {rule.code for rule in RULES}
+    location = one_run["results"][0]["locations"][0]["physicalLocation"]
+    assert location["region"]["startLine"] == 7
+
+
+def test_a_soft_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
+    path, copy = written(tmp_path, SOFT), tmp_path / "fixed.xml"
+    code, out = run(monkeypatch, capsys, path, "--fix", str(copy))
+    assert code == 0
+    assert "repaired: MS110" in out.out
+    assert "MS110" in {violation.rule for violation in ms.check(path)}
+    assert "MS110" not in {violation.rule for violation in ms.check(str(copy))}
+    assert Path(path).read_text() == SOFT
+
+
+def test_stiffness_is_the_force_per_gap_in_mujoco(tmp_path):
+    (row,) = explain(mujoco.MjSpec.from_string(SOUND))
+    assert row.gap_per_newton == pytest.approx(1.0 / row.stiffness)
+    assert row.time_constant_steps == pytest.approx(20.0)
+    (harder,) = explain(mujoco.MjSpec.from_string(SOUND.replace('site2="b"', 'site2="b" solref="0.01 1"')))
+    # stiffness is inverse to the square of the time constant
+    assert harder.stiffness / row.stiffness == pytest.approx(4.0, rel=1e-6)
+
+
+def test_urdf_loses_what_it_has_no_element_for():
+    lost = {violation.object for violation in ms.check(mujoco.MjSpec.from_string(SOUND), target="urdf")}
+    assert {"connect and weld equalities", "actuators"} <= lost
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["missing.xml"], "there is no file"),
+        ([str(ROOT / "README.md")], "MJCF"),
+        ([str(ROOT / "models/four_bar.xml"), "--select", "MS9"], "no rule 'MS9'"),
+        ([str(ROOT / "models/four_bar.xml"), "--output-format", "xml"], "no output format"),
+        ([str(ROOT / "models/four_bar.xml"), "--target", "usd"], "no target"),
+        ([str(ROOT / "models/four_bar.xml"), str(ROOT / "models/rssr.xml"), "--fix", "x.xml"], "one by one"),
+    ],
+)
+def test_wrong_requests_end_in_one_sentence(words, message, monkeypatch, capsys):
+    code, out = run(monkeypatch, capsys, *words)
+    assert code == 2
+    assert message in out.err
+
+
+def test_the_page_has_a_section_for_each_rule():
+    page = (ROOT / "docs/reference/check.md").read_text()
+    for rule in RULES:
+        assert f"({rule.code.lower()})=" in page
+        assert f"## {rule.code} {rule.title}" in page
+        assert rule.reason in page
