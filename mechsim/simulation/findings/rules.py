@@ -249,7 +249,8 @@ def _passive_actuators(read: MjcfModel) -> Iterator[Finding]:
                 kind="passive-actuator",
                 what=name,
                 by=1.0,
-                message=f"actuator {name} acts on {joint_name}, which the loops determine from the other actuators",
+                message=f"actuator {name} acts on {joint_name}, which the loops determine from the other "
+                "actuators",
                 remedy=f"leave {name} out, or give all of them forces that agree",
                 **NO_POSITION,
             )

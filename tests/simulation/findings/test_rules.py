@@ -27,7 +27,7 @@ FAULTS = {
     "MS102": SOUND.replace('pos="0 .08 0"', 'pos="0 .09 0"'),
     "MS109": SOUND.replace('site2="b"', 'site2="b" solref="0.0005 1"'),
     "MS110": SOFT,
-    "MS111": SOUND.replace('<joint name="rocker"', '<joint name="slide" type="slide" axis="1 0 0"/><joint name="rocker"'),
+    "MS111": SOUND.replace('<joint name="rocker"', '<joint type="slide" axis="1 0 0"/><joint name="rocker"'),
     "MS201": SOUND.replace("</actuator>", '<motor joint="rocker"/></actuator>'),
     "MS202": SOUND.replace(
         'name="rocker" axis="0 0 1"', 'name="rocker" axis="0 0 1" range="-.1 .1" limited="true"'
