@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Annotated, Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
@@ -97,17 +97,17 @@ def check_files(
     data: CheckFilesJson = {
         "files": len(models),
         "errors": errors,
-        "findings": [ViolationJson(**asdict(violation)) for violation in violations],
+        "findings": [cast(ViolationJson, asdict(violation)) for violation in violations],
     }
     repaired: list[str] = []
     if path is not None:
-        text, repaired = fixed_copy(models[0], violations)
+        copy, repaired = fixed_copy(models[0], violations)
         with atomic_path(path) as unfinished:
-            unfinished.write_text(text)
+            unfinished.write_text(copy)
         data["fixed"] = fix
     if explain_equalities:
         data["equalities"] = {
-            model: [StiffnessJson(**asdict(row)) for row in rows] for model, rows in equalities.items()
+            model: [cast(StiffnessJson, asdict(row)) for row in rows] for model, rows in equalities.items()
         }
 
     def text() -> None:

@@ -7,6 +7,7 @@ from mechsim.errors import InputError
 from mechsim.simulation.findings.rules import (
     RULES,
     EqualityStiffness,
+    Target,
     Violation,
     equality_stiffness,
     fixed_text,
@@ -38,12 +39,13 @@ def check(
     """
     if target not in (None, "urdf"):
         raise InputError(f"there is no target {target!r}; known is urdf")
+    known_target: Target | None = "urdf" if target else None
     for code in (*select, *ignore):
         if not code or not any(rule.code.startswith(code) for rule in RULES):
             raise InputError(f"there is no rule {code!r}; known are {', '.join(rule.code for rule in RULES)}")
     return [
         violation
-        for violation in violations(_read(model), target)  # pyright: ignore[reportArgumentType]
+        for violation in violations(_read(model), known_target)
         if (not select or violation.rule.startswith(tuple(select)))
         and not (ignore and violation.rule.startswith(tuple(ignore)))
     ]
