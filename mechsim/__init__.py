@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from mechsim.studies.closed_configurations import closed_qpos, sample
     from mechsim.studies.export import export
     from mechsim.studies.fit.calibration import fit
-    from mechsim.studies.joint_map import joint_map
     from mechsim.studies.optimise.search import optimise
     from mechsim.studies.reduction.reduce_model import reduce
+    from mechsim.studies.robots.joint_map import joint_map
     from mechsim.studies.scene.tune_model import tune
     from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
     from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
@@ -93,7 +93,7 @@ _HOMES = _MODULES | {
     "crosscheck": "verdict.crosscheck",
     "export": "studies.export",
     "fit": "studies.fit.calibration",
-    "joint_map": "studies.joint_map",
+    "joint_map": "studies.robots.joint_map",
     "list": "subjects.listing",
     "load": "subjects.readers",
     "moved": "studies.sensitivity.sensitivity",

@@ -10,7 +10,7 @@ from mechsim.cli.options import File, Model, Sets, changed_parameters, joint_ran
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
-from mechsim.studies.joint_map import MapComparison, compare_with_loop_equations, joint_map
+from mechsim.studies.robots.joint_map import MapComparison, compare_with_loop_equations, joint_map
 
 
 class PolynomialError(TypedDict):

@@ -196,11 +196,11 @@ def changed_parameters(sets: list[str] | None) -> dict[str, str]:
 def joint_ranges(option_name: str, text: str) -> dict[str, tuple[str, str] | None]:
     """Return joints and their ranges as text, from J=-20deg:20deg,K; None for the joint limits."""
     ranges: dict[str, tuple[str, str] | None] = {}
-    for part in text.split(","):
-        name, equals, ends = part.partition("=")
+    for item in text.split(","):
+        name, equals, ends = item.partition("=")
         low, _, high = ends.partition(":")
         if equals and not (low and high):
-            raise InputError(f"{option_name} is given {part!r}; write the range as {name}=-20deg:20deg")
+            raise InputError(f"{option_name} is given {item!r}; write the range as {name}=-20deg:20deg")
         ranges[name] = (low, high) if equals else None
     return ranges
 

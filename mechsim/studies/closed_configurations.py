@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_configurations
 from mechsim.simulation.closed_configurations import Sample
-from mechsim.studies.joint_map import mujoco_model, quantity_of_joint
+from mechsim.studies.robots.joint_map import mujoco_model, quantity_of_joint
 
 
 def closed_qpos(

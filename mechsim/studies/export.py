@@ -16,10 +16,10 @@ from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
 from mechsim.simulation.stepping import Progress, no_progress
-from mechsim.studies.menagerie import SERVO_TIMESTEP, Verification, verification, with_servos
+from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, Verification, verification, with_servos
+from mechsim.studies.robots.serial_twin import SerialTwin, serial_twin
 from mechsim.studies.scene import turning_model
 from mechsim.studies.scene.settings import plain_settings
-from mechsim.studies.serial_twin import SerialTwin, serial_twin
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
 from mechsim.units import crank_speed, si

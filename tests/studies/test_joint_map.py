@@ -10,7 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim import cli
 from mechsim.simulation.joint_map import rotation_vector_rates
-from mechsim.studies.joint_map import compare_with_loop_equations
+from mechsim.studies.robots.joint_map import compare_with_loop_equations
 
 RANGE = {"crank": ("20deg", "80deg")}
 

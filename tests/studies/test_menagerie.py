@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.studies.menagerie import verification
+from mechsim.studies.robots.menagerie import verification
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.studies.serial_twin import serial_twin
+from mechsim.studies.robots.serial_twin import serial_twin
 
 RANGE = {"crank": ("20deg", "80deg")}
 FORMATS = ("mjcf-tree", "urdf")

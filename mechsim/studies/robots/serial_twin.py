@@ -19,7 +19,7 @@ from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.model_loops import HINGE, SLIDE
-from mechsim.studies.joint_map import joint_ranges, mujoco_spec
+from mechsim.studies.robots.joint_map import joint_ranges, mujoco_spec
 
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 # degree of MuJoCo's couplings, and of URDF's mimic joints
