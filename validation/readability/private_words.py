@@ -36,8 +36,6 @@ WORDS = {
     "comparands": "evaluation points",
     "hardness": "compliance",
     "softness": "compliance",
-    "flywheel": "virtual drive inertia",
-    "flywheels": "virtual drive inertia",
     "begun": "initial",
     "mend": "repair",
     "mended": "repaired",
