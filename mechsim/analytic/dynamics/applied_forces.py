@@ -74,8 +74,8 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
     ):
         viscous.append(-damper * rate)
         frictions.append(Dry(magnitude, rate, np.abs(rate) <= STILL * length))
-    add_efforts(unit, damping, joint, viscous)
-    add_efforts(
+    add_joint_forces(unit, damping, joint, viscous)
+    add_joint_forces(
         unit,
         coulomb,
         joint,
@@ -84,7 +84,7 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
     return [friction_force for friction_force in frictions if friction_force.size]
 
 
-def add_efforts(unit: UnitMotion, stack: Array, joint: Joint, forces: Sequence[Array]) -> None:
+def add_joint_forces(unit: UnitMotion, stack: Array, joint: Joint, forces: Sequence[Array]) -> None:
     """Add forces and torques (n,) on link b along a joint's coordinates, each doing work on its own alone.
 
     A ball's one torque is about its relative spin.
@@ -202,7 +202,7 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
         stretch = coordinate(unit, joint) - spring.rest
         if KINDS[joint.kind].hinge:
             stretch = wrap(stretch)
-        add_efforts(unit, springs, joint, [-spring.stiffness * stretch])
+        add_joint_forces(unit, springs, joint, [-spring.stiffness * stretch])
         energy = energy + 0.5 * spring.stiffness * stretch**2
     rubbing: list[Dry] = []
     for friction in forces.friction:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.applied_forces import add_efforts, applied, loads
+from mechsim.analytic.dynamics.applied_forces import add_joint_forces, applied, loads
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.constraints import TreeLoops
@@ -350,7 +350,7 @@ class EquationsOfMotion:
             unit_forces = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
             unit_forces += [np.zeros(n)] * len(friction.joint.coordinates)
             stack = np.zeros_like(unit.twist)
-            add_efforts(unit, stack, friction.joint, unit_forces)
+            add_joint_forces(unit, stack, friction.joint, unit_forces)
             row[:] = self._generalised(unit, jacobians, stack)
         return directions
 

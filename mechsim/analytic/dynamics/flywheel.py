@@ -33,7 +33,7 @@ def fluctuation(model: DynamicModel, mean: float | str) -> Fluctuation:
     mean = si(mean, "rad/s", "mean crank speed")
     if not 0.0 < abs(mean) < np.inf:
         raise InputError(f"mean crank speed is {mean} rad/s; give a finite speed other than 0")
-    angle, inertia, gained, torque = _turn(model, mean)
+    angle, inertia, gained, torque = _revolution(model, mean)
     return _even(model, angle, inertia, gained, torque, mean)
 
 
@@ -51,7 +51,7 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
             f"coefficient of speed fluctuation is {coefficient}; give {LEAST:g} or more, as 0.02"
         )
     bare = model.with_forces(replace(model.forces, flywheel=0.0))
-    angle, inertia, gained, torque = _turn(bare, mean)
+    angle, inertia, gained, torque = _revolution(bare, mean)
 
     def miss(flywheel: float) -> float:
         return _even(bare, angle, inertia + flywheel, gained, torque, mean).coefficient - coefficient
@@ -64,7 +64,7 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
     return replace(_even(bare, angle, inertia + solution, gained, torque, mean), flywheel=solution)
 
 
-def _turn(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
+def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first of them, and the constant torque."""
     # one that must pass a change point to come round does so in two turns
     turns = round(model.drive.period / REVOLUTION)

@@ -25,7 +25,7 @@ MOST_RESTS = 10_000
 # of a torque relative to its terms: below this it is rounding of a balance
 BALANCED = 1e-12
 # a step tried this many turns past the end, or this far in [rad] where there is none, leads nowhere
-PAST, FAR = 2.0, 1e9
+PAST, BEYOND_RUN = 2.0, 1e9
 # times in a turn that a motor would bring the crank to its speed: beyond, an explicit method has no step
 # that is both stable and long
 STIFF = 2e4
@@ -58,14 +58,14 @@ class Runner:
         ]
         self.steady = not any(course.over == "time" for course in forces.courses)
         self.start, self.turns, self.tolerance = angle, turns, tolerance
-        self.reach = FAR if turns is None else REVOLUTION * (PAST + abs(turns))
+        self.reach = BEYOND_RUN if turns is None else REVOLUTION * (PAST + abs(turns))
         self.time, self.state = 0.0, np.array([angle, speed, 0.0, 0.0])
         self.from_rest = speed == 0.0
         self.barred: float | None = None
         self.bar = ""
         self.pieces: list[tuple[float, float, float, Callable[[Array], Array]]] = []
 
-    def parts(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
+    def terms(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
         """Return J, J', statics, damping, dry friction, and driving torque at a state."""
         row = self.chart.at(angle)
         inertia, derivative, static, _, damping = row[:5].tolist()
@@ -89,7 +89,7 @@ class Runner:
             if beyond or not np.isfinite(state).all() or abs(angle - self.start) > self.reach:
                 return np.full(4, np.nan)
             try:
-                inertia, derivative, static, damping, dry, torque = self.parts(time, angle, speed)
+                inertia, derivative, static, damping, dry, torque = self.terms(time, angle, speed)
             except AssemblyError as error:
                 # the integrator then shortens its step until it stands before the dead centre
                 self.barred, self.bar = angle, str(error)
@@ -110,7 +110,7 @@ class Runner:
 
         def derivatives(_: float, state: Array) -> Array:
             time, angle, speed = self.time, float(state[0]), float(state[1])
-            inertia, derivative, static, damping, dry, torque = self.parts(time, angle, speed)
+            inertia, derivative, static, damping, dry, torque = self.terms(time, angle, speed)
             motor = self.forces.motor
             steeper = 0.0 if motor is None else float(motor.derivative)
             force = static - damping * speed - sign * dry + torque - 0.5 * derivative * speed**2
@@ -149,7 +149,7 @@ class Runner:
         if self.turns is not None:
             events.append(_event(0, self.start + REVOLUTION * self.turns, float(np.sign(self.turns))))
             events.append(_event(0, self.start - REVOLUTION * self.turns, -float(np.sign(self.turns))))
-        inertia, *_ = self.parts(self.time, float(self.state[0]), float(self.state[1]))
+        inertia, *_ = self.terms(self.time, float(self.state[0]), float(self.state[1]))
         speed = max(abs(float(self.state[1])), 1.0)
         floor = self.tolerance * np.array([1.0, speed, inertia * speed**2, inertia * speed**2])
         finished = self._solved(sign, end, floor, events, inertia)
@@ -222,11 +222,11 @@ class Runner:
         angle = float(self.state[0])
 
         def excess(time: float) -> float:
-            _, _, static, _, dry, torque = self.parts(time, angle, 0.0)
+            _, _, static, _, dry, torque = self.terms(time, angle, 0.0)
             small = BALANCED * max(abs(static), abs(torque), dry)
             return abs(static + torque) - dry - small
 
-        _, _, static, _, _, torque = self.parts(self.time, angle, 0.0)
+        _, _, static, _, _, torque = self.terms(self.time, angle, 0.0)
         if excess(self.time) > 0.0:
             return float(np.sign(static + torque))
         if self.steady:
@@ -235,13 +235,13 @@ class Runner:
         for later in np.linspace(self.time, end, PROBES)[1:]:
             if excess(float(later)) > 0.0:
                 waited = excess(before) < 0.0
-                self._hold(root(excess, before, float(later)) if waited else before)
-                _, _, static, _, _, torque = self.parts(float(later), angle, 0.0)
+                self._rest_condition(root(excess, before, float(later)) if waited else before)
+                _, _, static, _, _, torque = self.terms(float(later), angle, 0.0)
                 return float(np.sign(static + torque))
             before = float(later)
         return 0.0
 
-    def _hold(self, until: Any) -> None:
+    def _rest_condition(self, until: Any) -> None:
         """Stay at rest until an instant."""
         state, until = self.state.copy(), float(until)
         self.pieces.append((self.time, until, 0.0, lambda times: np.tile(state[:, None], len(times))))
@@ -250,9 +250,9 @@ class Runner:
     def _at_rest(self, end: float) -> tuple[Outcome, str]:
         """Say how a run ends that nothing moves any more."""
         angle = float(self.state[0])
-        _, _, static, _, dry, torque = self.parts(self.time, angle, 0.0)
+        _, _, static, _, dry, torque = self.terms(self.time, angle, 0.0)
         if self.turns is None:
-            self._hold(end)
+            self._rest_condition(end)
         reason = (
             f"at crank angle {angle:.6g} rad the drive and loads give {torque:.6g} N m and weight and "
             f"springs {static:.6g}, and dry friction holds up to {dry:.6g} N m"
@@ -283,7 +283,7 @@ class Runner:
     def _patience(self) -> float:
         """Return a time that is ample for the turns asked for, so that no run hangs."""
         assert self.turns is not None
-        inertia, _, static, _, _, torque = self.parts(0.0, self.start, float(self.state[1]))
+        inertia, _, static, _, _, torque = self.terms(0.0, self.start, float(self.state[1]))
         speed = max(abs(float(self.state[1])), float(np.sqrt((abs(static) + abs(torque)) / inertia)))
         motor = self.forces.motor
         if motor is not None:

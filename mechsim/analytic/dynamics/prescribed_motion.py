@@ -22,7 +22,7 @@ from mechsim.numerics.inputs import require
 from mechsim.numerics.resources import require_memory
 
 # instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
-PART, HELD = 4096, 80.0
+BATCH_FRACTION, STORED_NUMBERS = 4096, 80.0
 # numbers kept of an instant, and of a joint in it; each is held twice while parts are put together
 KEPT, JOINT, TWICE = 40.0, 27.0, 16.0
 FEWER = "take {most} instants at the most"
@@ -162,7 +162,7 @@ def prescribed_along(
     time = model.drive.motion_laws.time(angle) if time is None else time
     n, joints = len(angle), len(model.mechanism.joints)
     equations = 6.0 * len(model.mechanism.links)
-    each = TWICE * (KEPT + JOINT * joints) + HELD * equations**2 * min(1.0, PART / n)
+    each = TWICE * (KEPT + JOINT * joints) + STORED_NUMBERS * equations**2 * min(1.0, BATCH_FRACTION / n)
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
     times = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
@@ -170,12 +170,12 @@ def prescribed_along(
         times = angle / w
     standing = np.abs(w) <= STILL * np.abs(w).max()
     chunks: list[InverseDynamics] = []
-    for first in range(0, n, PART):
-        rows = slice(first, first + PART)
+    for first in range(0, n, BATCH_FRACTION):
+        rows = slice(first, first + BATCH_FRACTION)
         instants = None if times is None else times[rows]
         run = None if as_run is None else select_instants(as_run, rows)
         chunks.append(_solved(model, angle[rows], w[rows], e[rows], instants, standing[rows], run))
-        finished = min(first + PART, n)
+        finished = min(first + BATCH_FRACTION, n)
         progress(f"{finished:,} of {n:,} instants", finished / n)
     return chunks[0] if len(chunks) == 1 else _joined(chunks)
 
@@ -245,14 +245,14 @@ def moved_as(
         drives={**forces.drives, **forces.holds} if unit.drivers else {},
         locked={} if unit.drivers else forces.holds,
         straight=unit.mechanism.straight,
-        at_branch_point=forces.meeting,
+        at_branch_point=forces.at_branch_point,
     )
     return InverseDynamics(
         model=model,
         efforts=record,
         load=outside.torque,
         reduced=reduced,
-        second_torque=_clock_torque(unit, forces.drives),
+        second_torque=_parameter_torque(unit, forces.drives),
         indeterminacy=forces.indeterminacy,
         shaking_force=force,
         shaking_moment=moment,
@@ -263,7 +263,7 @@ def _drive_accelerations(unit: UnitMotion, rate: Array) -> dict[str, Array]:
     return {name: second * rate**2 for name, second in unit.driver_seconds.items()}
 
 
-def _clock_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
+def _parameter_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
     """Return the drives' power at unit rate of the path parameter, (n,) in [N m]."""
     if not unit.drivers:
         return next(iter(drives.values()))

@@ -40,7 +40,7 @@ class Balance:
         residual: largest imbalance left of any link, relative to the largest wrench, (n,).
         indeterminacy: number of independent self-stresses: forces the joints can hold against each
             other without any load.
-        meeting: where there are more of them than elsewhere, (n,).
+        at_branch_point: where there are more of them than elsewhere, (n,).
     """
 
     drives: Mapping[str, Array]
@@ -51,7 +51,7 @@ class Balance:
     undetermined: frozenset[str]
     residual: Array
     indeterminacy: int
-    meeting: NDArray[np.bool_]
+    at_branch_point: NDArray[np.bool_]
 
 
 def balance(unit: UnitMotion, needed: Array) -> Balance:
@@ -66,7 +66,7 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
         unit: the motion per radian.
         needed: inertial wrenches less what is applied, about link origins, (n, L, 6) in [N, N m].
     """
-    mechanism, jacobian = unit.mechanism, unit.held_rows.jacobian
+    mechanism, jacobian = unit.mechanism, unit.locked_rows.jacobian
     columns, rows = _scales(mechanism, jacobian.shape[1])
     scaled = np.swapaxes(jacobian * columns, 1, 2) * rows  # (n, 6 L, m)
     right = needed.reshape(len(unit), -1) * columns
@@ -169,7 +169,7 @@ def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> 
     end, sign = (joint.b, 1.0) if unit.slot(joint.b.link) is not None else (joint.a, -1.0)
     slot = unit.slot(end.link)
     assert slot is not None
-    jacobian = unit.held_rows.jacobian[:, span, 6 * slot : 6 * slot + 6]
+    jacobian = unit.locked_rows.jacobian[:, span, 6 * slot : 6 * slot + 6]
     wrench = sign * np.swapaxes(jacobian, 1, 2) @ multipliers[:, span]
     point, _ = unit.point(joint.b.link, joint.b.point)
     arm = point - unit.position[:, slot]

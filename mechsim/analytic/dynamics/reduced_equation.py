@@ -23,8 +23,8 @@ from mechsim.numerics.complex_step import size_of
 
 # points on an arc, the longest arc, and the shortest before the crank is said to be at a dead centre
 POINTS = 20
-PLACES = 24
-ARC = REVOLUTION / PLACES
+NODE_COUNT = 24
+ARC = REVOLUTION / NODE_COUNT
 SHORTEST = 1e-5
 # times arcs are halved when a whole turn is charted at once
 HALVINGS = 5
@@ -33,7 +33,7 @@ HALVINGS = 5
 # and an arc this many times shorter than the longest is taken with less, one that can hardly be halved again
 # with least: a crank passes dead centres that lie a part of 1e-9 of the size from its path
 RESOLVED, ASSEMBLED, NOISY, SHORTER = 3e-14, 1e-12, 1e-11, 16.0
-ROUGH, HARDLY = 1e-8, 16.0
+INTERPOLATION_ERROR, HARDLY = 1e-8, 16.0
 
 _K = np.arange(POINTS)
 NODES = -np.cos(np.pi * _K / (POINTS - 1))
@@ -115,7 +115,7 @@ class CrankTable:
     def _compare(self, index: int) -> None:
         """See whether a new arc repeats the one a turn away; then keep all in the first turn."""
         new = self.arcs[index][-1]
-        for other in (index - PLACES, index + PLACES):
+        for other in (index - NODE_COUNT, index + NODE_COUNT):
             for old in self.arcs.get(other, ()):
                 apart = (other - index) * ARC
                 if abs(old.low - new.low - apart) + abs(old.high - new.high - apart) > 1e-9:
@@ -130,7 +130,7 @@ class CrankTable:
         Arcs that need be shorter than a few halvings make them are left until the crank comes there, and
         so is everything where the crank cannot make the turn.
         """
-        ends = [(k * ARC, (k + 1) * ARC) for k in range(index - PLACES // 2, index + PLACES // 2)]
+        ends = [(k * ARC, (k + 1) * ARC) for k in range(index - NODE_COUNT // 2, index + NODE_COUNT // 2)]
         for _ in range(HALVINGS):
             try:
                 values = columns(self.model, np.concatenate([_nodes(*end) for end in ends]))
@@ -147,7 +147,7 @@ class CrankTable:
             ends = shorter
             if not shorter:
                 break
-        self._wrap(index - PLACES // 2)
+        self._wrap(index - NODE_COUNT // 2)
 
     def _wrap(self, first: int) -> None:
         """Keep the arcs of a turn, which begins at a place, for all turns if its first repeats after it."""
@@ -178,7 +178,13 @@ class CrankTable:
         largest[2:4] = largest[2:4].max()
         largest[2:] = np.maximum(largest[2:], _floors(self.model, len(largest) - 2))
         exact = ASSEMBLED if isinstance(self.model.drive, LoopForm) else RESOLVED
-        least = exact if high - low > ARC / SHORTER else NOISY if high - low > HARDLY * SHORTEST else ROUGH
+        least = (
+            exact
+            if high - low > ARC / SHORTER
+            else NOISY
+            if high - low > HARDLY * SHORTEST
+            else INTERPOLATION_ERROR
+        )
         return Arc(low, high, values) if (tail <= least * largest).all() else None
 
 

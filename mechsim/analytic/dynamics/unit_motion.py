@@ -77,7 +77,7 @@ class UnitMotion:
         return self.rotation @ local @ np.swapaxes(self.rotation, -1, -2)
 
     @cached_property
-    def held_rows(self) -> Rows:
+    def locked_rows(self) -> Rows:
         """Loop equations and driver row, linearised at these poses."""
         return self.rows()
 
@@ -194,7 +194,7 @@ def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
     if not passive:
         return np.zeros((n, count, 6, 0))
     scale = np.tile([mechanism.size] * 3 + [1.0] * 3, count)
-    null = null_space(unit.held_rows.jacobian * scale, passive, loops.RANK_TOLERANCE)
+    null = null_space(unit.locked_rows.jacobian * scale, passive, loops.RANK_TOLERANCE)
     return (null * scale[:, None]).reshape(n, count, 6, passive)
 
 
@@ -242,8 +242,8 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     least = least_norm(rows.jacobian * scale, rows.bias - driven, loops.RANK_TOLERANCE)
     bias = -(scale * least).reshape(n, count, 6)
     moved = replace(unit, twist=twist, bias=bias)
-    ones, zero = np.ones(n), np.zeros(n)
-    torque = (np.swapaxes(flat, 1, 2) @ moved.inertial(ones, zero).reshape(n, -1, 1))[..., 0]
+    unit_rates, zero = np.ones(n), np.zeros(n)
+    torque = (np.swapaxes(flat, 1, 2) @ moved.inertial(unit_rates, zero).reshape(n, -1, 1))[..., 0]
     return twist, off(bias, torque)
 
 

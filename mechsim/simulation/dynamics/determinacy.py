@@ -27,7 +27,7 @@ TINY = 1e-9
 def determined_components(loaded: LoadedModel) -> DeterminedComponents:
     """Return which components of the joints' forces and moments the loop constraints determine."""
     determined = {joint.name: np.ones(6, dtype=np.bool_) for joint in loaded.mechanism.joints}
-    qpos = follow.follow(loaded.loops, loaded.qpos, loaded.angle + _turned(loaded))
+    qpos = follow.follow(loaded.loops, loaded.qpos, loaded.angle + _rotated(loaded))
     jacobian = loaded.loops.linearise(qpos)[1]
     rows = jacobian.shape[1]
     if not rows:
@@ -63,7 +63,7 @@ def determined_components(loaded: LoadedModel) -> DeterminedComponents:
     return determined
 
 
-def _turned(loaded: LoadedModel) -> Array:
+def _rotated(loaded: LoadedModel) -> Array:
     """Return by how much the crank turns from the closed state to poses it can reach, (n,) in [rad]."""
     displaced = STEP * np.arange(float(POSES))
     for sign in (1.0, -1.0):

@@ -1,7 +1,7 @@
 """Forward dynamics in MuJoCo: a mechanism whose drivers are free steps in time from an initial state."""
 
 import copy
-import time as wall_clock
+import time as timer
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -103,9 +103,9 @@ def stepped_run(
     qvel = _rates(model, qpos, rates)
     timestep = float(times[1] - times[0]) / substeps
     loops = replace(model.loops, model=_prepared(model, settings, timestep))
-    begin = wall_clock.perf_counter()
+    begin = timer.perf_counter()
     states, diverged = _steps(model, loops.model, qpos, qvel, times, substeps)
-    seconds = wall_clock.perf_counter() - begin
+    seconds = timer.perf_counter() - begin
     motion, kinetic, potential = _recorded(model, loops.model, states)
     return SteppedRun(
         motion=motion,

@@ -1,7 +1,7 @@
 """Free running in MuJoCo: the crank moves as motor, loads, weight, springs and friction make it."""
 
 import copy
-import time as clock
+import time as timer
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,7 +46,7 @@ AGREEING = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
 # records over which the work is summed up, at least
 FINEST = 10_000
 # instants at which the energy of a trial is looked at
-SEEN = 72
+CHECK_INTERVAL = 72
 # steps of Newton's method at each instant: with one the energy drifts by 1e-5 a turn, with two by 1e-9
 ITERATIONS = 2
 # a motor is stiff that brings the crank to its speed in this part of a turn
@@ -190,19 +190,19 @@ class _Plan:
         if self.turns is not None and self.fastest > 0.0:
             likely = min(total, int(REVOLUTION * abs(self.turns) / self.fastest / step) + 1)
         self._require_feasible(step, likely)
-        stride = max(1, likely // max(self.samples, FINEST))
+        record_step = max(1, likely // max(self.samples, FINEST))
         if self.turns is None:
-            total = stride * -(-total // stride)
+            total = record_step * -(-total // record_step)
             step = duration / total
-        every = max(1, likely // stride // self.samples)
+        every = max(1, likely // record_step // self.samples)
         settings = replace(self.settings, steps_per_turn=steps)
-        step, total, stride = step / per_record, total * per_record, stride * per_record
+        step, total, record_step = step / per_record, total * per_record, record_step * per_record
         loops = _prepared(self.loaded, settings, step)
-        begin = clock.perf_counter()
+        begin = timer.perf_counter()
         run = step_freely(
-            self.loaded, loops, self.start, total, stride, self.turns, self.fastest, self.progress
+            self.loaded, loops, self.start, total, record_step, self.turns, self.fastest, self.progress
         )
-        seconds = clock.perf_counter() - begin
+        seconds = timer.perf_counter() - begin
         return FreeStepping(run, loops, settings, seconds, every)
 
     def _require_feasible(self, step: float, likely: int) -> None:
@@ -235,7 +235,11 @@ def _steadier(plan: _Plan) -> Settings:
     """
     longest = REVOLUTION / plan.fastest
     short = replace(
-        plan, turns=None, duration=min(plan.duration or longest, longest), samples=SEEN, progress=no_progress
+        plan,
+        turns=None,
+        duration=min(plan.duration or longest, longest),
+        samples=CHECK_INTERVAL,
+        progress=no_progress,
     )
 
     def drift(settings: Settings) -> float:

@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.friction import STEPS, oppose, softness
+from mechsim.simulation.dynamics.friction import STEPS, compliance, oppose
 from mechsim.simulation.dynamics.inverse_dynamics import tangent
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.model_loops import ModelLoops
@@ -46,7 +46,7 @@ def step_freely(
     loops: ModelLoops,
     start: tuple[Array, Array],
     total: int,
-    stride: int,
+    record_step: int,
     turns: float | None,
     fastest: float,
     progress: Progress = no_progress,
@@ -71,9 +71,9 @@ def step_freely(
     outcome, reason, finished = ("done" if turns is None else "time over"), "", 0
     advance = _advance(loaded, loops, start, soft)
     while finished < total:
-        count = min(stride * max(1, BLOCK // stride), total - finished)
-        time, qpos, qvel, bad = advance(count, stride)
-        number = np.arange(1.0, len(time) + 1.0) * stride + finished
+        count = min(record_step * max(1, BLOCK // record_step), total - finished)
+        time, qpos, qvel, bad = advance(count, record_step)
+        number = np.arange(1.0, len(time) + 1.0) * record_step + finished
         valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time > timestep * (number - 0.5))
         last = len(time) if valid.all() else int(np.argmin(valid))
         finished += count
@@ -147,9 +147,9 @@ def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) 
     moving = loaded.look(loaded.looking(), States(unit, rest.qpos, rates), loaded.nothing(1))
     turning = moving["actuator_velocity"][0]
     whole = float((rates[0] @ inertia[0] @ rates[0]).item())
-    soft = softness(loaded.dry, turning, whole, timestep)
-    held = sum(unit.size * float(np.sqrt((turning[unit.actuators] ** 2).sum())) for unit in loaded.dry)
-    return soft, STEPS * timestep * held / whole
+    soft = compliance(loaded.dry, turning, whole, timestep)
+    locked = sum(unit.size * float(np.sqrt((turning[unit.actuators] ** 2).sum())) for unit in loaded.dry)
+    return soft, STEPS * timestep * locked / whole
 
 
 def _advance(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float]) -> Any:
@@ -167,9 +167,9 @@ def _in_c(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array]) ->
     if loops.model.nu:
         sims.bind("ctrl")[:] = loaded.controls(np.zeros(1), np.zeros(1))
 
-    def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:
+    def advance(count: int, record_step: int) -> tuple[Array, Array, Array, bool]:
         out = sims.rollout(count, record=("qpos", "qvel", TIME))
-        qpos, qvel, time = (values[0, stride - 1 :: stride] for values in out.values())
+        qpos, qvel, time = (values[0, record_step - 1 :: record_step] for values in out.values())
         return time[:, 0], qpos, qvel, bool(sims.warning[..., 1].any())
 
     return advance
@@ -187,11 +187,11 @@ def _with_callback(
         oppose(loaded.dry, at.actuator_velocity[None], controls, soft)
         at.ctrl[:] = controls[0]
 
-    def advance(count: int, stride: int) -> tuple[Array, Array, Array, bool]:
+    def advance(count: int, record_step: int) -> tuple[Array, Array, Array, bool]:
         rows = []
         with _controlled(control), bending(loops):
-            for _ in range(count // stride):
-                mujoco.mj_step(model, data, nstep=stride)
+            for _ in range(count // record_step):
+                mujoco.mj_step(model, data, nstep=record_step)
                 rows.append((data.time, data.qpos.copy(), data.qvel.copy()))
         time, qpos, qvel = (np.array(values) for values in zip(*rows, strict=True))
         return time, qpos, qvel, bool(any(warning.number for warning in data.warning))

@@ -35,10 +35,10 @@ def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[D
     """Return the joints of a model whose dry friction is controls."""
     indices = {model.actuator(i).name: i for i in range(model.nu)}
     joints = []
-    for one in friction:
-        numbers = [indices[name] for axis in AXES if (name := f"{coulomb_name(one.joint)}.{axis}") in indices]
+    for row in friction:
+        numbers = [indices[name] for axis in AXES if (name := f"{coulomb_name(row.joint)}.{axis}") in indices]
         if numbers:
-            joints.append(DryJoint(np.array(numbers, dtype=np.int64), one.coulomb))
+            joints.append(DryJoint(np.array(numbers, dtype=np.int64), row.coulomb))
     return joints
 
 
@@ -60,7 +60,7 @@ def oppose(
         controls[:, joint.actuators] = -joint.size * rate / np.maximum(fast, least)
 
 
-def softness(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:
+def compliance(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:
     """Return for each friction the speed in [rad/s] that it takes away in two steps.
 
     Args:

@@ -113,10 +113,10 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
     if drives is None:
         return multipliers, drive(loaded.loops.crank)
     multipliers[:, first_driven:] = np.stack([drive(int(dof)) for dof in drives.dofs], 1)
-    return multipliers, _on_clock(loaded, state.jacobian, multipliers)
+    return multipliers, _on_parameter(loaded, state.jacobian, multipliers)
 
 
-def _on_clock(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array:
+def _on_parameter(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array:
     """Return the torque on the clock that does the work of all drives, (n,) in [N m]."""
     rows = loaded.loops.driven_rows
     return -(multipliers[:, rows] * jacobian[:, rows, loaded.loops.crank]).sum(1)

@@ -1,7 +1,7 @@
 """What a machine needs while its crank moves as prescribed: by solved poses, and by stepping in time."""
 
 import copy
-import time as clock
+import time as timer
 from dataclasses import replace
 
 import numpy as np
@@ -154,9 +154,9 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, pro
     count = samples or interval_count(profile)
     time = np.linspace(0.0, profile.duration, count + 1)
     angle, speed, acceleration = profile.state(time)
-    begin = clock.perf_counter()
+    begin = timer.perf_counter()
     posed = inverse_dynamics(loaded, time, angle, speed, acceleration, progress)
-    seconds = clock.perf_counter() - begin
+    seconds = timer.perf_counter() - begin
     motion = evaluate(loaded.loops, loaded.track, posed.states, "pose", crank_acceleration=acceleration)
     motion = interpolated(motion, loaded.loops, loaded.track, posed.qpos, posed.near, (speed, acceleration))
     return Driven(
@@ -175,17 +175,19 @@ def _stepped(
     profile: CrankProfile,
     settings: Settings,
     samples: int,
-    stride: int,
+    record_step: int,
     progress: Progress,
 ) -> Driven:
-    total = samples * stride
+    total = samples * record_step
     first, speed, _ = (float(value[0]) for value in profile.state(np.zeros(1)))
     loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
     model = loops.model
     stiffen_friction(model, profile.duration / total)
     time = profile.duration / total * np.arange(float(total))
     controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
-    steps = step(loops, settings, profile, started(loaded, first, speed), total, stride, controls, progress)
+    steps = step(
+        loops, settings, profile, started(loaded, first, speed), total, record_step, controls, progress
+    )
     states = steps.states
     record = forces_of_states(loaded, model, settings.compliance_used, states, steps.force)
     drivers = [*record.drive_accelerations.values()]

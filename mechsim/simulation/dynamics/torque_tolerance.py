@@ -35,7 +35,7 @@ TRIALS = (2 * EVEN, 4 * EVEN)
 # a torque that is a smaller part of the energy of motion counts as none
 IDLE = 1e-3
 # crank accelerations of two runs that are nearer than this part of the speed squared are the same
-SAME = 1e-8
+SAME_TOLERANCE = 1e-8
 
 
 def within(
@@ -118,7 +118,7 @@ def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: Deter
     gaps = _gaps(loaded, coarse.efforts, fine.efforts, determined)
     true = fine.efforts
     change = np.abs(coarse.motion.acceleration - fine.motion.acceleration).max()
-    if change > SAME * np.abs(fine.motion.speed).max() ** 2:
+    if change > SAME_TOLERANCE * np.abs(fine.motion.speed).max() ** 2:
         estimate, true = _posed(loaded, coarse), _posed(loaded, fine)
         driven = _gaps(loaded, estimate, true, determined)
         gaps = [(kind, gap - moved) for (kind, gap), (_, moved) in zip(gaps, driven, strict=True)]
