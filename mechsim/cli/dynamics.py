@@ -21,7 +21,7 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
 from mechsim.cli.forward_dynamics import ForwardOptions, Output, forward_dynamics
 from mechsim.cli.forward_results import ForwardJson
-from mechsim.cli.initial_options import released_model
+from mechsim.cli.initial_options import released_model, states_initial
 from mechsim.cli.load_options import LoadOptions, print_masses
 from mechsim.cli.options import ModelOptions, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -266,7 +266,7 @@ def dynamics(
     mechsim dynamics four_bar --initial crank.q=30deg --duration 1s
     """
     options.check()
-    if forward.requested:
+    if forward.requested or states_initial(source):
         if options.free or options.tolerance is not None or options.coefficient is not None:
             raise InputError(
                 "--free, --tolerance and --coefficient are for a crank; drop them, or --initial, --until, "

@@ -122,7 +122,7 @@ def _verdict(
     """Return the comparison with MuJoCo; None where it is left out."""
     if method == "none" or result.events or result.outcome not in ("done", "stopped"):
         return None
-    return crosscheck_forward(result, model, initial_values(model.mechanism, initial))
+    return crosscheck_forward(result, model, initial_values(model, initial))
 
 
 def _run(

@@ -71,3 +71,10 @@ def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> 
     """
     if loads != LoadOptions() or options.restitution:
         raise InputError(f"loads, masses and --restitution act in a run from an initial state; {usage}")
+
+
+def states_initial(source: ModelOptions) -> bool:
+    """Whether --duration is that of a run from the state that a file's [initial] gives."""
+    if source.duration is None or source.drive:
+        return False
+    return bool(getattr(replace(source, duration=None).load(still=True), "initial", None))

@@ -1,8 +1,8 @@
 """What a TOML file says is driven, how, from where, and what is held."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from mechsim import files
 from mechsim.errors import InputError
@@ -123,6 +123,31 @@ def locked_of(
             raise coordinates.values.source.error(path, "is driven; hold it, or drive it")
         locked[name] = coordinates.value(name, value, path)
     return locked
+
+
+def _leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the entries of nested tables that are no tables, and where they are."""
+    for key, entry in table.items():
+        if isinstance(entry, dict):
+            yield from _leaves(cast(Mapping[str, Any], entry), (*path, key))
+        else:
+            yield (*path, key), entry
+
+
+def initial_of(coordinates: FileCoordinates, read: Mapping[str, Any]) -> dict[str, float]:
+    """Return the state of release: J.q and J.v of coordinates J, in SI."""
+    source, initial = coordinates.values.source, dict[str, float]()
+    for path, written in _leaves(read.get("initial", {}), ("initial",)):
+        name, component = ".".join(path[1:-1]), path[-1]
+        if component not in ("q", "v"):
+            raise source.error(path, "is no state; give q, the coordinate, or v, its rate")
+        if component == "q":
+            initial[f"{name}.q"] = coordinates.value(name, written, path)
+        else:
+            coordinates.require(name, path)
+            rate = Number("m/s" if coordinates.units[name] == "m" else "rad/s", "")
+            initial[f"{name}.v"] = coordinates.values.checked(rate, written, path)
+    return initial
 
 
 @dataclass(frozen=True)

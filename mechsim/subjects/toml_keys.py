@@ -316,6 +316,16 @@ ROOT = Table(
             Text("as in 600rpm, 30deg*sin(2*pi*t) with t in s, or FILE.csv"), "how drivers go over time"
         ),
         "duration": Number("s", "of the programs"),
+        "initial": TableOf(
+            AnyOf(
+                (
+                    TableOf(JointNumber("of q, the coordinate, and v, its rate"), "of a joint"),
+                    TableOf(TableOf(JointNumber("of q and v"), "of a coordinate"), "of a joint with several"),
+                ),
+                "of a joint",
+            ),
+            "state from which `dynamics` releases the mechanism, as crank.q and crank.v",
+        ),
         "forces": FORCES,
         "display": Table(
             {"up": Text("axis that points up; against gravity, else y, if left out", AXES)}, "of pictures"

@@ -22,6 +22,7 @@ from mechsim.subjects.toml_coordinates import (
     coordinates_of,
     couplings_of,
     drivers_of,
+    initial_of,
     locked_of,
     motion_laws_of,
     require_pitch_points,
@@ -115,6 +116,7 @@ def toml_model(
         parameters=values.parameters,
         formula=_formula(source.path, read),
         forces=forces_of(values, mechanism, read),
+        initial=initial_of(coordinates, read),
         written=WrittenUnits(values.length, values.angle),
     )
     duration = read.get("duration")

@@ -148,6 +148,8 @@ def to_toml(source: Mechanism | LoopForm) -> str:
     lines += _start(mechanism)
     if isinstance(source, LoopForm):
         lines += driving_lines(source)
+        if source.initial:
+            lines += ["", "[initial]", *_initial(source.initial)]
     if mechanism.up is not None:
         lines += ["", "[display]", f"up = {quoted(mechanism.up)}"]
     for link in mechanism.links:
@@ -170,6 +172,14 @@ def to_toml(source: Mechanism | LoopForm) -> str:
     for link, pose in mechanism.guess.items():
         lines.append(f"{key(link)} = {_pose(pose)}")
     return "\n".join(lines) + "\n"
+
+
+def _initial(initial: Mapping[str, float]) -> Iterator[str]:
+    """Yield the coordinates and rates of the state of release."""
+    for quantity, value in initial.items():
+        coordinate, _, component = quantity.rpartition(".")
+        names = ".".join(key(name) for name in coordinate.split("."))
+        yield f"{names}.{component} = {number(value)}"
 
 
 def _start(mechanism: Mechanism) -> Iterator[str]:

@@ -37,7 +37,7 @@ def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
         asked.extend(scene.tracked)
         raise InputError("seen")
 
-    monkeypatch.setattr("mechsim.studies.reduction.reduce_model.reduced", stopped)
+    monkeypatch.setattr("mechsim.studies.reduction.reduce_model.reduce_scene", stopped)
     words = ("--track", "pad,lever", "--track", "P,pad@0.1,0,0")
     assert mechsim("reduce", finger, "--tolerance", "7um", *words, "-o", "out.xml").code == 2
     assert asked == ["pad", "lever", "P"]

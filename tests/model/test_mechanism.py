@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from strategies import EPS, offsets, turns
 
-from mechsim.analytic.vector_method.vectors import rotation, turn
+from mechsim.analytic.vector_method.vectors import rotated, rotation
 from mechsim.errors import InputError
 from mechsim.model.couplings import Gear
 from mechsim.model.joint_kinds import crossed_at_zero
@@ -78,7 +78,7 @@ def test_coordinates_do_not_depend_on_where_the_whole_stands(angle, whole):
     hinge = joint("revolute")
     b = placed(hinge, rotation("z", angle))
     about = np.array([0.3, -1.0, 0.5])
-    turned = np.column_stack([turn(e, about, whole) for e in np.eye(3)])
+    turned = np.column_stack([rotated(e, about, whole) for e in np.eye(3)])
     shift = np.array([1.0, 2.0, 3.0])
     moved = [Pose(shift + turned @ p.position, turned @ p.rotation) for p in (IDENTITY, b)]
     assert abs(joint_coordinate(hinge, *moved)[0] - angle) <= 64 * EPS

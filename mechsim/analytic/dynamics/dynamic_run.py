@@ -125,7 +125,7 @@ def run(
         >>> run = ms.dynamics.run("four_bar", initial={"A.q": "30deg"}, duration="2s")  # doctest: +SKIP
     """
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
-    values = initial_values(model.mechanism, initial or {})
+    values = initial_values(model, initial or {})
     end = _positive(units.si(duration, "s", "the duration"), "duration", "s")
     if not samples >= 1:
         raise InputError(f"samples of a run are {samples}; give at least 1")
@@ -185,14 +185,15 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
     )
 
 
-def initial_values(mechanism: Any, initial: Mapping[str, float | str]) -> InitialValues:
-    """Return initial values in SI from `J.q` and `J.v`.
+def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> InitialValues:
+    """Return initial values in SI from `J.q` and `J.v`, and those of the model's description.
 
     Raises:
         InputError: for a name that the mechanism does not have, or a value that is not a finite number.
     """
+    mechanism, stated = model.mechanism, getattr(model.drive, "initial", {})
     coordinates, rates = dict[str, float](), dict[str, float]()
-    for quantity, value in initial.items():
+    for quantity, value in {**stated, **initial}.items():
         name, _, component = quantity.rpartition(".")
         names = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
         if component not in ("q", "v") or name not in names:
@@ -200,8 +201,8 @@ def initial_values(mechanism: Any, initial: Mapping[str, float | str]) -> Initia
                 f"initial value {quantity!r} is not J.q or J.v of a joint of {mechanism.name}; it has "
                 f"{', '.join(names)}"
             )
-        unit = mechanism.unit(name) + ("/s" if component == "v" else "")
-        number = units.si(value, unit, f"initial value {quantity}")  # pyright: ignore[reportArgumentType]
+        unit: Any = mechanism.unit(name) + ("/s" if component == "v" else "")
+        number = units.si(value, unit, f"initial value {quantity}")
         if not abs(number) < np.inf:
             raise InputError(f"initial value {quantity} is {number}; give a finite number")
         (coordinates if component == "q" else rates)[name] = float(number)

@@ -201,7 +201,7 @@ def _prepared(
     source: Any, forces: Forces | None, initial: Mapping[str, float | str]
 ) -> tuple[EquationsOfMotion, Coordinates]:
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
-    values = initial_values(model.mechanism, initial)
+    values = initial_values(model, initial)
     equations = equations_of_motion(model, values.coordinates)
     return equations, initial_state(equations, values)[0]
 

@@ -46,6 +46,7 @@ class LoopForm:
         formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
         change_point: how it goes on where two assemblies meet.
         forces: what acts on it; None where that is not said.
+        initial: J.q and J.v of coordinates in SI from which dynamics releases the mechanism; empty for none.
         motion_laws: of its drivers; `CRANK` for a crank at any speed.
         ranges: joint -> between which values it can stand, in [m] or [rad].
         written: the units that its file declares.
@@ -56,6 +57,7 @@ class LoopForm:
     formula: str = ""
     change_point: ChangePointPolicy = "smooth"
     forces: Forces | None = None
+    initial: Mapping[str, float] = field(default_factory=dict[str, float])
     motion_laws: MotionLaws = CRANK
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     written: WrittenUnits = WrittenUnits()

@@ -1,0 +1,83 @@
+"""The state of release in a TOML file: read in its units, used by dynamics, written back, and checked."""
+
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+from mechsim.subjects.toml_writer import to_toml
+
+TEXT = """name = "bar"
+units = { length = "mm", angle = "deg" }
+drivers = ["crank"]
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "bar" } }
+A = { kind = "revolute", a = { link = "bar", at = [40, 0, 0] }, b = { link = "coupler" } }
+B = { kind = "revolute", a = { link = "coupler", at = [99, 0, 0] }, b = { link = "rocker", at = [80, 0, 0] } }
+rocker = { kind = "revolute", a = { link = "ground", at = [90, 0, 0] }, b = { link = "rocker" } }
+[guess]
+rocker = { at = [90, 0, 0], turn = { axis = [0, 0, 1], angle = 90 } }
+[forces]
+gravity = [0, -9.81, 0]
+[initial]
+crank.q = 30
+crank.v = "2 rad/s"
+"""
+
+
+def written(tmp_path, text=TEXT):
+    path = tmp_path / "bar.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_it_is_read_in_the_units_of_the_file_and_written_back(tmp_path):
+    solver = ms.load(written(tmp_path))
+    assert solver.initial == pytest.approx({"crank.q": 0.5235987755982988, "crank.v": 2.0})
+    again = ms.load(written(tmp_path, to_toml(solver)))
+    assert again.initial == solver.initial
+
+
+def test_a_run_starts_there_unless_another_state_is_given(tmp_path):
+    solver = ms.load(written(tmp_path))
+    run = ms.dynamics.run(solver, solver.forces, duration=0.01, samples=2)
+    assert run.motion.joints["crank"].value[0] == pytest.approx(0.5235987755982988)
+    assert run.motion.joints["crank"].rate[0] == pytest.approx(2.0)
+    other = ms.dynamics.run(solver, solver.forces, initial={"crank.q": "40deg"}, duration=0.01, samples=2)
+    assert other.motion.joints["crank"].value[0] == pytest.approx(0.6981317007977318)
+
+
+def test_the_command_releases_a_file_that_has_one(tmp_path, monkeypatch, capsys):
+    line = [
+        "mechsim",
+        "dynamics",
+        written(tmp_path),
+        "--duration",
+        "0.01s",
+        "--samples",
+        "5",
+        "--method",
+        "none",
+    ]
+    monkeypatch.setattr("sys.argv", line)
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code in (0, None)
+    assert "done at 0.01 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("crank.w = 3", "initial.crank.w is no state"),
+        ("wheel.q = 3", "wheel"),
+        ('crank.q = "3 mm"', "angle"),
+        ('crank.v = "3 mm"', "speed"),
+        ("crank.q = nan", "finite"),
+        ("crank = 3", "crank"),
+    ],
+)
+def test_what_is_no_state_ends_in_one_sentence_with_its_line(tmp_path, line, message):
+    text = TEXT.replace("crank.q = 30\n", line + "\n").replace('crank.v = "2 rad/s"\n', "")
+    with pytest.raises(ms.InputError, match=message) as caught:
+        ms.load(written(tmp_path, text))
+    assert "line 14" in str(caught.value)
