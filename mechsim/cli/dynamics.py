@@ -19,13 +19,21 @@ from mechsim.analytic.dynamics import (
 )
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
-from mechsim.cli.forward_dynamics import ForwardOptions, Output, forward_dynamics
-from mechsim.cli.forward_results import ForwardJson
-from mechsim.cli.initial_options import released_model, states_initial
-from mechsim.cli.load_options import LoadOptions, print_masses
+from mechsim.cli.forward_dynamics import ForwardJson, ForwardOptions, Output, forward_dynamics
+from mechsim.cli.load_options import LoadOptions, print_masses, released_model, states_initial
 from mechsim.cli.options import ModelOptions, writable
-from mechsim.cli.output import Value, number, print_table, print_text, without_noise
-from mechsim.cli.output_units import SI_UNITS, Labelled, OutputUnits, Units, output_units
+from mechsim.cli.output import (
+    SI_UNITS,
+    Labelled,
+    OutputUnits,
+    Units,
+    Value,
+    number,
+    output_units,
+    print_table,
+    print_text,
+    without_noise,
+)
 from mechsim.cli.progress import Progress, progress
 from mechsim.cli.schema import CheckJson, Settings
 from mechsim.cli.verdict_text import print_verdict

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -20,11 +20,13 @@ from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.mode_motion import mode_motions
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
-from mechsim.cli.forward_results import EquilibriumJson, Extent, ModeJson, QuantityJson
-from mechsim.cli.initial_options import InitialOptions
+from mechsim.cli.load_options import InitialOptions
 from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.schema import CheckJson
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
+from mechsim.model.finding import Outcome
+from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.model.quantities import (
     quantity_names,
@@ -35,6 +37,95 @@ from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.studies.frequency_response import frequency_response
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
+
+
+class Extent(TypedDict):
+    """Least, largest and last value of a quantity over a run."""
+
+    least: float
+    largest: float
+    final: float
+
+
+class QuantityJson(Extent):
+    """A quantity over a run."""
+
+    unit: str
+
+
+class ForwardRunJson(TypedDict):
+    """End and energies of a run from an initial state, and the comparison with MuJoCo; None without one."""
+
+    mechanism: str
+    masses: list[LinkMass]
+    outcome: Outcome
+    reason: str
+    duration: float
+    energy_error: float
+    work: float
+    lost: float
+    events: list[float]
+    steps: int
+    final: dict[str, float]
+    quantities: dict[str, QuantityJson]
+    passed: bool | None
+    checks: list[CheckJson]
+
+
+class ModeJson(TypedDict):
+    """A mode of vibration; amplitudes of the joints are numbers, or real and imaginary parts."""
+
+    frequency: float
+    damping_ratio: float
+    shape: dict[str, float | list[float]]
+
+
+class EquilibriumJson(TypedDict):
+    """A configuration at rest, its potential in [J], and the modes about it."""
+
+    q: dict[str, float]
+    stable: bool
+    potential: float
+    modes: list[ModeJson]
+
+
+class StaticsJson(TypedDict):
+    """Equilibria, and the effort in each driver that holds the initial configuration."""
+
+    mechanism: str
+    masses: list[LinkMass]
+    equilibria: list[EquilibriumJson]
+    holding: dict[str, float]
+
+
+class ModesJson(EquilibriumJson):
+    """The equilibrium next to the initial configuration."""
+
+    mechanism: str
+    masses: list[LinkMass]
+
+
+class ResponseColumns(TypedDict):
+    """Columns of a frequency response, over frequencies in [Hz]; phases in [rad]."""
+
+    frequency: list[float]
+    magnitude: list[float]
+    phase: list[float]
+
+
+class ResponseJson(TypedDict):
+    """Frequency response from a unit load to a quantity."""
+
+    mechanism: str
+    masses: list[LinkMass]
+    load: str
+    quantity: str
+    unit: str
+    response: ResponseColumns
+
+
+ForwardJson = ForwardRunJson | StaticsJson | ModesJson | ResponseJson
+
 
 # an imaginary part of a mode shape below this fraction of its largest amplitude is rounding
 REAL = 1e-6

@@ -1,15 +1,17 @@
-"""Options for loads, motors, springs, friction and link masses: text to `Forces`."""
+"""Options for loads, motors, springs, friction, link masses, controls and initial states."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mechsim import files, units
 from mechsim.analytic import dynamics
+from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes
+from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -17,8 +19,47 @@ from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Lo
 from mechsim.model.load_profile import table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Geared, PlainMotor
+from mechsim.studies.release import DURATION, Release
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
+
+if TYPE_CHECKING:
+    from mechsim.studies.scene import UserScene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControlOptions:
+    """Controls of the actuators of a scene."""
+
+    ctrl: tuple[tuple[str, str], ...] = pairs(
+        "--ctrl servo=0.3*sin(2*pi*t)",
+        "Control of an actuator of an MJCF file, in the control's own unit: a number, "
+        "255*(0.5-0.5*cos(2*pi*t)) (t in s), FILE.csv. The file is then stepped as it is, but for settings "
+        "that are given; --drive prescribes joints.",
+        "ACTUATOR=LAW",
+    )
+
+
+def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "UserScene":
+    """Return the scene of an MJCF file and its prescribed motion; notes state what was changed.
+
+    Args:
+        path: of the file.
+        driven: what drives it, how long, and which points are tracked.
+        controls: of its actuators.
+
+    Raises:
+        InputError: for what is no MJCF file, or a joint, actuator, keyframe or point that is missing.
+        AssemblyError: where its loops do not close at the start of the motion laws.
+    """
+    from mechsim.studies.scene.open_scene import open_scene, require_mjcf
+
+    require_mjcf(path)
+    require_distinct("--ctrl", controls.ctrl)
+    scene, changed = open_scene(path, ctrl=dict(controls.ctrl), **driven.as_arguments())
+    notes.extend(changed)
+    return scene
+
 
 Element = TypeVar("Element")
 # [m/s2] default gravity
@@ -236,3 +277,73 @@ def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, design
         computed = verbose is not None and any(mass.source == "rod" for mass in masses)
         text = summary(masses).replace("masses", f"masses {design}".rstrip(), 1)
         print_text(text + ("; -v lists them" if computed else ""))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitialOptions:
+    """A run from an initial state."""
+
+    initial: tuple[tuple[str, str], ...] = option(
+        (),
+        "Initial coordinate J.q or rate J.v of a joint; the drivers are free, and the run lasts --duration.",
+        read=pair_of("--initial crank.q=10deg"),
+        many=True,
+        metavar="J.q=VALUE",
+    )
+    until: str | None = option(
+        None,
+        "Event that ends the run, as P.y=0, J.q=90deg or distance:P,Q=10mm.",
+        metavar="QUANTITY=VALUE",
+    )
+    restitution: float = option(0.0, "Coefficient of restitution at the limits of joints, 0 to 1.")
+
+    @property
+    def requested(self) -> bool:
+        """Whether a run is asked for."""
+        return bool(self.initial or self.until)
+
+    def release(self, model: DynamicModel, duration: float | None) -> Release:
+        """Return the release of a model; the run lasts a second where no duration is given."""
+        return Release(
+            model=model,
+            initial=dict(self.initial),
+            duration=DURATION if duration is None else duration,
+            until=self.until,
+            restitution=self.restitution,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseOptions(InitialOptions):
+    """A run from an initial state, or a mode of vibration, to be drawn."""
+
+    mode: int | None = option(None, "Draw this mode of vibration about the equilibrium, from 1.", metavar="N")
+
+    @property
+    def requested(self) -> bool:
+        """Whether a run or a mode is asked for."""
+        return bool(self.initial or self.until or self.mode is not None)
+
+
+def released_model(source: ModelOptions, loads: LoadOptions) -> DynamicModel:
+    """Return the dynamic model of a mechanism whose drivers are free; --duration is that of its run."""
+    return loads.dynamic_model(replace(source, duration=None).load(still=True))
+
+
+def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> None:
+    """Raise InputError for loads or a restitution without a run that they act in.
+
+    Args:
+        loads: as given.
+        options: of the run.
+        usage: what would make them count.
+    """
+    if loads != LoadOptions() or options.restitution:
+        raise InputError(f"loads, masses and --restitution act in a run from an initial state; {usage}")
+
+
+def states_initial(source: ModelOptions) -> bool:
+    """Whether --duration is that of a run from the state that a file's [initial] gives."""
+    if source.duration is None or source.drive:
+        return False
+    return bool(getattr(replace(source, duration=None).load(still=True), "initial", None))

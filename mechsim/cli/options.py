@@ -1,33 +1,141 @@
-"""Options that several commands share, and how their text becomes values."""
+"""Options that several commands share: their values, what a shell completes, numbers without a unit."""
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import sys
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from mechsim import files
+from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli import completion
-from mechsim.cli.exit_codes import notes
-from mechsim.cli.unit_warnings import warn_about_parameters
+from mechsim.cli.exit_codes import notes, questions
 from mechsim.errors import InputError, OutputError, require_extra
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.subjects import gallery
 from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.model_source import READERS
 from mechsim.subjects.readers import load, load_by_motors, parametric_model
-from mechsim.units import option
+from mechsim.units import option, require_written
+
+# [rad] end of a range of angles without a unit above this is probably in degrees
+LARGEST_RANGE = 10.0 * REVOLUTION
+# a length without a unit so many times the default is probably in millimetres
+LENGTH_RATIO = 100.0
+
+
+def warn_about_angle(name: str, text: str, solver: KinematicSolver | None = None) -> None:
+    """Warn where an angle without a unit was probably meant in degrees.
+
+    Raises:
+        InputError: for an angle without a unit where the mechanism's file declares another unit than rad.
+    """
+    if solver is not None:
+        require_written(text, "rad", solver.written.angle, name)
+    value = _without_unit(text)
+    if value is not None and abs(value) > REVOLUTION:
+        questions.append(
+            f"{name} {text} is {value:g} rad, {value / REVOLUTION:.3g} turns; was {text}deg meant?"
+        )
+
+
+def warn_about_angles(name: str, text: str, solver: KinematicSolver | None = None) -> None:
+    """Warn, or raise InputError, likewise for start:stop:step without units."""
+    if solver is not None:
+        require_written(text, "rad", solver.written.angle, name)
+    values = [_without_unit(item) for item in text.split(":")]
+    numbers = [value for value in values if value is not None]
+    if len(numbers) == len(values) and max(map(abs, numbers)) > LARGEST_RANGE:
+        questions.append(f"{name} {text} goes to {max(numbers):g} rad; was {text}deg meant?")
+
+
+def warn_about_parameters(solver: KinematicSolver, texts: Mapping[str, str]) -> None:
+    """Warn about parameters of the catalogue without a unit that differ much from their defaults."""
+    if not isinstance(solver, ClosedForm):
+        return
+    by_name = {field.name: field for field in fields(solver)}
+    for name, text in texts.items():
+        value, field = _without_unit(text), by_name.get(name)
+        if value is None or field is None:
+            continue
+        unit, default = field.metadata["unit"], field.default
+        if unit == "rad" and abs(value) > REVOLUTION:
+            questions.append(f"--set {name}={text} is {value:g} rad; was {name}={text}deg meant?")
+        if unit == "m" and isinstance(default, float) and abs(value) > LENGTH_RATIO * abs(default) > 0.0:
+            questions.append(f"--set {name}={text} is {value:g} m; was {name}={text}mm meant?")
+
+
+def _without_unit(text: str) -> float | None:
+    """Return a number without a unit; None for anything else."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def complete_models(incomplete: str) -> list[str]:
+    """Return mechanisms, and folders and files that may be one."""
+    names = [name for name in (*catalog.DRIVES, *gallery.files()) if name.startswith(incomplete)]
+    return names + _paths(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
+
+
+def complete_files(incomplete: str) -> list[str]:
+    """Return folders and files."""
+    return _paths(incomplete, ())
+
+
+def complete_parameters(ctx: Any, incomplete: str) -> list[str]:
+    """Return the parameters of the mechanism that was named, with their equals sign."""
+    model = ctx.params.get("model") or next((word for word in sys.argv[2:] if not word.startswith("-")), "")
+    return [f"{name}=" for name in _parameter_names(str(model)) if name.startswith(incomplete)]
+
+
+def _parameter_names(model: str) -> list[str]:
+    if model in catalog.DRIVES:
+        return [field.name for field in fields(catalog.DRIVES[model])]
+    path = gallery.files().get(model, Path(model))
+    if path.suffix.lower() != ".toml":
+        return []
+    try:
+        read = tomllib.loads(path.read_text(encoding="utf-8")).get("parameters", {})
+    except (OSError, ValueError):
+        return []
+    return list(read) if isinstance(read, dict) else []
+
+
+def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
+    folder, _, start = incomplete.rpartition("/")
+    paths: list[str] = []
+    try:
+        entries = sorted(Path(f"{folder}/" if "/" in incomplete else ".").iterdir())
+    except OSError:
+        return []
+    for path in entries:
+        hidden = path.name.startswith(".") and not start.startswith(".")
+        if not path.name.startswith(start) or hidden:
+            continue
+        shown = f"{folder}/{path.name}" if "/" in incomplete else path.name
+        if path.is_dir():
+            paths.append(f"{shown}/")
+        elif not suffixes or path.suffix.lower() in suffixes:
+            paths.append(shown)
+    return paths
+
 
 Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
         help="A name that `mechsim list` gives, FILE.toml, FILE.xml or FILE.py:OBJECT.",
-        autocompletion=completion.models,
+        autocompletion=complete_models,
     ),
 ]
 Sets = Annotated[
@@ -36,15 +144,13 @@ Sets = Annotated[
         "--set",
         metavar="NAME=VALUE",
         help="Change a parameter: crank=13mm, pivot=43,-10,-24mm; a bare number is SI.",
-        autocompletion=completion.parameters,
+        autocompletion=complete_parameters,
     ),
 ]
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks, with their tolerances.")]
 SPEED = "600rpm"
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
-WHERE = typer.Option(
-    "-o", "--output", metavar="FILE", help="Where to write.", autocompletion=completion.files
-)
+WHERE = typer.Option("-o", "--output", metavar="FILE", help="Where to write.", autocompletion=complete_files)
 File = Annotated[str, WHERE]
 Output = Annotated[str | None, WHERE]
 

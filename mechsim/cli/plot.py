@@ -6,8 +6,7 @@ from typing import Annotated, cast
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.initial_options import InitialOptions, released_model
-from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
+from mechsim.cli.load_options import InitialOptions, LoadOptions, masses_in_json, print_masses, released_model
 from mechsim.cli.options import SPEED, DriveOptions, File, ModelOptions, Speed, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written

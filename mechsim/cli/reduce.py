@@ -6,10 +6,10 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.exit_codes import notes
+from mechsim.cli.load_options import ControlOptions
 from mechsim.cli.options import DriveOptions, File, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.cli.scene_options import ControlOptions
 from mechsim.studies.reduction import Reduction
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model
 from mechsim.studies.scene.open_scene import require_mjcf

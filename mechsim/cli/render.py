@@ -11,13 +11,18 @@ import typer
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
-from mechsim.cli.initial_options import ReleaseOptions, released_model, require_release
-from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
-from mechsim.cli.options import File, ModelOptions, writable
+from mechsim.cli.load_options import (
+    LoadOptions,
+    ReleaseOptions,
+    masses_in_json,
+    print_masses,
+    released_model,
+    require_release,
+)
+from mechsim.cli.options import File, ModelOptions, warn_about_angle, writable
 from mechsim.cli.output import number
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
-from mechsim.cli.unit_warnings import warn_about_angle
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion

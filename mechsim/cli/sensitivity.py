@@ -9,11 +9,10 @@ import numpy as np
 from mechsim import files, units
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
-from mechsim.cli.options import SPEED, ModelOptions, Output, writable
+from mechsim.cli.options import SPEED, ModelOptions, Output, warn_about_angles, writable
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
-from mechsim.cli.unit_warnings import warn_about_angles
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity_names
 from mechsim.pictures import plots

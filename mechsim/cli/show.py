@@ -6,11 +6,19 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.findings_text import findings_in_json, print_findings, scene_findings
-from mechsim.cli.options import ModelOptions
-from mechsim.cli.output import Value, number, print_table, print_text, without_noise
-from mechsim.cli.output_units import SI_UNITS, OutputUnits, Units, output_units
-from mechsim.cli.unit_warnings import warn_about_angle
+from mechsim.cli.options import ModelOptions, warn_about_angle
+from mechsim.cli.output import (
+    SI_UNITS,
+    OutputUnits,
+    Units,
+    Value,
+    number,
+    output_units,
+    print_table,
+    print_text,
+    without_noise,
+)
+from mechsim.cli.verdict_text import findings_in_json, print_findings, scene_findings
 from mechsim.model.finding import Finding
 from mechsim.report.facts import facts
 from mechsim.subjects import gallery, listing

@@ -12,12 +12,7 @@ from mechsim import files, simulation
 from mechsim.analytic.loops.record import with_all_joints
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
-from mechsim.cli.findings_text import (
-    findings_in_json,
-    motion_law_of_crank,
-    print_finding_lines,
-    scene_findings,
-)
+from mechsim.cli.load_options import ControlOptions, user_scene
 from mechsim.cli.motion_warnings import digits_in_json, few_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
@@ -29,11 +24,15 @@ from mechsim.cli.options import (
     with_policy,
     writable,
 )
-from mechsim.cli.output import number, print_text
-from mechsim.cli.output_units import Labelled, Units, output_units
+from mechsim.cli.output import Labelled, Units, number, output_units, print_text
 from mechsim.cli.progress import progress
-from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.cli.schema import RunJson
+from mechsim.cli.verdict_text import (
+    findings_in_json,
+    motion_law_of_crank,
+    print_finding_lines,
+    scene_findings,
+)
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import POSITION_TOLERANCE, Outcome
 from mechsim.model.motion import select_instants

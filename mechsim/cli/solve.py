@@ -20,14 +20,13 @@ from mechsim.cli.options import (
     ModelOptions,
     Output,
     require_motion,
+    warn_about_angles,
     with_policy,
     writable,
 )
-from mechsim.cli.output import print_table, without_noise
-from mechsim.cli.output_units import Labelled, OutputUnits, Units, output_units
+from mechsim.cli.output import Labelled, OutputUnits, Units, output_units, print_table, without_noise
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import FewDigitsJson
-from mechsim.cli.unit_warnings import warn_about_angles
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array

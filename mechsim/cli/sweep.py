@@ -9,8 +9,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.initial_options import InitialOptions
-from mechsim.cli.load_options import masses_in_json, print_masses
+from mechsim.cli.load_options import InitialOptions, masses_in_json, print_masses
 from mechsim.cli.options import File, ModelOptions, Speed, changed_parameters
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress

@@ -9,8 +9,7 @@ import typer
 from mechsim import files
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import ModelOptions, Output, writable
-from mechsim.cli.output import Value, number, print_table, print_text
-from mechsim.cli.output_units import OutputUnits, Units, output_units
+from mechsim.cli.output import OutputUnits, Units, Value, number, output_units, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array

@@ -10,10 +10,10 @@ import typer
 from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, command
+from mechsim.cli.load_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions, ModelOptions, Output, Speed, load_model, writable
 from mechsim.cli.output import Value, number, print_table, print_text, width
 from mechsim.cli.progress import progress
-from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
 from mechsim.pictures import plots

@@ -8,10 +8,10 @@ import typer
 from mechsim import units
 from mechsim.cli.command import Result, command
 from mechsim.cli.exit_codes import notes
+from mechsim.cli.load_options import ControlOptions
 from mechsim.cli.options import DriveOptions, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.cli.scene_options import ControlOptions
 from mechsim.studies.scene.evaluator import SceneTrial
 from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.studies.scene.settings import ALLOWABLE, PlainSettings

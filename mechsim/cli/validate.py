@@ -15,7 +15,6 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, command
 from mechsim.cli.exit_codes import print_stderr
-from mechsim.cli.findings_text import findings_in_json, print_finding_lines, scene_findings
 from mechsim.cli.options import (
     DriveOptions,
     Sets,
@@ -28,7 +27,14 @@ from mechsim.cli.options import (
 from mechsim.cli.output import print_json
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import CheckJson, Settings
-from mechsim.cli.verdict_text import print_agreement, print_cases, print_verdicts
+from mechsim.cli.verdict_text import (
+    findings_in_json,
+    print_agreement,
+    print_cases,
+    print_finding_lines,
+    print_verdicts,
+    scene_findings,
+)
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.initial_options import ReleaseOptions, released_model, require_release
-from mechsim.cli.load_options import LoadOptions
+from mechsim.cli.load_options import LoadOptions, ReleaseOptions, released_model, require_release
 from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, writable
 from mechsim.cli.schema import Written
 from mechsim.files import atomic_path

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from mechsim.cli import completion
+from mechsim.cli.options import complete_files, complete_models, complete_parameters
 
 
 @pytest.fixture(autouse=True)
@@ -20,17 +20,17 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_mechanisms_and_files_that_may_be_one_are_offered():
-    assert completion.models("four") == ["four_bar"]
-    assert completion.models("klan") == ["klann"]
-    assert completion.models("my") == ["my_arm.toml"]
-    assert completion.models("robots/") == ["robots/leg.xml"]
-    assert completion.models("nowhere/") == []
-    assert completion.files("robots/n") == ["robots/notes.txt"]
+    assert complete_models("four") == ["four_bar"]
+    assert complete_models("klan") == ["klann"]
+    assert complete_models("my") == ["my_arm.toml"]
+    assert complete_models("robots/") == ["robots/leg.xml"]
+    assert complete_models("nowhere/") == []
+    assert complete_files("robots/n") == ["robots/notes.txt"]
 
 
 def test_parameters_are_those_of_the_mechanism_named():
     def offered(model, incomplete=""):
-        return completion.parameters(SimpleNamespace(params={"model": model}), incomplete)
+        return complete_parameters(SimpleNamespace(params={"model": model}), incomplete)
 
     assert offered("four_bar", "co") == ["coupler="]
     assert offered("my_arm.toml") == ["reach=", "width="]

@@ -2,7 +2,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.cli import exit_codes
-from mechsim.cli.unit_warnings import warn_about_angle, warn_about_angles, warn_about_parameters
+from mechsim.cli.options import warn_about_angle, warn_about_angles, warn_about_parameters
 
 
 @pytest.fixture(autouse=True)

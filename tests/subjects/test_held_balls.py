@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mechsim import simulate
+from mechsim.cli.load_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions
-from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.errors import InputError
 from mechsim.studies.scene.scene import spec_of
 from mechsim.studies.scene.settings import PlainSettings

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.cli import main
-from mechsim.cli.findings_text import scene_findings
+from mechsim.cli.verdict_text import scene_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.report.facts import facts

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from tuned_cases import scene_files
 
+from mechsim.cli.load_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions
-from mechsim.cli.scene_options import ControlOptions, user_scene
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported

@@ -8,8 +8,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from mechsim.cli.load_options import ControlOptions
 from mechsim.cli.options import DriveOptions
-from mechsim.cli.scene_options import ControlOptions
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported

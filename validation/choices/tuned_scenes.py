@@ -24,7 +24,7 @@ from plain_judge import closure_error, script_of, trajectory_error
 from tuned_cases import CASES, SceneFile, scene_files
 from tuned_grid import quickest_kept
 
-from mechsim.cli.scene_options import user_scene
+from mechsim.cli.load_options import user_scene
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.budget import Budget
