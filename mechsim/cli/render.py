@@ -28,7 +28,7 @@ from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
-from mechsim.pictures.render.file_bodies import drawn_as
+from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
 from mechsim.studies.motion_source import MOST_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
 from mechsim.studies.release import Release

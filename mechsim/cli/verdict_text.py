@@ -3,25 +3,23 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
 from mechsim.model.finding import Finding
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.masses import summary
+from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.checks import Check, Verdict, check_table
 
 if TYPE_CHECKING:
     from mechsim.studies.agreement.agreement import Agreement
     from mechsim.studies.validate import Case
-from typing import Any
-
-from mechsim.analytic.solvers import KinematicSolver
-from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
-from mechsim.subjects.mjcf_source import MjcfForm
 
 
 def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:

@@ -71,7 +71,7 @@ def view(
 
 def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions, speed: str) -> "View":
     """Return what the page shows: the poses of a mechanism, a run from an initial state, or a mode."""
-    from mechsim.report.release_view import release_view
+    from mechsim.report.driver_views import release_view
     from mechsim.report.views import model_view
 
     if release.requested:

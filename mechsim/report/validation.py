@@ -92,7 +92,7 @@ def write_validation_report(
 def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes | None:
     """Return a picture of the clearest pose as WebP; None where it cannot be drawn, and a note says why."""
     from mechsim.pictures.render import Look, still
-    from mechsim.pictures.render.file_bodies import drawn_as
+    from mechsim.pictures.render.drawn_model import drawn_as
 
     look = Look(size=RESOLUTION, **drawn_as(solver))
     try:
@@ -107,7 +107,7 @@ def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes
 def _write_video(folder: Path, name: str, case: Case, notes: list[str]) -> str:
     """Write a video of a time-stepped run and return its file's name; empty where there is none."""
     from mechsim.pictures.render import Look, turn_angles, write_video
-    from mechsim.pictures.render.file_bodies import drawn_as
+    from mechsim.pictures.render.drawn_model import drawn_as
 
     if case.quick:
         return ""

@@ -17,7 +17,7 @@ from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import constant, interval_around, within_range
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.render.file_bodies import drawn_as
+from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view import (
     GhostTrack,
     Landmark,
@@ -28,8 +28,7 @@ from mechsim.pictures.view import (
     ghost_of,
     motion_grid,
 )
-from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid
-from mechsim.report.platform import platform_of
+from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid, platform_of
 from mechsim.studies.motion_source import simulated
 from mechsim.studies.validate import Case
 from mechsim.subjects.mjcf_source import MjcfForm

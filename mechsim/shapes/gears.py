@@ -11,8 +11,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import rod_radius
-from mechsim.shapes.canvas import Canvas, upright_end
+from mechsim.shapes.body import Canvas, rod_radius, upright_end
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 
 WheelKey = tuple[str, float]

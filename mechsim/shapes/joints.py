@@ -10,8 +10,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.links import IDENTITY as GROUND_POSE
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.shapes.body import edges, free_sides, stations
-from mechsim.shapes.canvas import Canvas, upright_end
+from mechsim.shapes.body import Canvas, edges, free_sides, stations, upright_end
 from mechsim.shapes.gears import draw_gears
 from mechsim.shapes.shape import HOUSING, STEEL, Shape, vector
 

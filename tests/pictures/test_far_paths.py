@@ -5,7 +5,7 @@ import pytest
 
 from mechsim.pictures.render import Look
 from mechsim.pictures.render.drawing import Source, legend, named
-from mechsim.pictures.render.file_bodies import drawn_as
+from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.subjects.readers import load
 
 ARM = """

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.pictures.render.drawing import Source, named
-from mechsim.pictures.render.file_bodies import drawn_as, file_bodies
+from mechsim.pictures.render.drawing import Shadow, Source, named
+from mechsim.pictures.render.drawn_model import drawn_as, file_bodies
 from mechsim.pictures.render.look import Look
-from mechsim.pictures.render.overlays import Shadow
 from mechsim.pictures.render.scenery import PAPER
 from mechsim.pictures.view import page
 from mechsim.report.views import mechanism_view
@@ -121,7 +120,7 @@ def test_a_part_too_small_to_be_seen_beside_the_rest_is_left_out(tmp_path, monke
     (tmp_path / "arm.xml").write_text(text)
     form = ms.load(str(tmp_path / "arm.xml"))
     before = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
-    monkeypatch.setattr("mechsim.pictures.render.file_bodies.MAX_TRIANGLES", 60)
+    monkeypatch.setattr("mechsim.pictures.render.drawn_model.MAX_TRIANGLES", 60)
     after = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
     assert len(after) == len(before) - 1
     assert all(len(shape.facets.vertices) >= 4 for shape in after if shape.facets)

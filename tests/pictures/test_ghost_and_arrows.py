@@ -11,7 +11,8 @@ from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
 from mechsim.pictures import render
 from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.render import arrows, ghost, gl_backend
+from mechsim.pictures.render import frame_poses as ghost
+from mechsim.pictures.render import gl_backend, scenery
 from mechsim.pictures.render.drawing import Source, draw
 from mechsim.pictures.render.drawn_model import GHOST
 from mechsim.pictures.render.frame_poses import frame_poses
@@ -117,7 +118,7 @@ def test_arrows_point_along_their_vectors_at_one_scale(drive, motion):
     (shown,) = stage.arrows
     speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in shown.vectors.values()])
     assert shown.largest == pytest.approx(speeds.max())
-    room = arrows.MAX_ARROW * float((stage.high - stage.low).max())
+    room = scenery.MAX_ARROW * float((stage.high - stage.low).max())
     assert 0.32 * room < shown.largest * shown.scale <= room
     tips = shown.tips(stage.frames.starts)
     assert ((stage.camera.pixel(tips) > 0.0) & (stage.camera.pixel(tips) < np.array(SIZE))).all()
@@ -237,5 +238,5 @@ def test_moments_that_are_rounding_are_none(name, none):
     drive = catalog.make(name)
     profile = profile_of(drive, 60.0, 1.0)
     loads = joint_loads(drive, "closed", profile, drawn_motion(drive, "closed", profile, 24))
-    shown = arrows.arrows("moment", loads["moments"], drive.mechanism.size)
+    shown = scenery.arrows("moment", loads["moments"], drive.mechanism.size)
     assert (shown.legend[0] == "moment: none") == none

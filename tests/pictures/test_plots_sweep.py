@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.pictures.plots.sweep import SweepTable, front_of, sweep_plot
+from mechsim.pictures.plots.studies import SweepTable, front_of, sweep_plot
 
 
 def test_a_front_is_of_designs_that_none_betters_in_both():

@@ -18,7 +18,7 @@ from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.pictures import render
-from mechsim.pictures.render import arrows, gl_backend, video
+from mechsim.pictures.render import gl_backend, scenery, video
 from mechsim.pictures.render.drawn_model import DrawnModel
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
@@ -291,7 +291,7 @@ def test_everything_of_the_whole_motion_is_inside_the_frame():
 
 def test_rods_of_a_chain_join_the_points_of_a_path():
     path = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [1, 2, 2], [0, 1, 1]])
-    rods = arrows.chain(path, 0.1, np.ones(4))
+    rods = scenery.chain(path, 0.1, np.ones(4))
     along = rods.frames.reshape(-1, 3, 3)[:, :, 2]
     np.testing.assert_allclose(np.linalg.det(rods.frames.reshape(-1, 3, 3)), 1.0)
     half = (np.linalg.norm(np.diff(path, axis=0), axis=1) / 2.0)[:, None]

@@ -5,10 +5,9 @@ import pytest
 from mechsim import catalog
 from mechsim.errors import MissingToolError
 from mechsim.pictures.render import gl_backend
-from mechsim.pictures.render.drawing import Source
+from mechsim.pictures.render.drawing import DECOR, Shadow, Source
 from mechsim.pictures.render.drawn_model import CAMERA
 from mechsim.pictures.render.look import Look
-from mechsim.pictures.render.overlays import DECOR, Shadow
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)

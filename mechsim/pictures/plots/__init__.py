@@ -22,11 +22,11 @@ from mechsim.pictures.plots.paths import (
     DrawablePlan,
     assembly_plot,
     coupler_curve,
+    schematic_plot,
     space_curve,
     velocity_plan_plot,
 )
-from mechsim.pictures.plots.schematic import schematic_plot
-from mechsim.pictures.plots.sensitivity import (
+from mechsim.pictures.plots.studies import (
     Band,
     PathBand,
     ToleranceSheet,

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Format = Literal["svg", "png", "pdf"]
 FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
+# colour of lines that the palette does not colour
+INK = "#222831"
 COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
 # what varies by less than this part of its scale is rounding

@@ -1,16 +1,19 @@
 """Plots over the crank angle: motions, transmission angle, errors."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.model.motion import Motion
-from mechsim.pictures.number_text import readable
+from mechsim.numerics.arrays import Array
+from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import (
     COLOURS,
     LEGEND_RIGHT,
+    ROUNDED,
     STYLES,
     abscissa,
     along_axis,
@@ -22,14 +25,6 @@ from mechsim.pictures.plots.figure import (
     label_of,
     styled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from dataclasses import dataclass
-
-from mechsim.numerics.arrays import Array
-from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.plots.figure import ROUNDED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,6 +1,6 @@
 """What is written on a picture: names of points, scale bar, crank angle."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -17,7 +17,7 @@ from mechsim.shapes.camera import Camera, nice
 
 if TYPE_CHECKING:
     from PIL import Image, ImageFont
-from collections.abc import Mapping
+
 
 # points nearer than this share one label, in pixels
 SHARED_DISTANCE = 3.0

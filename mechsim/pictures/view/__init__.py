@@ -4,10 +4,11 @@ All that moves was solved before: the page interpolates between dense samples an
 """
 
 from mechsim.pictures.view.offline_page import page, three_js
-from mechsim.pictures.view.platform_drive import POSE_COORDINATES, PlatformDrive, quaternions
 from mechsim.pictures.view.pose_grid import (
+    POSE_COORDINATES,
     GhostTrack,
     Landmark,
+    PlatformDrive,
     PoseGrid,
     Readout,
     Slider,
@@ -17,6 +18,7 @@ from mechsim.pictures.view.pose_grid import (
     ghost_of,
     interpolated,
     motion_grid,
+    quaternions,
 )
 
 __all__ = [

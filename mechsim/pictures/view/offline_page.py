@@ -18,8 +18,7 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism, Up
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.view.platform_drive import platform_data, quaternions
-from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View
+from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, platform_data, quaternions
 from mechsim.shapes import Shape, free_sides, link_shapes, point_colours, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, travels

@@ -15,7 +15,7 @@ from mechsim._version import __version__
 from mechsim.errors import InputError, cut, needs
 from mechsim.files import atomic_path
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.plots.sweep import SweepTable, sweep_plot
+from mechsim.pictures.plots.studies import SweepTable, sweep_plot
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
 
 if TYPE_CHECKING:

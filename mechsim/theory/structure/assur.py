@@ -1,6 +1,6 @@
 """Assur groups: a planar chain taken apart into the smallest groups of no mobility."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,7 +11,6 @@ from mechsim.theory.structure.planar import Pairs, planar_pairs, plane_normal, r
 
 if TYPE_CHECKING:
     import networkx as nx
-from collections.abc import Iterable
 
 
 class Unit(NamedTuple):

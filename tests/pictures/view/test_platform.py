@@ -9,7 +9,7 @@ import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.pictures.view import View, motion_grid, page
-from mechsim.report.platform import platform_of
+from mechsim.report.driver_views import platform_of
 from mechsim.report.views import mechanism_view
 
 shown = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
