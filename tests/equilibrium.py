@@ -68,7 +68,7 @@ def largest_imbalance(
         mechanism: with an inertia on every link.
         forces: what acts: gravity, springs, friction, loads and couples.
         motion: of all links.
-        efforts: at the same instants.
+        forces: at the same instants.
         without: name of an action to leave out.
     """
     at = Posture(motion)
@@ -76,7 +76,7 @@ def largest_imbalance(
     scale = max(
         float(np.linalg.norm(part, axis=1).max(initial=0.0)) / unit
         for one in actions(mechanism, forces, motion, efforts)
-        for part, unit in ((one.force, 1.0), (one.moment, mechanism.size))
+        for part, unit in ((one.force, 1.0), (one.moment, mechanism.characteristic_length))
     )
     worst = 0.0
     for link in mechanism.links:
@@ -88,7 +88,9 @@ def largest_imbalance(
                 if named == link.name:
                     force = force + sign * one.force
                     moment = moment + sign * (one.moment + np.cross(one.point - centre, one.force))
-        worst = max(worst, float(np.abs(force).max()), float(np.abs(moment).max()) / mechanism.size)
+        worst = max(
+            worst, float(np.abs(force).max()), float(np.abs(moment).max()) / mechanism.characteristic_length
+        )
     return worst / scale
 
 
@@ -222,8 +224,8 @@ def largest_work(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> 
     pairs += [(one, np.zeros_like(one.force)) for one in efforts.meshes.values()]
     for one, moment in pairs:
         velocities = [at.velocity(link, one.point) for link in (one.link, one.by)]
-        spins = [mechanism.size * at.spin(link) for link in (one.link, one.by)]
-        moment = moment / mechanism.size
+        spins = [mechanism.characteristic_length * at.spin(link) for link in (one.link, one.by)]
+        moment = moment / mechanism.characteristic_length
         work = one.force * (velocities[0] - velocities[1]) + moment * (spins[0] - spins[1])
         power = max(power, float(np.abs(work.sum(1)).max()))
         force = max(force, *(float(np.abs(part).max()) for part in (one.force, moment)))
@@ -238,6 +240,10 @@ def largest_slip(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> 
         velocities = [at.velocity(link, one.point) for link in (one.link, one.by)]
         slip = max(slip, float(np.abs(velocities[0] - velocities[1]).max()))
         speed = max(
-            speed, *(mechanism.size * float(np.abs(at.spin(link)).max()) for link in (one.link, one.by))
+            speed,
+            *(
+                mechanism.characteristic_length * float(np.abs(at.spin(link)).max())
+                for link in (one.link, one.by)
+            ),
         )
     return slip / speed if efforts.meshes else 0.0

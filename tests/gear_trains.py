@@ -57,16 +57,16 @@ class Workshop:
         self, name: str, kind: KindName, sides: list[str], point: np.ndarray, axis: np.ndarray, **more: float
     ) -> None:
         """Join two links as they stand, side a first."""
-        mark = self.across(axis)
-        ends = [self.end(side, point, axis, mark) for side in sides]
+        reference = self.across(axis)
+        ends = [self.end(side, point, axis, reference) for side in sides]
         self.joints.append(Joint(name, kind, *ends, **more))
 
-    def end(self, link: str, point: np.ndarray, axis: np.ndarray, mark: np.ndarray) -> End:
+    def end(self, link: str, point: np.ndarray, axis: np.ndarray, reference: np.ndarray) -> End:
         """Return a side of a joint where it stands in the ground frame."""
         pose = self.poses.get(link, Pose(np.zeros(3), np.eye(3)))
         back = pose.rotation.T
         local = back @ (point - pose.position)
-        return End(link, *(tuple(vector.tolist()) for vector in (local, back @ axis, back @ mark)))
+        return End(link, *(tuple(vector.tolist()) for vector in (local, back @ axis, back @ reference)))
 
     def inertia(self) -> Inertia:
         """Return a body of any shape."""

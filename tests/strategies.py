@@ -180,7 +180,7 @@ def angles_of(drive: ClosedForm, count: int = 12, lowest_transmission: float = 0
 def longest(drive: ClosedForm) -> float:
     """Return the longest length of a mechanism, frame distances included, in [m]."""
     lengths = [np.atleast_1d(getattr(drive, f.name)) for f in fields(drive) if f.metadata["unit"] == "m"]
-    return max(drive.mechanism.size, *(float(np.linalg.norm(length)) for length in lengths))
+    return max(drive.mechanism.characteristic_length, *(float(np.linalg.norm(length)) for length in lengths))
 
 
 def flipped(axis: int, *changed: str, angle: float = 1.0) -> Mirror:

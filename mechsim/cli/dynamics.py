@@ -146,13 +146,13 @@ class FreeJson(TypedDict):
 class ToleranceJson(TypedDict):
     """Result of a run with a tolerance."""
 
-    of: str
+    quantity: str
     by: str
     reason: str
     tolerance: float
     satisfied: bool
     estimate: float
-    margin: float
+    safety_factor: float
     steps: int
     order: NotRequired[float]
     trials: NotRequired[int]
@@ -285,8 +285,8 @@ def dynamics(
         result = forward_dynamics(model, forward, output)
         return _with_masses(model, result, verbose)
     model = loads.dynamic_model(source.load_moving(by_motors=True))
-    shown = output_units(units, model.drive) or SI_UNITS
-    if not model.drive.motion_laws.crank and options.free:
+    shown = output_units(units, model.solver) or SI_UNITS
+    if not model.solver.motion_laws.crank and options.free:
         raise InputError("--free releases a crank, and motion laws drive the joints; drop one of them")
     free = model.forces.motor is not None or options.free
     data, text, passed = (_free if free else _prescribed)(model, options, shown, units is not None)
@@ -309,7 +309,7 @@ def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool) -> Res
 def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
     """Return data, text and success of a prescribed motion."""
     method = options.mujoco_method
-    profile = profile_of(model.drive, options.speed, options.turns)
+    profile = profile_of(model.solver, options.speed, options.turns)
     model = model.starting_at(profile.angles)
     if method != "none":
         _require_memory(model, options.instants)
@@ -325,7 +325,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
             run = driven(
                 model.mechanism,
                 model.forces,
-                **driven_as(model.drive, profile),
+                **driven_as(model.solver, profile),
                 method=method,
                 tolerance=options.tolerance,
                 # with a tolerance the fewest steps that satisfy it determine the instants
@@ -335,7 +335,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
             verdict = crosscheck_driven(run, model, progress=next(steps))
     _write(options.csv, study, model.mechanism, shown if labelled else None)
     if options.plot is not None:
-        plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.efforts))
+        plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.forces))
     note, tolerance = "" if run is None else run.note, _driven_tolerance(run)
 
     def text() -> None:
@@ -360,7 +360,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
 
 def _noise_free(torque: float, study: InverseDynamics) -> float:
     """Return a mean torque, 0 where it is rounding noise of the torque."""
-    return without_noise([torque, float(np.abs(study.efforts.torque).max())])[0]
+    return without_noise([torque, float(np.abs(study.forces.torque).max())])[0]
 
 
 def _passed(verdict: Verdict | None, tolerance: dict[str, Any] | None) -> bool:
@@ -371,7 +371,7 @@ def _steady_turns(
     model: DynamicModel, options: DynamicsOptions
 ) -> tuple[Fluctuation | None, Fluctuation | None]:
     """Return a turn under a constant torque, and one with the flywheel; None where there is none."""
-    if not model.drive.motion_laws.crank or not model.drive.crank_range().full:
+    if not model.solver.motion_laws.crank or not model.solver.crank_range().full:
         return None, None
     steady = None
     # a crank that is too slow for its springs or weight has no steady turn under a constant torque
@@ -461,7 +461,7 @@ def _driven_tolerance(run: Driven | None) -> dict[str, Any] | None:
     names = {"torque": "torque", "reactions": "reactions", "halving": "halved steps"}
     by_name = ", ".join(f"{words} {errors[name]:.1e}" for name, words in names.items())
     return _tolerance_data(run, report) | {
-        "of": "of torque and reactions",
+        "quantity": "of torque and reactions",
         "by": f"by solved poses {by_name}" if run.method == "step" else f"balance {errors['balance']:.1e}",
         **errors,
     }
@@ -471,13 +471,16 @@ def _free_tolerance(run: SteppedFreeRun | None) -> dict[str, Any] | None:
     """Return the result of a free run with a tolerance as plain data; None without a tolerance."""
     if run is None or run.tolerance_report is None:
         return None
-    return _tolerance_data(run, run.tolerance_report) | {"of": "rad of the crank", "by": "by halved steps"}
+    return _tolerance_data(run, run.tolerance_report) | {
+        "quantity": "rad of the crank",
+        "by": "by halved steps",
+    }
 
 
 def _tolerance_data(run: Any, report: Any) -> dict[str, Any]:
     names = ("tolerance", "satisfied", "estimate", "order", "trials", "reason")
     settings = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
-    data = {"margin": report.safety_factor, "steps": run.steps, "settings": settings}
+    data = {"safety_factor": report.safety_factor, "steps": run.steps, "settings": settings}
     return {name: getattr(report, name) for name in names} | data
 
 
@@ -499,9 +502,9 @@ def _print_comparison(verdict: Verdict | None, tolerance: dict[str, Any] | None,
         return
     reason = f": {tolerance['reason']}" if tolerance["reason"] else ""
     print_text(
-        f"tolerance {number(tolerance['tolerance'], 3)} {tolerance['of']} "
+        f"tolerance {number(tolerance['tolerance'], 3)} {tolerance['quantity']} "
         f"{'satisfied' if tolerance['satisfied'] else 'FAILED'}: error {number(tolerance['estimate'], 2)}, "
-        f"a margin of {number(tolerance['margin'], 3)}{reason}"
+        f"a safety factor of {number(tolerance['safety_factor'], 3)}{reason}"
     )
     settings = tolerance["settings"]
     if settings:

@@ -83,7 +83,7 @@ def plot(
         release = initial.release(released_model(source, loads), source.duration)
         if speed != SPEED:
             raise InputError("--speed is of a driven crank, and the drivers are free; give --initial J.v")
-        plot_source = PlotSource(solver=release.model.drive, speed=0.0, options=options, release=release)
+        plot_source = PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
         plots.write(path, row.figure(plot_source))
         return _written(release.model.mechanism.name, kind, output, plot_source.masses)
     if initial.requested or initial.restitution:

@@ -178,14 +178,14 @@ def _released(
         seconds = CYCLE if slow is None else cycle.period * slow
         motion = release.cycle(options.mode, frame_count(seconds, animation.fps)).motion
         caption = f"{cycle.title}; 1/{number(seconds / cycle.period, 3)} of true speed"
-    look = replace(look, **drawn_as(model.drive), caption=caption)
+    look = replace(look, **drawn_as(model.solver), caption=caption)
     mechanism, path = model.mechanism, Path(output)
     if output.endswith(".png"):
         look = replace(look, paths="whole" if look.paths else False)
         write_picture(path, mechanism, motion, look)
         return _written(mechanism.name, output, None, model.masses)
     periodic = options.mode is not None
-    count = _write_animation(path, model.drive, motion, periodic, look, {"fps": animation.fps})
+    count = _write_animation(path, model.solver, motion, periodic, look, {"fps": animation.fps})
     return _written(mechanism.name, output, count, model.masses)
 
 

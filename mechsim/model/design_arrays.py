@@ -53,8 +53,8 @@ class DesignArrays:
         return np.array(points).reshape(-1, 3, self.count)
 
     @property
-    def size(self) -> Array:
-        """The longest distance between two joints of one link, (d,) in [m]; as `Mechanism.size`."""
+    def characteristic_length(self) -> Array:
+        """The longest distance between two joints of a link, (d,) in [m]; as that of `Mechanism`."""
         longest = np.zeros(self.count)
         for link in (GROUND, *(moving.name for moving in self.mechanism.links)):
             points = self.on(link)

@@ -99,7 +99,7 @@ class ForceRecord:
     """Forces and energies of a machine under a moving crank at n instants, in SI; ground frame.
 
     Attributes:
-        size: of the mechanism in [m], which relates moments to forces.
+        characteristic_length: of the mechanism in [m], which relates moments to forces.
         time: (n,) in [s]; None where it is not known.
         angle: crank angle, (n,) in [rad].
         speed: of the crank, (n,) in [rad/s].
@@ -133,7 +133,7 @@ class ForceRecord:
             limit, (n,); None for nowhere. Torque, energies and powers have one.
     """
 
-    size: float
+    characteristic_length: float
     time: Array | None
     angle: Array
     speed: Array

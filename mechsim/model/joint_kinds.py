@@ -5,7 +5,7 @@ it has, what it transmits and where its friction acts. Axes are named in it by w
 
 - "a": the axis as side a has it, along which that of side b lies;
 - "b": the axis as side b has it, where it crosses that of side a (`cross_angle`);
-- "x", "y", "z": the mark of side a, axis x mark, and the axis as side a has it.
+- "x", "y", "z": the reference of side a, axis x reference, and the axis as side a has it.
 
 A joint turns about nothing, about "a", about "a" and "b", or about all of "x", "y" and "z" as a ball.
 """
@@ -158,7 +158,7 @@ def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_an
     if kind.crossed:
         columns += _crossed_angles(cross_angle, frame_a, frame_b)
     elif not kind.ball and kind.turns:
-        x_of_b = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's mark seen from a
+        x_of_b = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's reference seen from a
         columns.append(turn_of(x_of_b[..., 1], x_of_b[..., 0]))
     return np.stack(columns, -1) if columns else np.empty((*gap.shape[:-1], 0))
 

@@ -62,47 +62,47 @@ class End:
         link: name of the link.
         point: where the joint is, in [m].
         axis: direction of the joint's axis; made a unit vector.
-        mark: direction across the axis from which the joint's angle is counted; made a unit vector
+        reference: direction across the axis from which the joint's angle is counted; made a unit vector
             across the axis. None takes the frame's x axis, or y where x lies along the axis.
-        marked: whether a mark was given.
+        has_reference: whether a reference was given.
     """
 
     link: str
     point: Vector = ORIGIN
     axis: Vector = EZ
-    mark: Vector | None = None
-    marked: bool = field(init=False, default=False, compare=False, repr=False)
+    reference: Vector | None = None
+    has_reference: bool = field(init=False, default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "marked", self.mark is not None)
+        object.__setattr__(self, "has_reference", self.reference is not None)
         point, axis = _finite(self, "point", self.point), _finite(self, "axis", self.axis)
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
             raise InputError(f"axis of a joint on link {self.link!r} is the zero vector; give a direction")
-        reference_given = self.mark
+        reference_given = self.reference
         if reference_given is None:
             reference_given = EX if abs(axis[0]) < 0.9 * length else EY
-        reference = _finite(self, "mark", reference_given)
+        reference = _finite(self, "reference", reference_given)
         # those of another End stay what they are to the last bit
-        if self.mark is None or not _unit_and_across(axis, reference):
+        if self.reference is None or not _unit_and_across(axis, reference):
             axis = axis / length
             reference = reference - axis * (axis @ reference)
             length = float(np.linalg.norm(reference))
             if not length > 1e-9:
                 raise InputError(
-                    f"mark {reference_given} of a joint on link {self.link!r} lies along its axis; "
+                    f"reference {reference_given} of a joint on link {self.link!r} lies along its axis; "
                     "give a direction across the axis"
                 )
             reference = reference / length
         object.__setattr__(self, "point", tuple(point.tolist()))
         object.__setattr__(self, "axis", tuple(axis.tolist()))
-        object.__setattr__(self, "mark", tuple(reference.tolist()))
+        object.__setattr__(self, "reference", tuple(reference.tolist()))
 
     @property
     def frame(self) -> Array:
-        """The joint's frame in the link's: columns mark, axis x mark, axis; (3, 3), not to be written to."""
-        assert self.mark is not None
-        return _frame(self.axis, self.mark)
+        """The joint's frame in the link's, read-only (3, 3): columns reference, axis x reference, axis."""
+        assert self.reference is not None
+        return _frame(self.axis, self.reference)
 
 
 def _vector(values: Array) -> Vector:
@@ -120,17 +120,17 @@ def _frame(axis: Vector, reference: Vector) -> Array:
 class Joint:
     """Two links meet: point on point, axis on axis, as the kind says.
 
-    - revolute: points and axes coincide. Coordinate: angle from a's mark to b's about the axis.
+    - revolute: points and axes coincide. Coordinate: angle from a's reference to b's about the axis.
     - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
-      Where neither side has a mark, the links are turned by the least that lays axis on axis; in a
-      mechanism whose guess is nearer to that, as if each side had the mark it has by itself.
+      Where neither side has a reference, the links are turned by the least that lays axis on axis; in a
+      mechanism whose guess is nearer to that, as if each side had the reference it has by itself.
     - cylindrical: axes coincide. Coordinates: displacement, then angle.
     - screw: as cylindrical, and the displacement is `lead` times the turns.
     - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
-      angle about b's; both zero where b's axis lies from a's axis towards a's mark.
+      angle about b's; both zero where b's axis lies from a's axis towards a's reference.
     - spherical: points coincide. No coordinate.
     - planar: axes stay parallel and b's point in the plane across a's axis. Coordinates: displacements
-      along a's mark and across it, then angle.
+      along a's reference and across it, then angle.
     - fixed: points coincide, axes and marks too, which may be left out likewise. No coordinate.
     - floating: nothing is held. Coordinates: the place of b's point in a's frame.
 
@@ -141,7 +141,7 @@ class Joint:
         b: the other side.
         cross_angle: of a universal joint, in [rad].
         lead: of a screw, displacement a turn in [m].
-        unmarked: whether no mark says how a slide turns its links.
+        without_reference: whether no reference says how a slide turns its links.
     """
 
     name: str
@@ -150,7 +150,7 @@ class Joint:
     b: End
     cross_angle: float = np.pi / 2
     lead: float = 0.0
-    unmarked: bool = field(init=False, default=False, compare=False, repr=False)
+    without_reference: bool = field(init=False, default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if str(self.kind) not in KINDS:
@@ -173,12 +173,12 @@ class Joint:
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
                 "give a screw its displacement a turn, and no other joint any"
             )
-        if 0 in KINDS[self.kind].aligned_columns and not (self.a.marked or self.b.marked):
+        if 0 in KINDS[self.kind].aligned_columns and not (self.a.has_reference or self.b.has_reference):
             side = self.a.frame
             reference = smallest_rotation_reference(np.array(self.b.axis), side[:, 2], side[:, 0])
-            if np.abs(reference - np.array(self.b.mark)).max() > ROUNDED:
-                object.__setattr__(self, "b", replace(self.b, mark=_vector(reference)))
-                object.__setattr__(self, "unmarked", True)
+            if np.abs(reference - np.array(self.b.reference)).max() > ROUNDED:
+                object.__setattr__(self, "b", replace(self.b, reference=_vector(reference)))
+                object.__setattr__(self, "without_reference", True)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -198,7 +198,7 @@ def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
 
 
 def _unit_and_across(axis: Array, reference: Array) -> bool:
-    """Whether axis and mark are unit vectors across each other already, to rounding."""
+    """Whether axis and reference are unit vectors across each other already, to rounding."""
     both = np.column_stack([axis, reference])
     return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDED)
 

@@ -169,7 +169,7 @@ def with_inertia(
     """
     mechanism = described(mechanism)
     _positive("density of the rods", density, "kg/m3")
-    thick = THICKNESS * mechanism.size if diameter is None else diameter
+    thick = THICKNESS * mechanism.characteristic_length if diameter is None else diameter
     if replace_all or any(link.inertia is None for link in mechanism.links):
         _positive("diameter of the rods", thick, "m")
     links = tuple(
@@ -185,7 +185,7 @@ def _link_inertia(
     mechanism: Mechanism, name: str, outline: tuple[Vector, ...], density: float, diameter: float, shape: str
 ) -> Inertia:
     ends = mechanism.ends(name)
-    points = _distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.size)
+    points = _distinct([*(end.point for end in ends), *outline], 1e-9 * mechanism.characteristic_length)
     if len(points) == 1:
         axis = np.asarray(ends[0].axis if ends else (0.0, 0.0, 1.0))
         arm = 0.5 * PIN_LENGTH * diameter * axis

@@ -127,7 +127,7 @@ class Mechanism:
     def _marked(self, joint: Joint) -> Joint:
         """Return a joint with the marks that the guess means, where none are given."""
         poses = {GROUND: IDENTITY, **self.guess}
-        if not (joint.unmarked and joint.a.link in poses and joint.b.link in poses):
+        if not (joint.without_reference and joint.a.link in poses and joint.b.link in poses):
             return joint
         by_itself = End(joint.b.link, joint.b.point, joint.b.axis)
         rotation = numbers(poses[joint.a.link].rotation).T @ numbers(poses[joint.b.link].rotation)
@@ -136,9 +136,9 @@ class Mechanism:
             raise InputError(
                 f"{self.name}: {joint.kind} joint {joint.name!r} has no marks, and the guess turns its "
                 f"links by {np.rad2deg(off):.3g} deg about its axis from where they are without any; give "
-                "each side a mark, a direction across the axis that meets the other side's"
+                "each side a reference, a direction across the axis that meets the other side's"
             )
-        return replace(joint, b=replace(joint.b, mark=by_itself.mark)) if chosen else joint
+        return replace(joint, b=replace(joint.b, reference=by_itself.reference)) if chosen else joint
 
     def _require_coordinates(self) -> None:
         """Refuse drivers, holds and couplings of what is no coordinate, and one prescribed twice."""
@@ -267,7 +267,7 @@ class Mechanism:
         return [end for joint in self.joints for end in (joint.a, joint.b) if end.link == link]
 
     @property
-    def size(self) -> float:
+    def characteristic_length(self) -> float:
         """The longest distance between two points of one link, in [m]: its characteristic length."""
         if not self.links:
             return 1.0  # nothing moves by which it could be measured

@@ -116,8 +116,8 @@ def mesh_of(mechanism: Mechanism, law: Coupling) -> Mesh | None:
     weights = [next(iter(terms.values())) for terms in (law.left_terms, law.right_terms)]
     rate = law.ratio * weights[1] / weights[0]
     (spin2, origin2), (spin1, origin1) = driven.twist, driver.twist
-    line = _pitch_line(rate * spin2 - spin1, rate * origin2 - origin1, mechanism.size)
-    point = None if line is None else _pitch_point(pair, *line, mechanism.size)
+    line = _pitch_line(rate * spin2 - spin1, rate * origin2 - origin1, mechanism.characteristic_length)
+    point = None if line is None else _pitch_point(pair, *line, mechanism.characteristic_length)
     if line is None or point is None:
         return None
     moved = driven.velocity(point)

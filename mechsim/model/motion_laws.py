@@ -403,7 +403,7 @@ def _probes(duration: float) -> Array:
 def _max_rate(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:
     """Return how fast a driver's program goes at the most, in [rad/s] or sizes a second."""
     unit = mechanism.unit(name)
-    length = mechanism.size if unit == "m" else 1.0
+    length = mechanism.characteristic_length if unit == "m" else 1.0
     for what, ending, values, most in (
         ("rate", "s", rate, FASTEST * length),
         ("acceleration", "s2", acceleration, FASTEST**2 * length),

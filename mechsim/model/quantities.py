@@ -30,7 +30,7 @@ from mechsim.numerics.complex_step import change_of, stepped, turn_of
 AXES = "xyz"
 TRANSMISSION = "transmission"
 # columns that only inverse dynamics by formulas has, and their SI units
-FORMULA_COLUMNS = {"inertia": "kg m2", "inertia_slope": "kg m2/rad", "power_stored": "W"}
+FORMULA_COLUMNS = {"inertia": "kg m2", "inertia_derivative": "kg m2/rad", "power_stored": "W"}
 # the reaction of the ground on all links together
 FRAME = "frame"
 

@@ -63,7 +63,7 @@ def release_view(release: Release, mode: int | None) -> View:
         fact = f"One cycle of {cycle.title}, its amplitude large enough to be seen."
     title = f"{model.mechanism.name.replace('_', '-')}, {name}"
     facts = [fact, f"{summary(model.masses).capitalize()}."]
-    return View(model.mechanism, [_grid(release, motion, name)], title, facts, **drawn_as(model.drive))
+    return View(model.mechanism, [_grid(release, motion, name)], title, facts, **drawn_as(model.solver))
 
 
 def _grid(release: Release, motion: Motion, name: str) -> PoseGrid:
@@ -154,7 +154,7 @@ def _controlled(
         return ()
     slot = 6 * [other.name for other in mechanism.links].index(link)
     linear, angular = motions[:, slot : slot + 3], motions[:, slot + 3 : slot + 6]
-    arm = pose.rotation @ np.asarray(point) / mechanism.size
+    arm = pose.rotation @ np.asarray(point) / mechanism.characteristic_length
     rates = np.hstack([linear + np.cross(angular, arm), angular])  # (k, 6)
     chosen: list[int] = []
     for index in range(len(POSE_COORDINATES)):
@@ -238,7 +238,7 @@ def box_of(solver: LoopForm, limits: Mapping[str, tuple[float, float]], start: M
     for name in solver.mechanism.drivers:
         unit = solver.mechanism.unit(name)
         least_range = MANUAL_RANGE[unit][len(solver.mechanism.drivers) > 2] * (
-            1.0 if unit == "rad" else solver.mechanism.size
+            1.0 if unit == "rad" else solver.mechanism.characteristic_length
         )
         least, most = spans.get(name, (begin[name], begin[name]))
         middle, reach = 0.5 * (least + most), max(0.75 * (most - least), least_range)

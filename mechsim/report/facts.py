@@ -188,7 +188,7 @@ def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
 
 def _effort_facts(study: "InverseDynamics", forces: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
     """Return peak, mean and root mean square of the torques or forces at joint coordinates."""
-    result, mechanism = study.efforts, study.model.mechanism
+    result, mechanism = study.forces, study.model.mechanism
     angle, time = result.angle, result.time if result.drives else None
     return {
         name: _peak(effort, angle, time)
@@ -200,7 +200,7 @@ def _effort_facts(study: "InverseDynamics", forces: Mapping[str, Array]) -> dict
 
 def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None = None) -> dict[str, Any]:
     """Return peaks and means of a prescribed motion, and of the forces of its actuators; all in SI."""
-    result, angle = study.efforts, study.efforts.angle
+    result, angle = study.forces, study.forces.angle
     timed = result.time if result.drives else None
 
     def peak(values: Array) -> dict[str, float]:
@@ -248,7 +248,7 @@ def _coupling_facts(
     study: "InverseDynamics", peak: Callable[[Array], dict[str, float]]
 ) -> dict[str, dict[str, Any]]:
     """Return each coupling's effort on its driven coordinate, and what carries it."""
-    result, mechanism = study.efforts, study.model.mechanism
+    result, mechanism = study.forces, study.model.mechanism
     threads, facts = threads_of(mechanism), dict[str, dict[str, Any]]()
     for name, law in mechanism.named_laws.items():
         own: dict[str, Any] = {"effort": peak(result.gears[name])}

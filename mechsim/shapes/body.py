@@ -44,7 +44,7 @@ def span(mechanism: Mechanism) -> float:
     Raises:
         InputError: for a mechanism whose links are all mere points.
     """
-    longest = mechanism.size
+    longest = mechanism.characteristic_length
     for link in mechanism.links:
         for a, b in combinations(stations(mechanism, link.name), 2):
             longest = max(longest, float(np.linalg.norm(a - b)))
@@ -60,7 +60,7 @@ def stations(mechanism: Mechanism, link: str) -> list[Array]:
     positions: list[Array] = []
     for point in [*(end.point for end in mechanism.ends(link)), *outline, *tracked]:
         position = np.asarray(point)
-        tolerance = 1e-9 * max(mechanism.size, float(np.linalg.norm(position)))
+        tolerance = 1e-9 * max(mechanism.characteristic_length, float(np.linalg.norm(position)))
         if all(float(np.linalg.norm(position - other)) > tolerance for other in positions):
             positions.append(position)
     return positions

@@ -77,13 +77,13 @@ class Driven(RunRecord):
     """A dynamic model under a prescribed crank, by MuJoCo.
 
     Attributes:
-        efforts: at the recorded instants.
+        forces: at the recorded instants.
         outcome: "done" or "diverged"; where a tolerance was asked for, "passed" or "failed".
         method: "pose" or "step".
         masses: of the links, with their sources.
     """
 
-    efforts: ForceRecord
+    forces: ForceRecord
     outcome: Outcome
     method: Method
     masses: tuple[LinkMass, ...] = ()
@@ -94,12 +94,12 @@ class SteppedFreeRun(RunRecord):
     """A free run by MuJoCo.
 
     Attributes:
-        efforts: at the recorded instants; no drive acts, so its torque is the residual of MuJoCo's equation
+        forces: at the recorded instants; no drive acts, so its torque is the residual of MuJoCo's equation
             of motion.
         free: crank motion, energies and outcome, at the same instants.
         masses: of the links, with their sources.
     """
 
-    efforts: ForceRecord
+    forces: ForceRecord
     free: FreeRun
     masses: tuple[LinkMass, ...] = ()

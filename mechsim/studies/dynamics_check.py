@@ -52,12 +52,12 @@ def crosscheck_driven(
         None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance
     )
     return crosscheck_forces(
-        run.efforts,
-        study.efforts,
+        run.forces,
+        study.forces,
         method=run.method,
         tolerance=tolerance,
         bounds=bounds,
-        conditioning=conditioning_of(model.drive.mechanism, motion),
+        conditioning=conditioning_of(model.solver.mechanism, motion),
     )
 
 

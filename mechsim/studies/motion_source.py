@@ -82,10 +82,14 @@ def joint_loads(
     else:
         instants = (motion.angle, motion.speed, motion.acceleration)
         study = dynamics.prescribed(weighing(solver), *instants, time=motion.time, as_run=motion)
-        reactions = study.efforts.reactions
+        reactions = study.forces.reactions
     forces = {name: reaction.force for name, reaction in reactions.items()}
     # a moment that the largest force makes on a billionth of the size is rounding, and no arrow
-    least = 1e-9 * solver.mechanism.size * max(float(np.abs(force).max()) for force in forces.values())
+    least = (
+        1e-9
+        * solver.mechanism.characteristic_length
+        * max(float(np.abs(force).max()) for force in forces.values())
+    )
     moments = {
         name: np.where(np.abs(reaction.moment) > least, reaction.moment, 0.0)
         for name, reaction in reactions.items()
@@ -96,4 +100,4 @@ def joint_loads(
 def simulated_forces(solver: KinematicSolver, profile: CrankProfile, samples: int) -> ForceRecord:
     """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
     model = weighing(solver.starting_at(profile.angles))
-    return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).efforts
+    return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).forces

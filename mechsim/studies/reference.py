@@ -88,7 +88,7 @@ def _by_equations(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
         )
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
-    return _checked(motion, reference, "closed form", study.efforts)
+    return _checked(motion, reference, "closed form", study.forces)
 
 
 def _by_poses(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
@@ -108,7 +108,7 @@ def _by_poses(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
     if motion.broken:
         return Verdict("diverged", (), motion.broken)
     count = np.arange(len(motion)) < len(reference.first)
-    return _checked(select_instants(motion, count), reference, "pose", run.efforts)
+    return _checked(select_instants(motion, count), reference, "pose", run.forces)
 
 
 def _profile(solver: KinematicSolver, reference: ReferenceData) -> CrankProfile:

@@ -201,7 +201,7 @@ def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | N
     """Return the tolerance on positions of a stepped run: what is asked for, or 1e-8 of stroke or size."""
     if tolerance is not None:
         return Tolerance(tolerance, "m", "asked for")
-    stroke, extent = stroke_of(exact), mechanism.size
+    stroke, extent = stroke_of(exact), mechanism.characteristic_length
     if extent <= stroke:
         return Tolerance(STEP_PLACE * stroke, "m", f"{STEP_PLACE:.0e} of the stroke of {stroke:.4g} m")
     if extent <= SIZE_TO_STROKE * stroke:
@@ -319,7 +319,7 @@ def against_loops(solver: ClosedForm, exact: Motion) -> Verdict:
         poses = {name: pose.select(off) for name, pose in poses.items()}
     open_by, rotated_by = loops.residual_norms(mechanism, poses, exact.angle)
     loop_rates = loops.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
-    closed = Tolerance(8 * EPS * mechanism.size, "m", "8 ulp of the longest link")
+    closed = Tolerance(8 * EPS * mechanism.characteristic_length, "m", "8 ulp of the longest link")
     rotated = Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
     checks = [
         check_of("loop", "", open_by, exact.angle, closed),

@@ -94,7 +94,9 @@ def driver_path(
     values = np.array([table[name] for name in mechanism.drivers])
     if not np.isfinite(values).all():
         raise InputError(f"{source} holds numbers that are not finite; correct the table")
-    scales = [mechanism.size if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers]
+    scales = [
+        mechanism.characteristic_length if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers
+    ]
     lengths = np.abs(np.diff(values) / np.array(scales)[:, None]).max(0, initial=0.0)
     times = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if uniform else lengths, dtype=np.float64)])
     distinct = np.concatenate([[True], lengths > 0.0])

@@ -140,7 +140,7 @@ def _parser(name: str, text: str) -> Callable[[Unit], float]:
 def _correction_remarks(model: "MjcfModel", exact: Corrected) -> list[str]:
     """Say how far the loops of a file stood open, and what was changed to close them."""
     remarks: list[str] = []
-    if model.gap > 1e-12 * exact.mechanism.size:
+    if model.gap > 1e-12 * exact.mechanism.characteristic_length:
         remarks.append(
             f"the loops stand open by {model.gap:.2g} m where the file starts; "
             "what is solved closes them exactly"

@@ -348,7 +348,7 @@ def _fixed_joint(joint: Joint, poses: Mapping[str, Pose]) -> Joint:
     frame = a.rotation.T @ b.rotation @ joint.b.frame
     point = a.rotation.T @ (b.point(joint.b.point) - a.position)
     end = End(joint.a.link, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
-    return Joint(joint.name, FIXED, end, replace(joint.b, mark=_vector(joint.b.frame[:, 0])))
+    return Joint(joint.name, FIXED, end, replace(joint.b, reference=_vector(joint.b.frame[:, 0])))
 
 
 def _vector(values: Array) -> Vector:

@@ -192,11 +192,12 @@ _END = Table(
         "link": Text("name of a link, or ground"),
         "at": vector("m", "where the joint is, in the link's frame; the origin if left out"),
         "axis": vector("1", "direction of the joint's axis in the link's frame; z if left out"),
-        "mark": vector(
+        "reference": vector(
             "1",
             "direction across the axis from which the angle is counted; x if left out; where both "
             "sides of a slide leave it out, links turn by the least that lays axis on axis, if not guessed",
         ),
+        "mark": vector("1", "older name of `reference`"),
     },
     "one side of the joint",
     ("link",),

@@ -186,7 +186,7 @@ def _joint(source: TomlSource, name: str, entry: Mapping[str, Any]) -> Joint:
 
 
 def _end(entry: Mapping[str, Any]) -> End:
-    fields = {"at": "point", "axis": "axis", "mark": "mark"}
+    fields = {"at": "point", "axis": "axis", "reference": "reference", "mark": "reference"}
     return End(entry["link"], **{fields[key]: value for key, value in entry.items() if key != "link"})
 
 

@@ -219,8 +219,8 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 
 def _end(end: End) -> str:
-    assert end.mark is not None
-    fields = f"at = {listed(end.point)}, axis = {listed(end.axis)}, mark = {listed(end.mark)}"
+    assert end.reference is not None
+    fields = f"at = {listed(end.point)}, axis = {listed(end.axis)}, reference = {listed(end.reference)}"
     return f"{{ link = {quoted(end.link)}, {fields} }}"
 
 

@@ -342,14 +342,16 @@ def force_scales(exact: ForceRecord) -> dict[str, float]:
     kinetic = float(np.abs(exact.kinetic).max())
     torque = max(rms(exact.torque), IDLE * kinetic)
     largest = max(rms(errors.lengths(reaction.force)) for reaction in exact.reactions.values())
-    force = largest or torque / exact.size
+    force = largest or torque / exact.characteristic_length
     return {
         "torque": torque,
         "force": force,
-        "moment": force * exact.size,
+        "moment": force * exact.characteristic_length,
         "kinetic energy": kinetic,
         # where weight does no work only the rounding of positions remains
-        "potential energy": max(float(np.abs(exact.potential).max()), IDLE * force * exact.size),
+        "potential energy": max(
+            float(np.abs(exact.potential).max()), IDLE * force * exact.characteristic_length
+        ),
         "power": torque * float(np.abs(exact.speed).max()),
         "1": 1.0,
     }

@@ -161,7 +161,7 @@ def mesh_force(computed: ForceRecord, exact: ForceRecord, name: str) -> Array:
 
 def _along(computed: Array, true: Array, exact: ForceRecord, name: str) -> Array:
     error = np.where(_discontinuous(exact), 0.0, np.abs(computed - true))
-    return error * exact.size if name in exact.straight else error
+    return error * exact.characteristic_length if name in exact.straight else error
 
 
 def _discontinuous(exact: ForceRecord) -> NDArray[np.bool_]:

@@ -222,8 +222,8 @@ def test_default_assembly_is_the_one_of_the_paper():
 def test_the_cylinder_along_z_as_misprinted_does_not_match():
     drive, angles = Looper(), np.linspace(0.0, 2.0 * np.pi, 5)
     sound = drive.mechanism
-    line = End(GROUND, (0.0, drive.axis_y, drive.axis_z), axis=EZ, mark=EX)
-    slide = Joint("slide", "cylindrical", line, End("follower", axis=EZ, mark=EX))
+    line = End(GROUND, (0.0, drive.axis_y, drive.axis_z), axis=EZ, reference=EX)
+    slide = Joint("slide", "cylindrical", line, End("follower", axis=EZ, reference=EX))
     misprinted = replace(sound, joints=(*sound.joints[:-1], slide))
     with pytest.raises(AssemblyError, match="do not close"):
         closure.solve(misprinted, angles, 1.0)

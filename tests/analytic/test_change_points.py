@@ -43,8 +43,8 @@ def test_the_closed_form_passes_flat_poses_smoothly_to_full_digits(lengths):
         sign = min(truths, key=lambda one: worst(truths[one], point.position))
         slopes = [2 * mpmath.diff(lambda at: smooth_b(lengths, at, sign), mpmath.mpf(at)) for at in angles]
     # measured 4e-15 and 1.4e-14: dimensions known to rounding leave the gap of a flat pose open by that
-    assert worst(truths[sign], point.position) <= 2e-14 * drive.mechanism.size
-    assert worst(slopes, point.velocity) <= 1e-13 * drive.mechanism.size
+    assert worst(truths[sign], point.position) <= 2e-14 * drive.mechanism.characteristic_length
+    assert worst(slopes, point.velocity) <= 1e-13 * drive.mechanism.characteristic_length
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
@@ -60,7 +60,7 @@ def test_change_points_are_told_and_the_mechanism_says_when_it_comes_round(which
     assert len(facts(drive, drive.change_points()[0])["assemblies"]) == 2
     begin = drive.mechanism.start
     for point in drive.positions([begin, begin + drive.period, begin - drive.period]).values():
-        assert np.ptp(point, axis=0).max() <= 1e-12 * drive.mechanism.size
+        assert np.ptp(point, axis=0).max() <= 1e-12 * drive.mechanism.characteristic_length
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
@@ -112,13 +112,13 @@ def test_loop_equations_fold_as_the_closed_form_does(which):
     # measured 3e-14 of the size, 2e-12 and 1e-8
     for name, point in exact.points.items():
         there = found.points[name]
-        assert np.abs(there.position - point.position).max() <= 1e-12 * drive.mechanism.size
+        assert np.abs(there.position - point.position).max() <= 1e-12 * drive.mechanism.characteristic_length
         assert np.abs(there.velocity - point.velocity).max() <= 1e-10
         assert np.abs(there.acceleration - point.acceleration).max() <= 1e-6
     leaps = max(
         np.abs(smooth.points[name].position - there.position).max() for name, there in found.points.items()
     )
-    assert leaps > 0.1 * drive.mechanism.size
+    assert leaps > 0.1 * drive.mechanism.characteristic_length
 
 
 @pytest.mark.parametrize("which", ["kite round its frame", "rhombus"])
@@ -177,4 +177,7 @@ def test_a_looper_tells_where_its_four_bar_lies_flat_and_its_range_ends_there(wh
     angles = np.linspace(low + 0.1, high - 0.1, 25)
     found = closure.solve(drive.mechanism, angles)
     for name, point in drive.solve(angles).points.items():
-        assert np.abs(found.points[name].position - point.position).max() <= 1e-12 * drive.mechanism.size
+        assert (
+            np.abs(found.points[name].position - point.position).max()
+            <= 1e-12 * drive.mechanism.characteristic_length
+        )

@@ -123,9 +123,9 @@ def test_assembly_from_a_rough_place_finds_the_branch_meant(drive):
     assume(drive.transmission_angle(start)[0] > 0.3)
     rough = {name: Pose(pose.position + 1e-4, pose.rotation) for name, pose in mechanism.guess.items()}
     poses = closure.assemble(mechanism, start, rough)
-    assert closure.residual_norms(mechanism, poses, start)[0][0] <= 8 * EPS * mechanism.size
+    assert closure.residual_norms(mechanism, poses, start)[0][0] <= 8 * EPS * mechanism.characteristic_length
     tip = poses["rocker"].point((drive.rocker, 0.0, 0.0))
-    assert np.abs(tip - drive.positions(start)["P3"]).max() <= 1e-12 * mechanism.size / 0.3
+    assert np.abs(tip - drive.positions(start)["P3"]).max() <= 1e-12 * mechanism.characteristic_length / 0.3
 
 
 @settings(max_examples=10)
@@ -138,7 +138,7 @@ def test_a_turn_and_back_ends_where_it_began(drive):
     aim = mechanism.start + 0.3 * (high - mechanism.start)
     there = closure.follow(mechanism, [aim, mechanism.start])
     for name, pose in mechanism.guess.items():
-        assert np.abs(there[name].position[1] - pose.position).max() <= 1e-9 * mechanism.size
+        assert np.abs(there[name].position[1] - pose.position).max() <= 1e-9 * mechanism.characteristic_length
 
 
 def test_a_gear_turns_the_second_crank_also_past_a_whole_turn():

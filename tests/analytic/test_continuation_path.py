@@ -161,8 +161,8 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
         sign = min(truths, key=lambda one: worst(truths[one], point.position))
         slopes = [2 * mpmath.diff(lambda at: smooth_b(lengths, at, sign), mpmath.mpf(at)) for at in angles]
     # measured 3e-13 and 8e-11
-    assert worst(truths[sign], point.position) <= 1e-11 * mechanism.size
-    assert worst(slopes, point.velocity) <= 1e-8 * mechanism.size
+    assert worst(truths[sign], point.position) <= 1e-11 * mechanism.characteristic_length
+    assert worst(slopes, point.velocity) <= 1e-8 * mechanism.characteristic_length
 
 
 def test_a_parallelogram_stays_one_turn_after_turn():
@@ -201,7 +201,7 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
     with mpmath.workdps(40):
         truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
     # measured 4e-12
-    assert min(worst(truth, found) for truth in truths.values()) <= 1e-10 * mechanism.size
+    assert min(worst(truth, found) for truth in truths.values()) <= 1e-10 * mechanism.characteristic_length
 
 
 @pytest.mark.parametrize(
@@ -264,7 +264,7 @@ def test_a_path_may_begin_close_to_a_change_point(off):
     poses = closure.follow(drive.mechanism, [off])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
     found = closure.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
-    assert np.abs(found - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.size
+    assert np.abs(found - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.characteristic_length
 
 
 @pytest.mark.parametrize(
@@ -295,7 +295,9 @@ def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_f
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
     found, exact = closure.follow(drive.mechanism, angles), drive.solve(angles).links
     for name, link in exact.items():
-        assert np.abs(found[name].position - link.position).max() <= 1e-9 * drive.mechanism.size
+        assert (
+            np.abs(found[name].position - link.position).max() <= 1e-9 * drive.mechanism.characteristic_length
+        )
 
 
 @pytest.mark.parametrize("lack", [1e-4, 1e-6, 1e-9])

@@ -51,18 +51,18 @@ def drive(request):
 
 def test_drive_torque_by_virtual_power_is_that_of_newton_and_euler(drive):
     study = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), ANGLES, 80.0, 900.0)
-    size = np.abs(study.efforts.torque).max()
-    assert np.abs(study.second_torque - study.efforts.torque).max() <= 1e-12 * size
-    assert study.efforts.residual.max() <= 1e-12
+    size = np.abs(study.forces.torque).max()
+    assert np.abs(study.second_torque - study.forces.torque).max() <= 1e-12 * size
+    assert study.forces.residual.max() <= 1e-12
 
 
 def test_powers_balance_and_kinetic_energy_is_the_sum_over_the_links(drive):
     machine = dynamics.dynamic_model(drive, busy(drive))
     study = dynamics.prescribed(machine, ANGLES, 80.0, 900.0)
-    parts = study.efforts.power_in + study.efforts.power_loads - study.efforts.power_lost - study.power_stored
-    assert np.abs(parts).max() <= 1e-12 * np.abs(study.efforts.power_in).max()
-    assert np.allclose(study.efforts.kinetic, 0.5 * study.reduced.inertia * 80.0**2, rtol=1e-13)
-    assert (study.efforts.power_lost >= 0.0).all()
+    parts = study.forces.power_in + study.forces.power_loads - study.forces.power_lost - study.power_stored
+    assert np.abs(parts).max() <= 1e-12 * np.abs(study.forces.power_in).max()
+    assert np.allclose(study.forces.kinetic, 0.5 * study.reduced.inertia * 80.0**2, rtol=1e-13)
+    assert (study.forces.power_lost >= 0.0).all()
 
 
 def test_derivatives_of_inertia_and_energy_are_those_of_their_fourier_series(drive):
@@ -74,7 +74,10 @@ def test_derivatives_of_inertia_and_energy_are_those_of_their_fourier_series(dri
         waves[np.abs(waves) < 1e-15 * np.abs(waves).max()] = 0.0
         return np.fft.irfft(1j * np.arange(129) * waves)
 
-    assert np.abs(slope(part.inertia) - part.slope).max() <= 1e-9 * np.abs(part.slope).max()
+    assert (
+        np.abs(slope(part.inertia) - part.inertia_derivative).max()
+        <= 1e-9 * np.abs(part.inertia_derivative).max()
+    )
     assert np.abs(slope(part.energy) + part.static).max() <= 1e-9 * np.abs(part.static).max()
 
 
@@ -82,8 +85,8 @@ def test_derivatives_of_inertia_and_energy_are_those_of_their_fourier_series(dri
 def test_closed_form_and_loop_equations_give_the_same_forces(name):
     drive = catalog.make(name)
     angles = np.linspace(0.2, 2.0, 7)
-    closed = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), angles, 80.0).efforts
-    loops = dynamics.prescribed(dynamics.dynamic_model(drive.mechanism, busy(drive)), angles, 80.0).efforts
+    closed = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), angles, 80.0).forces
+    loops = dynamics.prescribed(dynamics.dynamic_model(drive.mechanism, busy(drive)), angles, 80.0).forces
     assert np.abs(closed.torque - loops.torque).max() <= 1e-11 * np.abs(closed.torque).max()
     most = max(np.abs(one.force).max() for one in closed.reactions.values())
     for joint, one in closed.reactions.items():
@@ -132,7 +135,7 @@ def test_inertia_of_thin_rods_is_that_of_their_end_points_to_50_digits(name, tip
         inertia = m1 * c**2 / 3.0 + m2 * (u @ u + u @ v + v @ v) / 3.0 + m3 * (v @ v) / 3.0
         slope = m2 * (2.0 * u @ w + w @ v + u @ a + 2.0 * v @ a) / 3.0 + 2.0 * m3 * (v @ a) / 3.0
         assert part.inertia[0] == pytest.approx(inertia, rel=1e-13)
-        assert part.slope[0] == pytest.approx(slope, rel=1e-11)
+        assert part.inertia_derivative[0] == pytest.approx(slope, rel=1e-11)
 
 
 def loop_acceleration(drive, f, w, torque, gravity):
@@ -194,7 +197,7 @@ def test_reduced_equation_gives_the_acceleration_of_the_loop_equations_with_50_d
     machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
     for f, w in ((0.4, 12.0), (2.7, -35.0), (5.1, 0.0)):
         part = dynamics.reduced(machine, [f])
-        found = (part.force(w) + 0.7 - 0.5 * part.slope * w**2) / part.inertia
+        found = (part.force(w) + 0.7 - 0.5 * part.inertia_derivative * w**2) / part.inertia
         assert found[0] == pytest.approx(loop_acceleration(drive, f, w, 0.7, GRAVITY), rel=1e-11)
 
 
@@ -217,10 +220,10 @@ def test_slider_crank_with_a_heavy_slider_has_the_torque_and_side_force_of_textb
     # what pushes the rod at B, along X; the slide pushes the slider the other way than the rod does
     piston = -30.0 + 5.0 * np.cos(f) - 2.0 * pull
     torque = piston * r * np.sin(f + b) / np.cos(b)
-    assert np.allclose(study.efforts.torque, torque, rtol=0.0, atol=1e-9 * np.abs(torque).max())
-    side = study.efforts.reactions["slide"].force[:, 1]
+    assert np.allclose(study.forces.torque, torque, rtol=0.0, atol=1e-9 * np.abs(torque).max())
+    side = study.forces.reactions["slide"].force[:, 1]
     assert np.allclose(side, -piston * np.tan(b), rtol=0.0, atol=1e-9 * np.abs(piston).max())
-    rod_force = np.linalg.norm(study.efforts.reactions["A"].force[:, :2], axis=1)
+    rod_force = np.linalg.norm(study.forces.reactions["A"].force[:, :2], axis=1)
     assert np.allclose(rod_force, np.abs(piston / np.cos(b)), rtol=0.0, atol=1e-9 * np.abs(piston).max())
 
 
@@ -247,7 +250,7 @@ def test_frame_feels_what_the_links_lose_in_momentum(drive):
     lost[1] = lost[1] + np.cross(unit.position + unit.centres, weight).sum(1)
     assert np.allclose(study.shaking_force, lost[0], atol=1e-8 * np.abs(lost[0]).max())
     assert np.allclose(study.shaking_moment, lost[1], atol=1e-8 * np.abs(lost[1]).max())
-    assert kinetic_energy(unit, np.full(2, w)) == pytest.approx(study.efforts.kinetic, rel=1e-14)
+    assert kinetic_energy(unit, np.full(2, w)) == pytest.approx(study.forces.kinetic, rel=1e-14)
 
 
 def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
@@ -256,11 +259,11 @@ def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
     force, moment = np.zeros((2, len(ANGLES), 3))
     for joint in machine.mechanism.joints:
         if joint.a.link == GROUND:
-            one = study.efforts.reactions[joint.name]
+            one = study.forces.reactions[joint.name]
             force, moment = force - one.force, moment - one.moment - np.cross(one.point, one.force)
             if joint.name == machine.mechanism.driver:
                 axis = np.array(joint.a.axis)
-                moment = moment - study.efforts.torque[:, None] * axis
+                moment = moment - study.forces.torque[:, None] * axis
     assert np.allclose(force, study.shaking_force, atol=1e-11 * np.abs(force).max())
     assert np.allclose(moment, study.shaking_moment, atol=1e-11 * np.abs(moment).max())
 
@@ -268,11 +271,11 @@ def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
 def test_a_planar_mechanism_leaves_forces_across_its_plane_open_and_a_spatial_one_nothing():
     planar = dynamics.prescribed(dynamics.dynamic_model(catalog.make("four_bar")), [0.5], 10.0)
     assert planar.indeterminacy == 3
-    assert all(one.undetermined == ("fz", "mx", "my") for one in planar.efforts.reactions.values())
+    assert all(one.undetermined == ("fz", "mx", "my") for one in planar.forces.reactions.values())
     for name in ("rssr", "rrsrr", "looper"):
         spatial = dynamics.prescribed(dynamics.dynamic_model(catalog.make(name)), [0.5], 10.0)
         assert spatial.indeterminacy == 0
-        assert all(one.undetermined == () for one in spatial.efforts.reactions.values())
+        assert all(one.undetermined == () for one in spatial.forces.reactions.values())
 
 
 def test_a_coupler_that_spins_by_itself_carries_what_a_guided_one_does_at_both_ends():
@@ -284,7 +287,7 @@ def test_a_coupler_that_spins_by_itself_carries_what_a_guided_one_does_at_both_e
         machine = dynamics.dynamic_model(
             drive, Forces(gravity=GRAVITY), mechanism=slender(drive, (0.3, 0.7, 0.5))
         )
-        thin[drive.guide] = dynamics.prescribed(machine, ANGLES, 30.0).efforts
+        thin[drive.guide] = dynamics.prescribed(machine, ANGLES, 30.0).forces
     assert np.allclose(
         thin[True].torque,
         thin[False].torque,
@@ -324,15 +327,15 @@ def test_viscous_friction_in_a_universal_joint_takes_the_power_of_both_its_angle
         return joint_coordinate(drive.mechanism.joint("P2"), poses["crank"], poses["coupler"])
 
     rates = w * (8.0 * (angles(f + h) - angles(f - h)) - angles(f + 2 * h) + angles(f - 2 * h)) / (12.0 * h)
-    assert study.efforts.power_lost == pytest.approx(1e-3 * (rates**2).sum(1), rel=1e-8)
+    assert study.forces.power_lost == pytest.approx(1e-3 * (rates**2).sum(1), rel=1e-8)
 
 
 def test_a_flywheel_takes_torque_only_where_the_crank_gains_speed():
     drive = catalog.make("four_bar")
     bare, heavy = (dynamics.dynamic_model(drive, Forces(flywheel=j)) for j in (0.0, 0.01))
-    steady = [dynamics.prescribed(machine, ANGLES, 10.0).efforts.torque for machine in (bare, heavy)]
+    steady = [dynamics.prescribed(machine, ANGLES, 10.0).forces.torque for machine in (bare, heavy)]
     assert np.allclose(*steady, atol=1e-15)
-    gaining = [dynamics.prescribed(machine, ANGLES, 10.0, 5.0).efforts.torque for machine in (bare, heavy)]
+    gaining = [dynamics.prescribed(machine, ANGLES, 10.0, 5.0).forces.torque for machine in (bare, heavy)]
     assert gaining[1] - gaining[0] == pytest.approx(np.full(len(ANGLES), 0.05), rel=1e-10)
 
 
@@ -343,7 +346,7 @@ def test_flywheel_found_keeps_the_speed_as_even_as_asked_and_agrees_with_the_rul
     assert kept.coefficient == pytest.approx(1e-3, rel=1e-10)
     assert 1.0 / np.mean(1.0 / kept.speed) == pytest.approx(20.0, rel=1e-12)
     # the textbook's flywheel, from the drive torque at constant speed: excess energy over delta w2
-    torque = dynamics.prescribed(machine, kept.angle, 20.0).efforts.torque
+    torque = dynamics.prescribed(machine, kept.angle, 20.0).forces.torque
     gained = np.cumsum(torque - torque.mean()) * (TURN / len(torque))
     rule = np.ptp(gained) / (1e-3 * 20.0**2)
     assert even.flywheel + machine_mean_inertia(machine) == pytest.approx(rule, rel=5e-3)
@@ -430,7 +433,7 @@ def test_many_instants_solved_in_parts_are_what_they_are_in_one_go(name, monkeyp
     time = np.linspace(0.0, 1.0, len(ANGLES))
     asked = machine, drive.mechanism.start + 3.0 * time**2, 6.0 * time, 6.0
     whole = dynamics.prescribed(*asked, time=time)
-    monkeypatch.setattr(prescribed_motion, "PART", 16)
+    monkeypatch.setattr(prescribed_motion, "BATCH_SIZE", 16)
     told = []
     parts = dynamics.prescribed(*asked, time=time, progress=lambda done, part: told.append((done, part)))
     assert told[0] == ("16 of 41 instants", 16 / 41)
@@ -441,6 +444,6 @@ def test_many_instants_solved_in_parts_are_what_they_are_in_one_go(name, monkeyp
         # the loops are closed to rounding, each time anew
         assert np.abs(columns[key] - wanted).max() <= 1e-9 * (1e-3 + np.abs(wanted).max())
     assert parts.indeterminacy == whole.indeterminacy
-    np.testing.assert_array_equal(parts.efforts.sliding, whole.efforts.sliding)
-    for joint, one in whole.efforts.reactions.items():
-        np.testing.assert_array_equal(parts.efforts.reactions[joint].determined, one.determined)
+    np.testing.assert_array_equal(parts.forces.sliding, whole.forces.sliding)
+    for joint, one in whole.forces.reactions.items():
+        np.testing.assert_array_equal(parts.forces.reactions[joint].determined, one.determined)

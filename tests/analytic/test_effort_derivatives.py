@@ -22,7 +22,7 @@ LOADED = Forces(
 
 
 def effort_derivatives(machine, change, speed=1.0, acceleration=0.0):
-    followed = followed_motion(machine.drive, machine.mechanism, ANGLES, 1.0, 0.0)
+    followed = followed_motion(machine.solver, machine.mechanism, ANGLES, 1.0, 0.0)
     return forces_along(machine, followed, change, speed, acceleration)
 
 
@@ -76,7 +76,7 @@ def test_a_springs_place_and_stiffness_have_derivatives_too():
     machine = dynamics.dynamic_model(family.make({}), forces({}), diameter=0.004)
     found = effort_derivatives(machine, changes(family, ["crank"], numbers))
     near = [
-        dynamics.prescribed(machine.with_forces(forces({"crank": 0.032 + step})), ANGLES, 1.0).efforts.torque
+        dynamics.prescribed(machine.with_forces(forces({"crank": 0.032 + step})), ANGLES, 1.0).forces.torque
         for step in (-1e-6, 1e-6)
     ]
     told = found.by["crank"]["torque"]

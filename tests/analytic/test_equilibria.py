@@ -64,9 +64,7 @@ def test_a_four_bar_has_a_stable_and_an_unstable_equilibrium():
 
 def test_the_torque_that_holds_a_crank_is_that_of_inverse_dynamics_at_rest():
     form = ms.catalog.make("four_bar")
-    exact = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form, WEIGHT), [0.5], speed=0.0).efforts.torque[
-        0
-    ]
+    exact = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form, WEIGHT), [0.5], speed=0.0).forces.torque[0]
     assert ms.dynamics.holding(form, WEIGHT, initial={"crank.q": 0.5})["crank"] == pytest.approx(
         exact, rel=1e-10
     )

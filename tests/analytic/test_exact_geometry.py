@@ -19,11 +19,15 @@ def rounded(mechanism: Mechanism, by: float) -> Mechanism:
     random = np.random.default_rng(3)
 
     def off(end):
-        point, axis, mark = (
+        point, axis, reference = (
             tuple(np.array(of) + scale * random.uniform(-by, by, 3))
-            for of, scale in ((end.point, mechanism.size), (end.axis, 1.0), (end.mark, 1.0))
+            for of, scale in (
+                (end.point, mechanism.characteristic_length),
+                (end.axis, 1.0),
+                (end.reference, 1.0),
+            )
         )
-        return replace(end, point=point, axis=axis, mark=mark)
+        return replace(end, point=point, axis=axis, reference=reference)
 
     joints = tuple(replace(joint, a=off(joint.a), b=off(joint.b)) for joint in mechanism.joints)
     return replace(mechanism, joints=joints)
@@ -37,12 +41,12 @@ def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
     with pytest.raises(MechsimError):
         closure.solve(off, angles)
     found = corrected(off)
-    assert 0.0 < found.moved < 1e-5 * whole.size
+    assert 0.0 < found.moved < 1e-5 * whole.characteristic_length
     assert 0.0 < found.rotated < 1e-5
     exact, motion = closure.solve(whole, angles), closure.solve(found.mechanism, angles)
     for link in exact.links:
         np.testing.assert_allclose(
-            motion.links[link].position, exact.links[link].position, atol=3e-5 * whole.size
+            motion.links[link].position, exact.links[link].position, atol=3e-5 * whole.characteristic_length
         )
 
 
@@ -61,7 +65,7 @@ def test_exact_dimensions_are_not_touched(name):
 def test_the_least_change_is_no_larger_than_the_error():
     whole = catalog.make("four_bar").mechanism
     joints = list(whole.joints)
-    tilted = replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), mark=None)
+    tilted = replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), reference=None)
     joints[-1] = replace(joints[-1], b=tilted)
     found = corrected(replace(whole, joints=tuple(joints)))
     assert 0.3e-6 < found.rotated < 3e-6

@@ -55,7 +55,7 @@ def test_every_mechanism_with_change_points_starts_with_its_sign_wherever_it_sta
             more = form.solve(np.append(angles, angles[-1] + direction), direction)
             other = replace(drive, branch=-branch).solve(angles, direction)
             name = list(own.points)[1]
-            size = drive.mechanism.size
+            size = drive.mechanism.characteristic_length
             np.testing.assert_allclose(
                 own.points[name].position, more.points[name].position[:-1], atol=1e-12 * size
             )
@@ -68,7 +68,10 @@ def test_loop_equations_start_with_the_sign_too(which):
     angles = 3.7 + np.linspace(0.0, 3.0, 12)
     exact, loops = drive.solve(angles), closure.solve(drive, angles)
     for name, point in exact.points.items():
-        assert np.abs(loops.points[name].position - point.position).max() <= 1e-12 * drive.mechanism.size
+        assert (
+            np.abs(loops.points[name].position - point.position).max()
+            <= 1e-12 * drive.mechanism.characteristic_length
+        )
 
 
 @pytest.mark.parametrize("which", FOLDING)
@@ -98,9 +101,9 @@ def test_the_torque_is_that_of_the_assembly_at_the_first_configuration():
     drive = catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
     angles = np.deg2rad(np.linspace(195.0, 255.0, 7))
     machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0)))
-    own = dynamics.prescribed(machine, angles, 1e-6).efforts.torque
+    own = dynamics.prescribed(machine, angles, 1e-6).forces.torque
     # of a parallelogram crank, rocker and coupler rise alike: torque is the weight times one cosine
     assert np.abs(own / np.cos(angles) - own[0] / np.cos(angles[0])).max() <= 1e-9 * np.abs(own).max()
     other = dynamics.dynamic_model(replace(drive, branch=1), machine.forces)
-    found = dynamics.prescribed(other, angles, 1e-6).efforts.torque
+    found = dynamics.prescribed(other, angles, 1e-6).forces.torque
     assert np.abs(found / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()

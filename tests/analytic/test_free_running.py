@@ -52,9 +52,9 @@ def test_pendulum_carries_three_times_its_weight_at_the_bottom():
     run = dynamics.free_run(machine, angle=0.0, times=np.linspace(0.0, PERIOD / 4.0, 5))
     study = dynamics.prescribed(machine, run.angle, run.speed, run.acceleration)
     # what moves freely needs no drive
-    assert np.abs(study.efforts.torque).max() <= 1e-10
+    assert np.abs(study.forces.torque).max() <= 1e-10
     assert np.abs(study.second_torque).max() <= 1e-10
-    assert study.efforts.reactions["crank"].force[-1] == pytest.approx([0.0, 3 * 9.81, 0.0], abs=1e-9)
+    assert study.forces.reactions["crank"].force[-1] == pytest.approx([0.0, 3 * 9.81, 0.0], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter")))
@@ -256,7 +256,7 @@ def test_the_chart_of_coefficients_is_exact_to_rounding_between_its_points():
     drive = catalog.make("looper")
     machine = dynamics.dynamic_model(drive, Forces(gravity=DOWN, friction=(Friction("rocker", 1e-3, 1e-3),)))
     chart, angles = CrankTable(machine), np.random.default_rng(3).uniform(-7.0, 7.0, 60)
-    found, exact = np.array([chart.at(angle) for angle in angles]), columns(machine, angles)
+    found, exact = np.array([chart.evaluate(angle) for angle in angles]), columns(machine, angles)
     assert (np.abs(found - exact).max(0) <= 1e-12 * np.abs(exact).max(0)).all()
     assert chart.periodic
 

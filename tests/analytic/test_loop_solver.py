@@ -84,7 +84,7 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
     step[loops.unknown] = 0.25
     moved = loops.displaced(at, step)
     assert moved.values[loops.unknown, 0] - at.values[loops.unknown, 0] == pytest.approx(
-        0.25 * mechanism.size
+        0.25 * mechanism.characteristic_length
     )
     found = solver.linearise(moved)
     assert found.rhs[0] == pytest.approx([0.25])

@@ -26,15 +26,15 @@ def power(forces, joints):
 def test_as_many_actuators_as_drivers_have_the_drivers_forces(study):
     forces = ms.dynamics.actuator_forces(study, ("left", "right"))
     for name, force in forces.items():
-        np.testing.assert_allclose(force, study.efforts.drives[name], atol=1e-14)
+        np.testing.assert_allclose(force, study.forces.drives[name], atol=1e-14)
 
 
 def test_a_third_actuator_takes_its_share(study, joints):
     forces = ms.dynamics.actuator_forces(study, {"left": 1.0, "right": 1.0, "elbow_l": 4.0})
-    expected = power(study.efforts.drives, joints)
+    expected = power(study.forces.drives, joints)
     np.testing.assert_allclose(power(forces, joints), expected, atol=1e-13)
     weighted = forces["left"] ** 2 + forces["right"] ** 2 + 4.0 * forces["elbow_l"] ** 2
-    drivers_alone = sum(force**2 for force in study.efforts.drives.values())
+    drivers_alone = sum(force**2 for force in study.forces.drives.values())
     assert (weighted <= drivers_alone * (1 + 1e-12)).all()
     assert weighted.sum() < 0.99 * drivers_alone.sum()
 
@@ -54,7 +54,7 @@ def test_a_crank_shares_its_torque():
     study = ms.dynamics.prescribed(model, "0:360:30deg", speed=10.0)
     motion = ms.load("four_bar").solve("0:360:30deg", 10.0)
     forces = ms.dynamics.actuator_forces(study, ("crank", "rocker"))
-    np.testing.assert_allclose(power(forces, motion.joints), study.efforts.torque * 10.0, atol=1e-12)
+    np.testing.assert_allclose(power(forces, motion.joints), study.forces.torque * 10.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

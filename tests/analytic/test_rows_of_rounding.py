@@ -62,9 +62,11 @@ def spherical(tmp_path, drivers):
     lines += ["[programs]", *(f'{name} = "{PROGRAMS[name]}"' for name in drivers)]
     for (name, (u, x, v, y)), a, b in zip(AXES.items(), CHAIN[:-1], CHAIN[1:], strict=True):
         lines += [f"[joints.{name}]", 'kind = "revolute"']
-        for side, link, axis, mark in (("a", a, u, x), ("b", b, v, y)):
+        for side, link, axis, reference in (("a", a, u, x), ("b", b, v, y)):
             at = [*CENTRES[link]]
-            lines += [f'{side} = {{ link = "{link}", at = {at}, axis = {[*axis]}, mark = {[*mark]} }}']
+            lines += [
+                f'{side} = {{ link = "{link}", at = {at}, axis = {[*axis]}, reference = {[*reference]} }}'
+            ]
     ball = [
         f'{s} = {{ link = "{link}", at = {[*CENTRES[link]]} }}'
         for s, link in (("a", "ground"), ("b", "rocker"))
@@ -76,9 +78,9 @@ def spherical(tmp_path, drivers):
     return ms.load(str(path))
 
 
-def frame(axis, mark):
+def frame(axis, reference):
     axis = np.array(axis) / np.linalg.norm(axis)
-    across = np.array(mark) - np.dot(mark, axis) * axis
+    across = np.array(reference) - np.dot(reference, axis) * axis
     across /= np.linalg.norm(across)
     return np.column_stack([across, np.cross(axis, across), axis])
 
@@ -152,7 +154,7 @@ def test_a_shaft_in_two_bearings_turns(method, length, tmp_path):
 def test_a_bearing_that_nothing_can_open_is_pushed_by_nothing(method, shaft):
     forces = Forces(gravity=(0.3, -9.81, 0.5))
     run = driven(shaft.mechanism, forces, method=method, speed=6.0, turns=0.3, samples=5)
-    assert np.abs(run.efforts.reactions["bearing"].force).max() <= 1e-12
+    assert np.abs(run.forces.reactions["bearing"].force).max() <= 1e-12
 
 
 def test_hinges_and_a_ball_where_all_axes_meet_may_push_against_each_other(tmp_path):

@@ -37,7 +37,7 @@ def spherical_four_bar() -> Mechanism:
             Joint("crank", "revolute", end(GROUND), end("two")),
             Joint("A", "revolute", end("two", 25.0), end("three")),
             Joint("B", "revolute", end("three", 70.0), end("four", 60.0)),
-            Joint("O", "revolute", replace(end(GROUND, 75.0), mark=(0.0, 1.0, 0.0)), end("four")),
+            Joint("O", "revolute", replace(end(GROUND, 75.0), reference=(0.0, 1.0, 0.0)), end("four")),
         ),
         "crank",
         {"P": ("three", (0.04, 0.01, 0.04)), "Q": ("four", (0.04, 0.01, 0.04))},

@@ -157,7 +157,7 @@ def test_slopes_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(ki
         place = 0.0 if link < 0 else moving.here.position[link].T
         sight.append((place + turned @ np.array(end.point), (turned @ end.frame).transpose(2, 0, 1)))
     (point_a, (xa, ya, za)), (point_b, (_, yb, zb)) = sight
-    gap = (point_b - point_a) / moving.tree.mechanism.size
+    gap = (point_b - point_a) / moving.tree.mechanism.characteristic_length
     aligned = [xa * zb, ya * zb]
     expected = {
         "revolute": [xa * gap, ya * gap, za * gap, *aligned],

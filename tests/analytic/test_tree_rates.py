@@ -74,7 +74,7 @@ def test_conditioning_is_the_least_singular_value_in_units_of_the_size():
         rods.append((motion.points["P"].position[:, :2] - end) / 0.09)
     cosine = (rods[0] * rods[1]).sum(1)
     # of two unit vectors side by side
-    exact = 0.09 / five_bar().size * np.sqrt(1.0 - np.abs(cosine))
+    exact = 0.09 / five_bar().characteristic_length * np.sqrt(1.0 - np.abs(cosine))
     np.testing.assert_allclose(motion.conditioning, exact, rtol=1e-12)
 
 

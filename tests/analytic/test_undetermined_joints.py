@@ -81,7 +81,9 @@ def test_a_start_at_a_dead_centre_is_no_freedom():
     exact = drive.solve([high - 0.1]).links
     # the start stands 1e-7 rad from where digits are halved; the pose asked for does not
     for name, link in exact.items():
-        np.testing.assert_allclose(found[name].position, link.position, atol=1e-9 * drive.mechanism.size)
+        np.testing.assert_allclose(
+            found[name].position, link.position, atol=1e-9 * drive.mechanism.characteristic_length
+        )
 
 
 def test_a_coordinate_held_takes_one_freedom_and_leaves_the_others_whole():

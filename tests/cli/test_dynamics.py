@@ -188,7 +188,7 @@ def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_setting
     assert code == 0
     assert told["satisfied"]
     assert told["estimate"] <= 1e-5
-    assert told["margin"] == pytest.approx(1e-5 / told["estimate"])
+    assert told["safety_factor"] == pytest.approx(1e-5 / told["estimate"])
     assert told["settings"]["integrator"] == "RK4"
     code, out, _ = run(capsys, monkeypatch, "slider_crank", "--turns", "0.02", "--tolerance", "1e-15")
     assert code == 1

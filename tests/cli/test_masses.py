@@ -112,9 +112,7 @@ def test_plots_of_efforts_say_which_masses_they_use(mechsim, press, kind):
 
 def test_comparisons_of_torques_say_which_masses_they_use(mechsim, press, tmp_path):
     mechanism = ms.load(press)
-    torque = ms.dynamics.prescribed(
-        ms.dynamics.dynamic_model(mechanism), [0.5, 1.0, 1.5], 10.0
-    ).efforts.torque
+    torque = ms.dynamics.prescribed(ms.dynamics.dynamic_model(mechanism), [0.5, 1.0, 1.5], 10.0).forces.torque
     table = tmp_path / "torque.csv"
     rows = "\n".join(
         f"{angle},{value!r}" for angle, value in zip((0.5, 1.0, 1.5), torque.tolist(), strict=True)

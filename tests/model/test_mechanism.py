@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 
 
 def joint(kind, a=GROUND, b="arm", **more):
-    slanted = End(b, (0.01, 0.0, -0.02), axis=(1.0, 2.0, -2.0), mark=(0.0, 1.0, 1.0))
+    slanted = End(b, (0.01, 0.0, -0.02), axis=(1.0, 2.0, -2.0), reference=(0.0, 1.0, 1.0))
     return Joint("hinge", kind, End(a, (0.03, 0.01, 0.0), axis=(0.2, -0.4, 1.0)), slanted, **more)
 
 
@@ -25,12 +25,12 @@ def placed(joint, relative, along=0.0):
 
 
 def test_an_end_makes_its_directions_unit_and_square():
-    end = End("arm", axis=(0.0, 3.0, 4.0), mark=(1.0, 1.0, 1.0))
+    end = End("arm", axis=(0.0, 3.0, 4.0), reference=(1.0, 1.0, 1.0))
     assert np.abs(end.frame.T @ end.frame - np.eye(3)).max() <= 4 * EPS
     assert np.linalg.det(end.frame) == pytest.approx(1.0)
     assert end.axis == pytest.approx((0.0, 0.6, 0.8))
-    assert End("arm", axis=(2.0, 0.0, 0.0)).mark == EY
-    assert End("arm", axis=(0.0, 0.0, 2.0)).mark == EX
+    assert End("arm", axis=(2.0, 0.0, 0.0)).reference == EY
+    assert End("arm", axis=(0.0, 0.0, 2.0)).reference == EX
 
 
 @given(turns)
@@ -107,11 +107,13 @@ def test_joints_that_rounding_parts_do_not_measure_a_spherical_linkage():
     apart = Joint("out", "revolute", End(GROUND), End("arm", (0.1, 0.2, 0.3 + 2e-16), axis=EX))
     points = {"P": ("arm", (0.1, 0.2, 0.7))}
     for joints in (hinges, (hinges[0], apart)):
-        assert Mechanism("sphere", (Link("arm"),), joints, "crank", points).size == pytest.approx(0.4)
+        assert Mechanism(
+            "sphere", (Link("arm"),), joints, "crank", points
+        ).characteristic_length == pytest.approx(0.4)
 
 
 def test_size_is_the_longest_distance_within_a_link():
-    assert chain().size == pytest.approx(0.5)
+    assert chain().characteristic_length == pytest.approx(0.5)
     assert [end.link for end in chain().ends("arm")] == ["arm", "arm"]
 
 
@@ -143,7 +145,7 @@ def test_an_unknown_joint_is_refused_with_the_known_ones():
     ("make", "said"),
     [
         (lambda: End("arm", axis=(0.0, 0.0, 0.0)), "zero vector"),
-        (lambda: End("arm", axis=EZ, mark=(0.0, 0.0, -2.0)), "lies along its axis"),
+        (lambda: End("arm", axis=EZ, reference=(0.0, 0.0, -2.0)), "lies along its axis"),
         (lambda: End("arm", point=(0.0, float("nan"), 0.0)), "not three finite numbers"),
         (lambda: End("arm", point=(0.0, 1.0)), "not three finite numbers"),
         (lambda: joint("bolted"), "known are revolute, prismatic"),
@@ -182,9 +184,9 @@ def test_a_slide_without_marks_in_a_plane_keeps_its_links_in_the_plane(first, se
 
 def test_marks_that_are_given_say_how_a_slide_is_turned():
     slanted = End(GROUND, axis=(0.6, 0.8, 0.0))
-    made = Joint("slide", "prismatic", slanted, End("arm", axis=EX, mark=EZ))
-    assert made.b.mark == EZ
-    assert made.a.mark == pytest.approx((0.8, -0.6, 0.0))
+    made = Joint("slide", "prismatic", slanted, End("arm", axis=EX, reference=EZ))
+    assert made.b.reference == EZ
+    assert made.a.reference == pytest.approx((0.8, -0.6, 0.0))
 
 
 SLIDE = Joint("slide", "prismatic", End(GROUND, axis=(1.0, 0.1, 0.2)), End("arm", axis=(0.2, 0.3, 1.0)))
@@ -197,17 +199,17 @@ def guessed(turned, joint=SLIDE):
 
 @given(turns)
 def test_a_guess_says_how_a_slide_without_marks_is_turned_and_one_far_off_is_refused(about):
-    by_itself = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=SLIDE.b.axis, mark=EX))
+    by_itself = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=SLIDE.b.axis, reference=EX))
     off = {}
     for meant in (SLIDE, by_itself):
         roughly = SLIDE.a.frame @ rotation("z", about) @ meant.b.frame.T
         # a rough guess tilts the axis, too
-        off[meant.b.mark] = rotation("y", 0.3) @ roughly
+        off[meant.b.reference] = rotation("y", 0.3) @ roughly
     least = min(abs(about + one) for one in (0.0, 2.0 * np.pi, -2.0 * np.pi))
-    for mark, turned in off.items():
+    for reference, turned in off.items():
         if least < 0.4:
             found = guessed(turned)
-            assert found.joints[0].b.mark == pytest.approx(mark, abs=1e-15)
+            assert found.joints[0].b.reference == pytest.approx(reference, abs=1e-15)
             assert found.with_guess({"arm": Pose(np.ones(3), turned)}, 0.0).joints == found.joints
         elif least > 2.9:
             with pytest.raises(InputError, match="prismatic joint 'slide' has no marks, and the guess turns"):
@@ -216,6 +218,6 @@ def test_a_guess_says_how_a_slide_without_marks_is_turned_and_one_far_off_is_ref
 
 def test_a_guess_says_nothing_of_slides_with_marks_or_with_axes_alike():
     turned = rotation("x", 1.7)
-    for a, b in (((0.2, 0.3, 1.0), {"mark": EY}), (SLIDE.a.axis, {})):
+    for a, b in (((0.2, 0.3, 1.0), {"reference": EY}), (SLIDE.a.axis, {})):
         made = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=a, **b))
         assert guessed(turned, made).joints[0] == made

@@ -31,7 +31,7 @@ def test_a_four_bar_with_one_axis_a_little_off_is_not_planar(tilt):
 def test_normals_are_given_in_the_frame_of_each_link():
     ends = (
         End("arm", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0)),
-        End("slider", axis=(1.0, 0.0, 0.0), mark=(0.0, 0.0, 1.0)),
+        End("slider", axis=(1.0, 0.0, 0.0), reference=(0.0, 0.0, 1.0)),
     )
     mechanism = Mechanism(
         name="arm",

@@ -100,7 +100,7 @@ def test_fields_of_forces_with_a_unit_have_names_and_rows():
     units = {row.unit for row in FORCES}
     for name, unit in effort_units().items():
         assert quantity(name, form.mechanism).unit == unit
-        assert unit in units or name not in vars(type(study.efforts))
+        assert unit in units or name not in vars(type(study.forces))
     exact = ms.validate(form, against=lambda angle: {"kinetic": energy(form, angle)}, attribute=False)
     wrong = ms.validate(form, against=lambda angle: {"kinetic": 1.001 * energy(form, angle)}, attribute=False)
     assert exact.passed
@@ -108,7 +108,7 @@ def test_fields_of_forces_with_a_unit_have_names_and_rows():
 
 
 def energy(form, angle):
-    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), angle, 20.0 * np.pi).efforts.kinetic
+    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), angle, 20.0 * np.pi).forces.kinetic
 
 
 def test_columns_of_motions_and_forces_are_names():

@@ -238,5 +238,5 @@ def test_moments_that_are_rounding_are_none(name, none):
     drive = catalog.make(name)
     profile = profile_of(drive, 60.0, 1.0)
     loads = joint_loads(drive, "closed", profile, drawn_motion(drive, "closed", profile, 24))
-    shown = scenery.arrows("moment", loads["moments"], drive.mechanism.size)
+    shown = scenery.arrows("moment", loads["moments"], drive.mechanism.characteristic_length)
     assert (shown.legend[0] == "moment: none") == none

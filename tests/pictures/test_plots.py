@@ -176,7 +176,7 @@ def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance(monke
     assert ax.get_xlabel() == "time [s]"
     told = dict(zip((line.get_label() for line in ax.get_lines()), ax.get_lines(), strict=True))
     study = source.study()
-    for name, values in study.efforts.drives.items():
+    for name, values in study.forces.drives.items():
         label = next(one for one in told if one.startswith(name))
         drawn = told[label].get_ydata()
         assert drawn / np.abs(drawn).max() == pytest.approx(values / np.abs(values).max())
@@ -190,7 +190,7 @@ def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots(monkeypatch):
     drive = load("quick_return")
     pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=course.constant(-0.5)))
     study = PlotSource(solver=pulled, speed=1e-3).study()
-    assert study.efforts.torque == pytest.approx(0.5, abs=1e-6)
+    assert study.forces.torque == pytest.approx(0.5, abs=1e-6)
 
 
 @pytest.mark.parametrize("limits", [(2.1, 4.4), (6.0, 9.0), (0.3, 700.0)])
@@ -222,7 +222,7 @@ def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(monkeypatc
     monkeypatch.setattr(plot_table, "SAMPLES", 24)
     source = PlotSource(solver=load(name), speed=1.0)
     figure = PLOTS["reactions"].draw(source)
-    forces = source.study().efforts.reactions
+    forces = source.study().forces.reactions
     assert figure.axes[0].get_gridspec().get_geometry() == (planes, across)
     drawn = [ax for ax in figure.axes if ax.axison]
     assert len(drawn) == len(forces) * (2 if name == "stewart_gough" else 1)

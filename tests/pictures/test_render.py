@@ -249,7 +249,10 @@ def test_frames_between_samples_hold_rigid_links(drive):
             np.testing.assert_allclose(
                 pose.rotation.swapaxes(1, 2) @ pose.rotation, np.tile(np.eye(3), (36, 1, 1)), atol=1e-12
             )
-            assert np.abs(pose.position - exact.links[name].position).max() < 0.01 * drive.mechanism.size
+            assert (
+                np.abs(pose.position - exact.links[name].position).max()
+                < 0.01 * drive.mechanism.characteristic_length
+            )
 
 
 def test_motions_that_cannot_be_drawn_are_refused(drive, motion):

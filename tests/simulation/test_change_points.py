@@ -53,7 +53,7 @@ def test_a_run_by_poses_stays_one_linkage_for_two_turns(drive):
     # measured 2e-11, 3e-10 and 3e-9 where frame and crank are nearly alike, else 1e-13, 5e-12 and 1e-10; ten
     # times as much where the path is read off a window of 0.03 rad, for it bends within 0.05
     loose = 10.0 if drive is WHIPPING else 1.0
-    assert_alike(motion, exact, drive.mechanism.size, loose * np.array([1e-10, 1e-9, 1e-8]))
+    assert_alike(motion, exact, drive.mechanism.characteristic_length, loose * np.array([1e-10, 1e-9, 1e-8]))
     for name in exact.joints.keys() & motion.joints.keys():
         joint = exact.joints[name]
         assert np.abs(np.exp(1j * motion.joints[name].value) - np.exp(1j * joint.value)).max() <= 1e-9
@@ -69,7 +69,7 @@ def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
     motion = run.motion
     exact = drive.solve(motion.angle, motion.speed)
     # measured 2e-14 of the size, 6e-12 and 4e-8 of the largest
-    assert_alike(motion, exact, drive.mechanism.size, (1e-12, 1e-10, 1e-6))
+    assert_alike(motion, exact, drive.mechanism.characteristic_length, (1e-12, 1e-10, 1e-6))
 
 
 @pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
@@ -148,4 +148,7 @@ def test_near_a_change_point_the_poses_keep_their_assembly_round_the_bend(excess
     motion = simulate(drive, speed=20.0, method="pose").motion
     exact = drive.solve(motion.angle)
     for name, point in exact.points.items():
-        assert np.abs(motion.points[name].position - point.position).max() <= 1e-9 * drive.mechanism.size
+        assert (
+            np.abs(motion.points[name].position - point.position).max()
+            <= 1e-9 * drive.mechanism.characteristic_length
+        )

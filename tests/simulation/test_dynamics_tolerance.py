@@ -33,7 +33,7 @@ def test_torque_and_reactions_are_kept_within_the_tolerance_and_the_estimate_is_
     machine = of(name)
     run = driven(machine.mechanism, machine.forces, speed=60.0, turns=2.0, tolerance=tolerance)
     exact = dynamics.prescribed(machine, run.motion.angle, run.motion.speed, run.motion.acceleration)
-    true = np.abs(run.efforts.torque - exact.efforts.torque).max() / np.sqrt(np.mean(exact.efforts.torque**2))
+    true = np.abs(run.forces.torque - exact.forces.torque).max() / np.sqrt(np.mean(exact.forces.torque**2))
     assert run.outcome == "passed"
     assert true <= tolerance
     assert run.tolerance_report.estimates["torque"] == pytest.approx(true, rel=1e-3)

@@ -41,7 +41,7 @@ def test_the_torque_at_a_crank_is_the_same_whether_its_rod_floats_or_hangs(tmp_p
     torque = [
         driven(
             one.mechanism, one.forces, motion_laws=one.motion_laws, samples=12, method=method
-        ).efforts.torque
+        ).forces.torque
         for one in (read(tmp_path, "hung", HUNG), read(tmp_path, "floating", FLOATING))
     ]
     assert np.ptp(torque[0]) > 0.05

@@ -79,7 +79,8 @@ def test_numbers_by_formula_are_those_of_the_descriptions():
         for link, pose in described.guess.items():
             np.testing.assert_allclose(by_formula.guess[link].rotation, pose.rotation, atol=1e-14)
         np.testing.assert_array_equal(
-            by_formula.arrays.size, [one.mechanism.size for one in forms_of(name, rows)]
+            by_formula.arrays.characteristic_length,
+            [one.mechanism.characteristic_length for one in forms_of(name, rows)],
         )
 
 

@@ -373,7 +373,7 @@ def test_a_gripper_whose_slides_and_masses_lie_in_one_place_is_as_large_as_its_f
     <joint name="{0}" type="slide" axis="0 1 0"/>
     <geom type="box" size="0.01 0.02 0.04" pos="0 0 0.04"/></body>"""
     text = f"<mujoco><worldbody>{finger.format('left')}{finger.format('right')}</worldbody></mujoco>"
-    size = read_model(file(text), drivers=["left", "right"]).mechanism.size
+    size = read_model(file(text), drivers=["left", "right"]).mechanism.characteristic_length
     assert size == pytest.approx(np.hypot(np.hypot(0.02, 0.04), 0.08))
 
 

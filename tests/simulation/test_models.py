@@ -49,7 +49,7 @@ def test_plain_mujoco_opens_the_model_assembled_with_a_site_for_each_point(name:
     assert angle == 0.0
     for point, place in drive.positions([angle]).items():
         # 1e-12 of the crank: assembly to rounding
-        assert np.abs(data.site(point).xpos - place[0]).max() <= 1e-12 * drive.mechanism.size
+        assert np.abs(data.site(point).xpos - place[0]).max() <= 1e-12 * drive.mechanism.characteristic_length
 
 
 def test_the_solver_of_a_model_ends_by_itself_and_as_exactly_as_one_that_never_does() -> None:
@@ -83,4 +83,6 @@ def test_plain_mujoco_steps_the_model_through_a_turn(name: str) -> None:
     angle = float(data.joint("crank").qpos[0])
     for point, place in drive.positions([angle]).items():
         # MuJoCo's own softness and a start with the linkage at rest; a wrong assembly is 100 times off
-        assert np.linalg.norm(data.site(point).xpos - place[0]) <= 5e-3 * drive.mechanism.size
+        assert (
+            np.linalg.norm(data.site(point).xpos - place[0]) <= 5e-3 * drive.mechanism.characteristic_length
+        )

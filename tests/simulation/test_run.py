@@ -455,7 +455,7 @@ def test_a_linkage_that_lies_exactly_flat_goes_on_there_as_it_came_on_both_roads
 
 
 def test_forces_of_links_that_all_turn_evenly_are_judged_by_their_speed() -> None:
-    found = driven(load("parallel_gripper").mechanism, speed=60.0, samples=6, method="pose").efforts
+    found = driven(load("parallel_gripper").mechanism, speed=60.0, samples=6, method="pose").forces
     assert found.residual.max() < 1e-11
 
 

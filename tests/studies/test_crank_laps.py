@@ -53,7 +53,7 @@ def test_no_road_refuses_a_swing_inside_the_range_on_any_lap(name, data):
     mechanism = drive.mechanism
     poses = simulate(mechanism, profile=profile, samples=24, method="pose")
     assert poses.outcome == "passed"
-    same = 1e-9 * mechanism.size
+    same = 1e-9 * mechanism.characteristic_length
     assert crosscheck(poses.motion, drive, tolerance=same).passed
     angle = poses.motion.angle
     np.testing.assert_allclose(angle, profile.state(poses.motion.time)[0], rtol=0, atol=1e-12)

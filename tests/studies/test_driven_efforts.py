@@ -77,7 +77,7 @@ CASES = {"five-bar": five_bar, "boom": boom, "rack": held_rack} | BENT
 
 
 def studied(machine, count=41):
-    moves = machine.drive.motion_laws
+    moves = machine.solver.motion_laws
     return dynamics.prescribed(machine, t=np.linspace(0.0, moves.duration, count))
 
 
@@ -85,13 +85,13 @@ def studied(machine, count=41):
 def test_the_drives_power_is_what_the_energies_take(case):
     """Eighth-order differences of the energy against the drives' power and what friction loses."""
     machine = CASES[case]()
-    moves = machine.drive.motion_laws
+    moves = machine.solver.motion_laws
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
     times = middle + step * np.arange(-4, 5)
-    found = dynamics.prescribed(machine, t=times).efforts
+    found = dynamics.prescribed(machine, t=times).forces
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
     grown = weights @ (found.kinetic + found.potential)
-    motion = machine.drive.solve(t=times)
+    motion = machine.solver.solve(t=times)
     given = sum(found.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
     assert given - found.power_lost[4] == pytest.approx(grown, rel=1e-8)
     assert found.power_in[4] == pytest.approx(given, rel=1e-12)
@@ -101,7 +101,7 @@ def test_the_drives_power_is_what_the_energies_take(case):
 def test_both_routes_to_the_drives_agree(case):
     study = studied(CASES[case]())
     assert study.second_torque == pytest.approx(
-        study.efforts.torque, abs=1e-12 * np.abs(study.efforts.torque).max()
+        study.forces.torque, abs=1e-12 * np.abs(study.forces.torque).max()
     )
 
 
@@ -117,7 +117,7 @@ def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
     foot, head = np.array([0.5, -0.2]), np.array([np.cos(lift), np.sin(lift)])
     along = (head - foot) / np.linalg.norm(head - foot)
     lever = head[0] * along[1] - head[1] * along[0]
-    assert study.efforts.drives["stroke"][0] == pytest.approx(5.0 * 9.81 * 1.2 * head[0] / lever, rel=1e-7)
+    assert study.forces.drives["stroke"][0] == pytest.approx(5.0 * 9.81 * 1.2 * head[0] / lever, rel=1e-7)
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
@@ -128,7 +128,7 @@ def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
     run = driven(
         machine.mechanism,
         machine.forces,
-        motion_laws=machine.drive.motion_laws,
+        motion_laws=machine.solver.motion_laws,
         method=method,
         settings=settings,
         samples=20,
@@ -140,7 +140,7 @@ def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
     heavier = replace(link, inertia=replace(link.inertia, mass=1.001 * link.inertia.mass))
     links = (heavier, *machine.mechanism.links[1:])
     wrong = dynamics.dynamic_model(
-        machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links)
+        machine.solver, machine.forces, mechanism=replace(machine.mechanism, links=links)
     )
     assert not crosscheck_driven(run, wrong).passed
 
@@ -150,7 +150,7 @@ def test_efforts_stepped_as_if_a_coupling_were_straight_are_refused(case, monkey
     machine = BENT[case]()
 
     def judged():
-        moves, chosen = machine.drive.motion_laws, Settings(steps_per_turn=250)
+        moves, chosen = machine.solver.motion_laws, Settings(steps_per_turn=250)
         stepped = driven(
             machine.mechanism, machine.forces, motion_laws=moves, method="step", settings=chosen, samples=20
         )
@@ -175,9 +175,9 @@ def test_two_couplings_of_the_same_coordinates_share_what_one_alone_carries():
     twice = replace(alone, couplings=(again,))
     name = "thread.turn-thread.way"
     weight = Forces(gravity=(0.0, 0.0, -9.81))
-    runs = [driven(one, weight, speed=2.0, samples=6, method="pose").efforts for one in (alone, twice)]
+    runs = [driven(one, weight, speed=2.0, samples=6, method="pose").forces for one in (alone, twice)]
     studies = [
-        dynamics.prescribed(dynamics.dynamic_model(LoopForm(one), weight), runs[0].angle, 2.0).efforts
+        dynamics.prescribed(dynamics.dynamic_model(LoopForm(one), weight), runs[0].angle, 2.0).forces
         for one in (alone, twice)
     ]
     for one, two in (runs, studies):

@@ -109,7 +109,7 @@ def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, 
 @pytest.mark.slow
 def test_the_unknown_zero_of_a_crank_is_found_with_the_dimensions():
     form, ahead = catalog.make("four_bar", coupler=0.0913), 0.07
-    efforts = dynamics.prescribed(dynamics.dynamic_model(form), ANGLES + ahead, 5.0).efforts
+    efforts = dynamics.prescribed(dynamics.dynamic_model(form), ANGLES + ahead, 5.0).forces
     motion = form.solve(ANGLES + ahead, 5.0)
     table = {"angle": ANGLES, "C.x": motion.points["C"].position[:, 0], "torque": efforts.torque}
     table["rocker.a"] = motion.joints["rocker"].acceleration

@@ -35,7 +35,7 @@ def test_reflected_inertia_gives_the_kinetic_energy(four_bar):
     model = ms.dynamics.dynamic_model(ms.load("four_bar"))
     forces = ms.dynamics.prescribed(model, four_bar.input[:, 0], speed=2.0)
     expected = 0.5 * four_bar.reflected_inertia[:, 0, 0] * 2.0**2
-    np.testing.assert_allclose(forces.efforts.kinetic, expected, rtol=1e-9)
+    np.testing.assert_allclose(forces.forces.kinetic, expected, rtol=1e-9)
 
 
 def test_errors_of_polynomials_are_those_measured_between_grid_points(four_bar):

@@ -54,10 +54,10 @@ def solved(case: Case, method: str) -> tuple[Motion, ForceRecord]:
     moves = case.moves
     if method == "MuJoCo":
         run = driven(case.mechanism, case.forces, motion_laws=moves, method="pose", samples=5)
-        return run.motion, run.efforts
+        return run.motion, run.forces
     machine = dynamics.dynamic_model(LoopForm(case.mechanism, motion_laws=moves), case.forces)
     time = np.linspace(0.0, 1.0, 6)
-    return machine.drive.solve(t=time), dynamics.prescribed(machine, t=time).efforts
+    return machine.solver.solve(t=time), dynamics.prescribed(machine, t=time).forces
 
 
 @cache
@@ -73,7 +73,7 @@ def linkage(seed: int) -> Case:
         path = Path(folder) / "drawn.toml"
         path.write_text(made.text, "utf-8")
         mechanism = load(path).mechanism
-    size = mechanism.size
+    size = mechanism.characteristic_length
 
     def inertia() -> Inertia:
         spread = chance.normal(size=(3, 3))
@@ -108,7 +108,7 @@ def of_gallery(name: str) -> Case:
     form = load(str(GALLERY / f"{name}.toml"))
     mechanism = dynamics.dynamic_model(form).mechanism
     wave = machines.waving(mechanism.start + 0.1, 0.2, 3.0, 0.4)
-    return Case(mechanism, acting(mechanism, mechanism.size), {mechanism.driver: wave})
+    return Case(mechanism, acting(mechanism, mechanism.characteristic_length), {mechanism.driver: wave})
 
 
 def acting(mechanism: Mechanism, size: float) -> Forces:
@@ -215,11 +215,11 @@ def test_a_hold_beside_a_crank_is_reported_and_balances_its_links(method):
     mechanism = replace(made.mechanism, couplings=made.mechanism.couplings[:1], locked={"cam": 0.01})
     if method == "MuJoCo":
         run = driven(mechanism, made.forces, speed=3.0, turns=0.1, method="pose", samples=4)
-        motion, efforts = run.motion, run.efforts
+        motion, efforts = run.motion, run.forces
     else:
         machine = dynamics.dynamic_model(mechanism, made.forces)
         angles = np.linspace(0.0, 0.6, 5)
-        motion, efforts = machine.drive.solve(angles, 3.0), dynamics.prescribed(machine, angles, 3.0).efforts
+        motion, efforts = machine.solver.solve(angles, 3.0), dynamics.prescribed(machine, angles, 3.0).forces
     assert {*efforts.locked} == {"cam"}
     assert equilibrium.largest_imbalance(mechanism, made.forces, motion, efforts) <= BALANCED
     off = equilibrium.largest_imbalance(mechanism, made.forces, motion, efforts, without="drive of cam")
@@ -242,18 +242,18 @@ def test_bearings_of_planets_that_share_a_load_are_not_determined():
     mechanism = Mechanism("planets", links, tuple(joints), "crank", points, tuple(gears))
     study = dynamics.prescribed(dynamics.dynamic_model(mechanism), [0.3, 0.4], 5.0)
     for i in range(2):
-        assert {"fx", "fy"} <= {*study.efforts.reactions[f"planet{i}"].undetermined}
-    assert study.efforts.undetermined == {*study.efforts.gears}
+        assert {"fx", "fy"} <= {*study.forces.reactions[f"planet{i}"].undetermined}
+    assert study.forces.undetermined == {*study.forces.gears}
     single = replace(mechanism, gears=tuple(gears[:3]))
     study = dynamics.prescribed(dynamics.dynamic_model(single), [0.3, 0.4], 5.0)
-    assert {"fx", "fy"}.isdisjoint(study.efforts.reactions["planet0"].undetermined)
-    assert not study.efforts.undetermined
+    assert {"fx", "fy"}.isdisjoint(study.forces.reactions["planet0"].undetermined)
+    assert not study.forces.undetermined
 
 
 @pytest.mark.parametrize("case", ["train 2", "linkage 22"])
 def test_forces_of_stepped_runs_keep_links_in_equilibrium(case):
     made = CASES[case]()
     run = driven(made.mechanism, made.forces, motion_laws=made.moves, method="step", samples=5)
-    off = equilibrium.largest_imbalance(made.mechanism, made.forces, run.motion, run.efforts)
+    off = equilibrium.largest_imbalance(made.mechanism, made.forces, run.motion, run.forces)
     # the step leaves 1e-9
     assert off <= 1e-7

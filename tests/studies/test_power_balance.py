@@ -108,10 +108,10 @@ def moved(form, mechanism, forces, method):
     asked = {"speed": SPEED} if form.motion_laws.crank else {"motion_laws": form.motion_laws}
     run = driven(mechanism, forces, method="step" if method == "step" else "pose", samples=SAMPLES, **asked)
     if method != "formulas":
-        return run.motion, run.efforts
+        return run.motion, run.forces
     machine, at = dynamics.dynamic_model(form, forces, mechanism=mechanism), run.motion
     study = dynamics.prescribed(machine, at.angle, at.speed, at.acceleration, time=at.time, as_run=at)
-    return run.motion, study.efforts
+    return run.motion, study.forces
 
 
 def balance(mechanism, forces, motion, efforts):

@@ -122,7 +122,7 @@ def test_a_sound_scene_passes_however_short_its_stroke_is(tmp_path):
 def test_the_default_tolerance_is_of_the_size_where_the_stroke_is_shorter():
     form = ms.catalog.make("four_bar")
     mechanism, motion = form.mechanism, form.solve([0.50, 0.51, 0.52])
-    stroke, size = stroke_of(motion), mechanism.size
+    stroke, size = stroke_of(motion), mechanism.characteristic_length
     assert stroke < 0.01 * size
     found = position_tolerance(motion, mechanism)
     assert found.value == pytest.approx(1e-8 * size)

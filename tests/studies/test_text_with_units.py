@@ -51,10 +51,10 @@ def test_dynamics_take_speeds_and_sizes_as_text():
     machine = ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter="5mm")
     assert machine == ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter=0.005)
     given = ms.dynamics.prescribed(machine, "0:90:45deg", "60rpm")
-    np.testing.assert_array_equal(given.efforts.speed, np.full(3, ONE_TURN))
+    np.testing.assert_array_equal(given.forces.speed, np.full(3, ONE_TURN))
     assert same(
-        driven(machine.mechanism, machine.forces, speed="60rpm", samples=4).efforts,
-        driven(machine.mechanism, machine.forces, speed=ONE_TURN, samples=4).efforts,
+        driven(machine.mechanism, machine.forces, speed="60rpm", samples=4).forces,
+        driven(machine.mechanism, machine.forces, speed=ONE_TURN, samples=4).forces,
     )
     assert ms.dynamics.fluctuation(machine, "60rpm").mean == ONE_TURN
     free = ms.dynamics.free_run(machine, speed="60rpm", duration="5 ms")

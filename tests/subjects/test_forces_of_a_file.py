@@ -55,20 +55,20 @@ def torque_by_virtual_power(angle):
 def test_forces_of_a_file_act_in_inverse_dynamics(press):
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(ms.load(press)), ANGLES, SPEED)
     # the links' inertia at 1 rad/s takes less than 1e-5 N m
-    np.testing.assert_allclose(study.efforts.torque, torque_by_virtual_power(ANGLES), atol=1e-5)
+    np.testing.assert_allclose(study.forces.torque, torque_by_virtual_power(ANGLES), atol=1e-5)
 
 
 def test_forces_given_explicitly_replace_those_of_a_file(press):
     free = ms.dynamics.prescribed(ms.dynamics.dynamic_model(ms.load(press), ms.Forces()), ANGLES, SPEED)
-    assert np.abs(free.efforts.torque).max() < 1e-5
+    assert np.abs(free.forces.torque).max() < 1e-5
 
 
 def test_forces_of_a_file_act_in_dynamics_by_simulation(press):
     form = ms.load(press)
     run = driven(form, speed=SPEED, samples=12)
-    np.testing.assert_allclose(run.efforts.torque, torque_by_virtual_power(run.efforts.angle), atol=1e-5)
+    np.testing.assert_allclose(run.forces.torque, torque_by_virtual_power(run.forces.angle), atol=1e-5)
     free = driven(form, ms.Forces(), speed=SPEED, samples=12)
-    assert np.abs(free.efforts.torque).max() < 1e-5
+    assert np.abs(free.forces.torque).max() < 1e-5
 
 
 def test_forces_of_a_file_act_in_free_running(press):

@@ -75,7 +75,10 @@ def test_a_formula_of_a_file_is_accepted_to_rounding_only(shown, error, accepted
     form = load(shown.name)
     evaluation = evaluation_points(form, speed=1.0)
     law = values_of_function(run_object(shown.formula), evaluation, "law", form.parameters)
-    wrong = [replace(one, values=one.values + error * evaluation.solver.mechanism.size) for one in law]
+    wrong = [
+        replace(one, values=one.values + error * evaluation.solver.mechanism.characteristic_length)
+        for one in law
+    ]
     checks = agreement(evaluation, wrong, "law", diagnose=False, exact_formula=True).checks
     assert [check.passed for check in checks] == [accepted] * len(checks)
 

@@ -48,7 +48,7 @@ def test_a_loop_of_driven_and_coupled_joints_alone_moves_alike_on_both_roads(bou
     swung = ms.load(bound, drive={"crank": "0.4*sin(3*t)"}, duration=1.0)
     run = ms.simulate(swung, method="pose", samples=9)
     exact = swung.solve(t=run.motion.time)
-    size = form.mechanism.size
+    size = form.mechanism.characteristic_length
     assert np.abs(run.motion.points["tip"].position - exact.points["tip"].position).max() < 1e-12 * size
     assert exact.links.keys() == {"crank", "left", "far", "arm"}
     q = {name: one.value for name, one in exact.joints.items()}
@@ -77,7 +77,7 @@ def test_turns_that_no_pose_tells_go_with_the_assembly_to_both_roads(tmp_path: P
     exact = form.solve(t=run.motion.time)
     assert exact.joints["C"].value[0] == pytest.approx(wound, abs=1e-9)
     apart = run.motion.points["tip"].position - exact.points["tip"].position
-    assert np.abs(apart).max() < 1e-12 * form.mechanism.size
+    assert np.abs(apart).max() < 1e-12 * form.mechanism.characteristic_length
     # no gear, but a coupling all the same
     assert mobility(form.mechanism).redundant_in_plane == 0
 

@@ -227,7 +227,7 @@ def test_a_refusal_says_all_there_is_to_say(file, monkeypatch, capsys):
 def test_a_wheel_about_the_origin_has_an_extent(file):
     body = '<body><joint name="crank"/><geom size="0.1" pos="0.2 0 0"/></body>'
     text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
-    assert read_mjcf(file(text)).mechanism.size > 0.0
+    assert read_mjcf(file(text)).mechanism.characteristic_length > 0.0
 
 
 def test_an_mjcf_file_has_no_parameters(file):

@@ -52,7 +52,7 @@ def test_the_drives_of_an_arm_are_those_of_mujoco_s_inverse_dynamics(tmp_path):
     moves = make_motion_laws(form.mechanism, states, 1.0)
     bound = type(form)(form.mechanism, forces=form.forces, source=form.source, motion_laws=moves)
     times = np.linspace(0.0, 1.0, 7)
-    found = dynamics.prescribed(dynamics.dynamic_model(bound, form.forces), t=times).efforts
+    found = dynamics.prescribed(dynamics.dynamic_model(bound, form.forces), t=times).forces
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     value, rate, second = moves.state(times)

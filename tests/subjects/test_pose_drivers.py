@@ -91,7 +91,7 @@ def test_motors_do_the_work_of_the_pose_drivers():
     joints = ms.load("five_bar", drive=CIRCLE).solve(t=TIMES).joints
 
     def power(result, names):
-        return sum(result.efforts.drives[name] * joints[name].rate for name in names)
+        return sum(result.forces.drives[name] * joints[name].rate for name in names)
 
     expected = power(by_pose, ("P.x", "P.y"))
     assert np.abs(expected).max() > 1e-3

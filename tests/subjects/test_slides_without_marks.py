@@ -51,11 +51,11 @@ def test_an_inclined_slide_keeps_its_slider_upright_on_both_roads(tmp_path: Path
         assert np.abs(along - [np.cos(tilt), np.sin(tilt), 0.0]).max() < 1e-12
         assert np.abs(motion.links["slider"].rotation[:, 2, 2] - 1.0).max() < 1e-12
     apart = run.motion.points["nose"].position - exact.points["nose"].position
-    assert np.abs(apart).max() < 1e-12 * form.mechanism.size
+    assert np.abs(apart).max() < 1e-12 * form.mechanism.characteristic_length
 
 
 def test_a_slider_that_marks_turn_over_is_refused_on_both_roads(tmp_path: Path) -> None:
-    model = written(tmp_path, ", mark = [0, 0, 1]", ", mark = [0, 0, -1]")
+    model = written(tmp_path, ", reference = [0, 0, 1]", ", reference = [0, 0, -1]")
     form = ms.load(model)
     with pytest.raises(AssemblyError, match="'slide' came together with its marks opposed"):
         form.solve([0.0])

@@ -71,8 +71,8 @@ def test_other_instants_that_say_nothing_are_rejected_with_the_remedy(swung, tmp
 def test_times_serve_in_inverse_dynamics_and_sensitivities(swung):
     machine = ms.dynamics.dynamic_model(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
     run = driven(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
-    found = ms.dynamics.prescribed(machine, t=TIMES).efforts.drives["crank"]
-    np.testing.assert_allclose(found, run.efforts.drives["crank"], atol=1e-12)
+    found = ms.dynamics.prescribed(machine, t=TIMES).forces.drives["crank"]
+    np.testing.assert_allclose(found, run.forces.drives["crank"], atol=1e-12)
     table = ms.sensitivity(swung, "B.x", "rocker.at.x", t=TIMES)
     np.testing.assert_array_equal(dict(table.columns())["t"], TIMES)
     np.testing.assert_allclose(table.values["B.x"], swung.positions(t=TIMES)["B"][:, 0], atol=1e-14)

@@ -62,7 +62,7 @@ def gap_to_closed_form(drive, poses, k):
         max(float(np.linalg.norm(place - poses.points[name][k])) for name, place in points.items())
         for _, points in listed
     ]
-    return min(gaps, default=np.inf) / drive.mechanism.size
+    return min(gaps, default=np.inf) / drive.mechanism.characteristic_length
 
 
 @pytest.mark.parametrize("name", grid(FORMS))
@@ -71,7 +71,7 @@ def test_every_pose_of_every_curve_is_an_assembly_of_the_closed_form(name):
     for curve in traced(name).curves:
         poses = curve.samples(16)
         gaps, turned = closure.residual_norms(drive.mechanism, poses.poses, poses.angle)
-        assert gaps.max() <= 1e-13 * drive.mechanism.size
+        assert gaps.max() <= 1e-13 * drive.mechanism.characteristic_length
         assert turned.max() <= 1e-13
         # a closed form keeps half the digits where the crank turns back
         clear = closure.conditioning(drive.mechanism, poses.poses) > 1e-3
@@ -88,7 +88,7 @@ def test_every_assembly_of_the_closed_form_is_on_a_curve(name):
         there = [points for curve in found.curves for points in passing(curve, angle)]
         for _, points in drive.assembly_points(angle):
             gaps = [max(np.linalg.norm(points[name] - at[name]) for name in points) for at in there]
-            assert min(gaps) <= 1e-10 * drive.mechanism.size
+            assert min(gaps) <= 1e-10 * drive.mechanism.characteristic_length
 
 
 def passing(curve, angle):
@@ -126,7 +126,7 @@ def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(na
         assert len(meeting.locations) == 2
         here = [found.curves[i].poses_at(arc).points for i, arc in meeting.locations]
         for point, place in here[0].items():
-            assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.size
+            assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.characteristic_length
 
 
 def test_assemblies_that_come_near_each_other_and_do_not_meet_are_said_not_to():
@@ -188,7 +188,8 @@ def test_the_length_of_a_curve_is_the_integral_of_the_twists_of_the_closed_form(
     drive = Rrsrr()
     motion = drive.solve(np.linspace(0.0, TURN, 400)[:-1])
     squares = sum(
-        (link.velocity**2).sum(1) / drive.mechanism.size**2 + (link.angular_velocity**2).sum(1)
+        (link.velocity**2).sum(1) / drive.mechanism.characteristic_length**2
+        + (link.angular_velocity**2).sum(1)
         for link in motion.links.values()
     )
     assert abs(trace(drive, starts=0).curves[0].length - TURN * np.sqrt(squares).mean()) <= 1e-8
@@ -372,7 +373,7 @@ def test_a_film_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblie
     curve = traced("rssr swinging").curves[0]
     motion = even_motion(curve, 96, 3.0)
     way = sum(
-        ((link.position[1:] - link.position[:-1]) ** 2).sum(1) / drive.mechanism.size**2
+        ((link.position[1:] - link.position[:-1]) ** 2).sum(1) / drive.mechanism.characteristic_length**2
         + 0.5 * ((link.rotation[1:] - link.rotation[:-1]) ** 2).sum((1, 2))
         for name, link in motion.links.items()
         if name != "coupler"
@@ -380,7 +381,7 @@ def test_a_film_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblie
     # the crank's and the rocker's ends are the coupler's too
     for name in ("P2", "P3"):
         place = motion.points[name].position
-        way = way + ((place[1:] - place[:-1]) ** 2).sum(1) / drive.mechanism.size**2
+        way = way + ((place[1:] - place[:-1]) ** 2).sum(1) / drive.mechanism.characteristic_length**2
     assert np.ptp(np.sqrt(way)) <= 0.02 * np.sqrt(way).mean()
     for point in motion.points.values():
         assert np.abs(point.position[-1] - point.position[0]).max() <= 1e-9

@@ -63,12 +63,12 @@ def planar(
     names = dict.fromkeys(link for a, b, _ in places.values() for link in (a, b) if link != GROUND)
     joints = []
     for name, (a, b, (x, y)) in places.items():
-        point, axis, mark = (tuple((turn @ v).tolist()) for v in ((1e-3 * x, 1e-3 * y, 0.0), EZ, EX))
+        point, axis, reference = (tuple((turn @ v).tolist()) for v in ((1e-3 * x, 1e-3 * y, 0.0), EZ, EX))
         kind = "revolute"
         if slides and name in slides:
-            kind, mark = "prismatic", axis
+            kind, reference = "prismatic", axis
             axis = tuple((turn @ (np.cos(slides[name]), np.sin(slides[name]), 0.0)).tolist())
-        joints.append(Joint(name, kind, End(a, point, axis, mark), End(b, point, axis, mark)))
+        joints.append(Joint(name, kind, End(a, point, axis, reference), End(b, point, axis, reference)))
     return Mechanism(
         name="drawn",
         links=tuple(Link(name) for name in names),

@@ -73,7 +73,7 @@ def test_the_torque_of_a_stepped_run_converges_with_fourth_order():
         settings = Settings(steps_per_turn=steps, constant_steps=steps / 10.0)
         run = driven(machine.mechanism, machine.forces, speed=SPEED, method="step", settings=settings)
         exact = dynamics.prescribed(machine, run.motion.angle, run.motion.speed, run.motion.acceleration)
-        errors.append(np.sqrt(np.mean((run.efforts.torque - exact.efforts.torque) ** 2)))
+        errors.append(np.sqrt(np.mean((run.forces.torque - exact.forces.torque) ** 2)))
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.5
 
 
@@ -124,11 +124,11 @@ def test_each_wrong_machine_is_condemned(name, method):
 def test_a_torque_of_the_wrong_sign_and_one_that_is_no_number_are_condemned(method):
     machine = of("four_bar", Forces(gravity=GRAVITY))
     run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
-    backwards = replace(run, efforts=replace(run.efforts, torque=-run.efforts.torque))
+    backwards = replace(run, forces=replace(run.forces, torque=-run.forces.torque))
     assert crosscheck_driven(backwards, machine).outcome == "failed"
-    lost = run.efforts.torque.copy()
+    lost = run.forces.torque.copy()
     lost[3] = np.nan
-    broken = replace(run, efforts=replace(run.efforts, torque=lost))
+    broken = replace(run, forces=replace(run.forces, torque=lost))
     assert crosscheck_driven(broken, machine).outcome == "diverged"
 
 
@@ -188,7 +188,7 @@ def test_forces_of_a_crank_that_creeps_under_weight_are_right():
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     run = driven(machine.mechanism, machine.forces, speed=1e-4, method="pose", samples=12)
     assert crosscheck_driven(run, machine).passed
-    assert run.efforts.residual.max() < 1e-12
+    assert run.forces.residual.max() < 1e-12
 
 
 def test_a_free_run_without_an_end_is_bad_input():

@@ -72,7 +72,7 @@ def test_the_looper_with_its_cylinder_along_z_as_paper_004_eq_6_has_it_is_refuse
 
 def _with_slide_along(mechanism: Mechanism, axis) -> Mechanism:
     slide = mechanism.joint("slide")
-    turned = replace(slide, a=replace(slide.a, axis=axis, mark=EX if axis == EZ else EY))
+    turned = replace(slide, a=replace(slide.a, axis=axis, reference=EX if axis == EZ else EY))
     return replace(
         mechanism, joints=tuple(turned if joint.name == "slide" else joint for joint in mechanism.joints)
     )

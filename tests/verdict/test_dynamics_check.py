@@ -86,11 +86,11 @@ def test_a_wrong_machine_is_missed(method, wrong):
 def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
     found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
     machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
-    turned = replace(found, efforts=replace(found.efforts, torque=-found.efforts.torque))
+    turned = replace(found, forces=replace(found.forces, torque=-found.forces.torque))
     assert crosscheck_driven(turned, machine).outcome == "failed"
-    torque = found.efforts.torque.copy()
+    torque = found.forces.torque.copy()
     torque[5] = np.nan
-    broken = replace(found, efforts=replace(found.efforts, torque=torque))
+    broken = replace(found, forces=replace(found.forces, torque=torque))
     assert crosscheck_driven(broken, machine).outcome == "diverged"
     assert crosscheck_driven(replace(found, outcome="diverged"), machine).outcome == "diverged"
 
@@ -98,9 +98,9 @@ def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
 def test_a_reaction_on_the_other_link_is_seen():
     found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
     machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
-    one = found.efforts.reactions["S"]
-    other = found.efforts.reactions | {"S": replace(one, force=-one.force)}
-    verdict = crosscheck_driven(replace(found, efforts=replace(found.efforts, reactions=other)), machine)
+    one = found.forces.reactions["S"]
+    other = found.forces.reactions | {"S": replace(one, force=-one.force)}
+    verdict = crosscheck_driven(replace(found, forces=replace(found.forces, reactions=other)), machine)
     assert [check.title for check in verdict.checks if not check.passed] == ["force in S"]
 
 
@@ -139,7 +139,7 @@ def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
     # where all cranks lie along x the third takes no part in the self-stress
     angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
     study = dynamics.prescribed(machine, angle, 50.0)
-    pin = study.efforts.reactions["third pin"]
+    pin = study.forces.reactions["third pin"]
     force, _ = pin.project(pin.force, pin.moment)
     across, along = (
         np.stack([part(angle), other(angle), 0.0 * angle], 1)
@@ -159,7 +159,7 @@ def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
         for link in machine.mechanism.links
     )
     wrong = dynamics.dynamic_model(
-        machine.drive, machine.forces, mechanism=replace(machine.mechanism, links=links)
+        machine.solver, machine.forces, mechanism=replace(machine.mechanism, links=links)
     )
     missed = {(one.kind, one.subject) for one in crosscheck_driven(run, wrong).checks if not one.passed}
     assert {("force", "third"), ("force", "third pin")} <= missed
@@ -169,7 +169,7 @@ def test_forces_beside_a_change_point_are_what_they_are_without_it():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
-    whole, part = (dynamics.prescribed(machine, at, 50.0).efforts for at in (angle, angle[[1, 2, 4]]))
+    whole, part = (dynamics.prescribed(machine, at, 50.0).forces for at in (angle, angle[[1, 2, 4]]))
     assert whole.unbounded.tolist() == [True, False, False, True, False]
     for name, one in part.reactions.items():
         assert one.undetermined == whole.reactions[name].undetermined
@@ -179,7 +179,7 @@ def test_forces_beside_a_change_point_are_what_they_are_without_it():
 def test_no_record_says_itself_where_it_is_not_judged():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
-    exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).efforts
+    exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
     doubled = {name: replace(one, force=2.0 * one.force) for name, one in exact.reactions.items()}
     wrong = replace(exact, at_branch_point=np.ones(5, dtype=np.bool_), reactions=doubled)
     for name in doubled:
@@ -222,7 +222,7 @@ def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_say(me
         replace(link, inertia=heavier(link.inertia)) if link.name == "rod" else link
         for link in machine.mechanism.links
     )
-    wrong = dynamics.dynamic_model(machine.drive, acting, mechanism=replace(machine.mechanism, links=half))
+    wrong = dynamics.dynamic_model(machine.solver, acting, mechanism=replace(machine.mechanism, links=half))
     assert not crosscheck_driven(run, wrong).passed
 
 
@@ -235,7 +235,7 @@ def test_what_is_too_light_for_mujoco_is_refused_with_a_remedy_that_holds():
     with pytest.raises(InputError, match=r"link 'crank' has a moment of inertia of .* as large"):
         driven(small.mechanism, speed=50.0)
     angle = np.linspace(0.1, 6.0, 9)
-    torques = [dynamics.prescribed(one, angle, 50.0).efforts.torque for one in (large, small)]
+    torques = [dynamics.prescribed(one, angle, 50.0).forces.torque for one in (large, small)]
     np.testing.assert_allclose(torques[0], 1e15 * torques[1], rtol=1e-9)
 
 

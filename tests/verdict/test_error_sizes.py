@@ -48,7 +48,7 @@ def efforts(**fields):
     zero = np.zeros(N)
     reaction = Reaction(link="rod", by="crank", force=FLAT, moment=FLAT, point=FLAT)
     given = {
-        "size": 0.1,
+        "characteristic_length": 0.1,
         "time": None,
         "angle": ANGLE,
         "speed": np.full(N, 2.0),

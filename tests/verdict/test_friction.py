@@ -74,13 +74,13 @@ def test_each_part_of_the_friction_of_a_sleeve_is_seen_when_left_out(part):
 def test_friction_takes_the_power_of_its_joint_s_rates_and_both_routes_to_torque_agree():
     machine = of("cylindrical")
     study = dynamics.prescribed(machine, np.linspace(0.7, 1.4, 9), 30.0)
-    found = study.efforts
+    found = study.forces
     bare = dynamics.prescribed(
         without(machine, **dict.fromkeys(("viscous", "coulomb"), 0.0)), found.angle, 30.0
-    ).efforts
+    ).forces
     bare_turn = dynamics.prescribed(
         without(machine, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)), found.angle, 30.0
-    ).efforts
+    ).forces
     assert (found.power_lost > bare.power_lost).all()
     assert found.power_lost == pytest.approx(bare.power_lost + bare_turn.power_lost, rel=1e-12)
     assert study.second_torque == pytest.approx(found.torque, rel=1e-10)
@@ -90,11 +90,11 @@ def test_dry_friction_of_a_ball_opposes_its_spin_and_no_axis_apart():
     machine = of("spherical, cut")
     ball = machine.mechanism.joint("S")
     study = dynamics.prescribed(machine, np.linspace(0.0, 6.0, 13), 30.0)
-    links = machine.drive.solve(study.efforts.angle, 30.0).links
+    links = machine.solver.solve(study.forces.angle, 30.0).links
     still = np.zeros((13, 3))
     spins = [links[end.link].angular_velocity if end.link in links else still for end in (ball.a, ball.b)]
     spin = np.sqrt(((spins[1] - spins[0]) ** 2).sum(1))
-    assert study.efforts.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)
+    assert study.forces.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["spherical, cut", "cut in space"])
@@ -121,8 +121,8 @@ def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link
     assert crosscheck_driven(run, machine).passed
     other = machine.with_forces(Forces(couples=(Couple("coupler", moment),)))
     assert crosscheck_driven(run, other).outcome == "failed"
-    spin = machine.drive.solve(run.motion.angle, 30.0).links["link"].angular_velocity
-    found = dynamics.prescribed(machine, run.motion.angle, 30.0).efforts
+    spin = machine.solver.solve(run.motion.angle, 30.0).links["link"].angular_velocity
+    found = dynamics.prescribed(machine, run.motion.angle, 30.0).forces
     assert found.power_loads == pytest.approx((moment.evaluate(found.angle) * spin).sum(1), abs=1e-12)
 
 

@@ -28,7 +28,7 @@ from mechsim.verdict.tolerances import Requested, Tolerance, ToleranceRule
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
 GRAVITY = Forces(gravity=(0.3, -9.81, 0.5), friction=(Friction("crank", 1e-3, 1e-2),))
 MACHINE = dynamics.dynamic_model(catalog.make("warp_knitter"), GRAVITY)
-FOUND = dynamics.prescribed(MACHINE, ANGLES, SPEED).efforts
+FOUND = dynamics.prescribed(MACHINE, ANGLES, SPEED).forces
 # as of a driver under a program
 EXACT = replace(FOUND, drives={"crank": FOUND.torque})
 RUN = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), GRAVITY), speed=SPEED, duration=0.2)
@@ -112,7 +112,7 @@ def spoiled_efforts(kind):
 
 def test_potential_energy_that_is_rounding_is_measured_by_the_forces():
     exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
-    force, size = force_scales(exact)["force"], exact.size
+    force, size = force_scales(exact)["force"], exact.characteristic_length
     rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * size))
     assert crosscheck_forces(rounded, exact, method="pose").passed
     wrong = replace(exact, potential=np.full(len(ANGLES), 1e-12 * force * size))

@@ -205,7 +205,14 @@ def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0
     one = Reaction(link="a", by="b", force=np.asarray(force), moment=FLAT, point=FLAT)
     names = ("acceleration", "potential", "power_in", "power_loads", "power_lost", "residual")
     zeros = dict.fromkeys(names, np.zeros(N))
-    given = {"size": 0.2, "time": None, "angle": ANGLE, "speed": -5.0 * ONES, "gears": {}, **zeros}
+    given = {
+        "characteristic_length": 0.2,
+        "time": None,
+        "angle": ANGLE,
+        "speed": -5.0 * ONES,
+        "gears": {},
+        **zeros,
+    }
     given |= {"torque": np.array(torque), "kinetic": np.array(kinetic), "sliding": np.ones((N, 1))}
     return ForceRecord(**{**given, "reactions": {"A": one}, **more})
 

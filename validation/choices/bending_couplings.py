@@ -47,7 +47,7 @@ def errors(machine: DynamicModel, steps: int) -> dict[str, float]:
     run = driven(
         machine.mechanism,
         machine.forces,
-        motion_laws=machine.drive.motion_laws,
+        motion_laws=machine.solver.motion_laws,
         method="step",
         settings=Settings(steps_per_turn=steps),
         samples=20,

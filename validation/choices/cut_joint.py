@@ -56,7 +56,7 @@ def measured(name: str) -> list[dict[str, Any]]:
                 )
             except AssemblyError:
                 continue
-            row["error"] = run.estimate / mechanism.size
+            row["error"] = run.estimate / mechanism.characteristic_length
             row["ms/turn"] = min(row["ms/turn"], 1e3 * run.seconds / TURNS)
     return rows
 

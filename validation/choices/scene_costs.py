@@ -105,7 +105,7 @@ def doubly_closed(drive: ClosedForm) -> mujoco.MjSpec:
     names = []
     for site in list(spec.sites):
         if "@" in site.name:
-            place = np.add(site.pos, (0.0, 0.0, drive.mechanism.size))
+            place = np.add(site.pos, (0.0, 0.0, drive.mechanism.characteristic_length))
             names.append(site.parent.add_site(name=f"{site.name}+", pos=place).name)
     kind, of = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
     spec.add_equality(name="second", type=kind, objtype=of, name1=names[0], name2=names[1])

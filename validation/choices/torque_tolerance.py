@@ -131,8 +131,8 @@ def ladder() -> Iterator[dict[str, Any]]:
             runs = [driven(machine.mechanism, machine.forces, speed=60.0, **options) for _ in range(TIMED)]
             exact = dynamics.prescribed(
                 machine, runs[0].motion.angle, runs[0].motion.speed, runs[0].motion.acceleration
-            ).efforts
-            gap, size = runs[0].efforts.torque - exact.torque, np.sqrt(np.mean(exact.torque**2))
+            ).forces
+            gap, size = runs[0].forces.torque - exact.torque, np.sqrt(np.mean(exact.torque**2))
             yield {
                 "mechanism": name,
                 "steps a turn": steps or "72 poses",

@@ -84,7 +84,7 @@ def _swing(scene: SceneFile, name: str, rate: float) -> tuple[str, str]:
     start = form.mechanism.counted[name]
     # several drivers at once would pass a singular pose
     turning = form.mechanism.unit(name) == "rad"
-    reach = 0.3 / len(form.mechanism.drivers) if turning else 0.1 * form.mechanism.size
+    reach = 0.3 / len(form.mechanism.drivers) if turning else 0.1 * form.mechanism.characteristic_length
     low, high = form.source.limits.get(name, (-np.inf, np.inf))
     reach = reach if start + reach <= high else -min(reach, start - low)
     return name, f"{start!r} + {0.5 * reach!r}*(1-cos({rate:g}*2*pi*t))"

@@ -88,7 +88,7 @@ class Poses:
     def torque(self) -> Array:
         problem = self.problem
         found = driven(problem.mechanism, speed=problem.speed, samples=len(self.angles) - 1)
-        return found.efforts.torque
+        return found.forces.torque
 
 
 class Steps:
@@ -116,7 +116,7 @@ class Steps:
         found = driven(
             problem.mechanism, speed=problem.speed, method="step", samples=SAMPLES, settings=settings
         )
-        return found.efforts.torque
+        return found.forces.torque
 
 
 def points(loops: ModelLoops, states: Array, names: list[str]) -> Places:

@@ -138,7 +138,7 @@ class Problem:
     def torque(self, angles: Array) -> Array:
         """Return the drive torque at crank angles by the reduced equation of motion, (n,) in [N m]."""
         machine = dynamics.dynamic_model(self.drive, mechanism=self.mechanism)
-        return dynamics.prescribed(machine, angles, self.speed).efforts.torque
+        return dynamics.prescribed(machine, angles, self.speed).forces.torque
 
     def places(self, crank: Array, rocker: Array) -> dict[str, Array]:
         """Return the tracked points at angles of crank and rocker (n,), as joints of a solver give them.

@@ -42,7 +42,7 @@ def rsup() -> ms.Mechanism:
     )
     shaft = ms.End("ground", (0.0, 0.1, 0.12), X, (0.0, 1.0, 0.0))
     joints = (
-        ms.Joint("shaft", "revolute", shaft, ms.End("crank", axis=X, mark=(0.0, 1.0, 0.0))),
+        ms.Joint("shaft", "revolute", shaft, ms.End("crank", axis=X, reference=(0.0, 1.0, 0.0))),
         ms.Joint("ball", "spherical", ms.End("crank", (0.0, 0.08, 0.0)), ms.End("rod")),
         ms.Joint("cross", "universal", ms.End("slider", axis=X), ms.End("rod", (0.3, 0.0, 0.0), cross)),
         ms.Joint("slide", "prismatic", ms.End("ground", axis=X), ms.End("slider", axis=X)),

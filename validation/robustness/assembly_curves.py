@@ -65,7 +65,7 @@ def subjects() -> Iterator[tuple[str, KinematicSolver]]:
 
 def gap(drive: KinematicSolver, curve: AssemblyCurve) -> float:
     """Return how far the poses of a curve are from the truth, in parts of the size."""
-    poses, size = curve.samples(SAMPLES + 1), drive.mechanism.size
+    poses, size = curve.samples(SAMPLES + 1), drive.mechanism.characteristic_length
     # with several turns of a wheel on a crank's, poses alone do not tell what a coupling asks for
     gaps, turned = closure.residual_norms(replace(drive.mechanism, gears=(), couplings=()), poses.poses, None)
     worst = max(float(gaps.max()) / size, float(turned.max()), *off_laws(curve, poses))
@@ -94,7 +94,7 @@ def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
         if law.turns:
             off = off - REVOLUTION * np.round(off / REVOLUTION)
         slides = any(curve.mechanism.unit(name) == "m" for name in law.left_terms)
-        found.append(float(np.abs(off).max()) / (curve.mechanism.size if slides else 1.0))
+        found.append(float(np.abs(off).max()) / (curve.mechanism.characteristic_length if slides else 1.0))
     return found
 
 

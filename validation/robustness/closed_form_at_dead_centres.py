@@ -138,7 +138,7 @@ def exact(drive: TwoBranchForm, angle: float) -> tuple[list[mp.mpf], float]:
 
 
 def longest(drive: TwoBranchForm) -> float:
-    return drive.mechanism.size
+    return drive.mechanism.characteristic_length
 
 
 def errors(drive: TwoBranchForm, name: str, angles: Array) -> tuple[Array, Array]:

@@ -137,7 +137,7 @@ def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
     """One dimension larger or smaller."""
     dimensions = [one for name, one in subject.family.dimensions.items() if ".tilt." not in name]
     one = dimensions[random.integers(len(dimensions))]
-    whole = subject.solver.mechanism.size if one.unit == "m" else 1.0
+    whole = subject.solver.mechanism.characteristic_length if one.unit == "m" else 1.0
     scale = abs(one.value) if abs(one.value) > 1e-3 * whole else whole
     made = subject.family.make({one.name: one.value + random.choice([-1.0, 1.0]) * size * scale})
     kind = "dimension"
@@ -184,7 +184,11 @@ def driver_of(subject: Subject, random) -> str:
 
 def of_offset(subject, named, size, random) -> Mistake:
     driver = driver_of(subject, random)
-    unit = subject.solver.mechanism.size if subject.solver.mechanism.unit(driver) == "m" else 1.0
+    unit = (
+        subject.solver.mechanism.characteristic_length
+        if subject.solver.mechanism.unit(driver) == "m"
+        else 1.0
+    )
     return Mistake("offset", (driver,), shifted(subject, {driver: (1.0, size * unit, 0.0)}).all(named))
 
 
@@ -259,7 +263,11 @@ def of_frame(subject, named, size, random) -> Mistake:
     vector = random.normal(size=3)
     vector *= size / np.linalg.norm(vector)
     if random.random() < 0.5:
-        return Mistake("frame", (), turned(subject, named, np.eye(3), vector * subject.solver.mechanism.size))
+        return Mistake(
+            "frame",
+            (),
+            turned(subject, named, np.eye(3), vector * subject.solver.mechanism.characteristic_length),
+        )
     from scipy.spatial.transform import Rotation
 
     return Mistake("frame", (), turned(subject, named, Rotation.from_rotvec(vector).as_matrix(), 0.0))

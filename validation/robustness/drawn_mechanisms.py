@@ -58,7 +58,7 @@ def displaced(joint: Joint, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where b's frame stands in a's at given coordinates; of a ball, anywhere."""
     x, y, z = np.eye(3)
     if joint.kind == "universal":
-        # at zero b's axis leans from a's axis towards a's mark, and b's mark from there on to a's axis
+        # at zero b's axis leans from a's axis towards a's reference, and b's reference on to a's axis
         lean = turn(y, joint.cross) @ turn(z, np.pi)
         return 0 * z, turn(z, q[0]) @ lean @ turn(z, q[1])
     shift = {"planar": lambda: q[0] * x + q[1] * y}.get(joint.kind, lambda: q[0] * z)
@@ -280,7 +280,7 @@ def written(chance, sketch, drivers, names, units, couplings, guess) -> str:
             name = f"k{link}" if link else "ground"
             longer = float(chance.choice([1.0, 3.0]))
             place = f"at = {vector(point, number)}, axis = {vector(longer * axes[:, 2])}"
-            rows.append(f'{side} = {{ link = "{name}", {place}, mark = {vector(axes[:, 0])} }}')
+            rows.append(f'{side} = {{ link = "{name}", {place}, reference = {vector(axes[:, 0])} }}')
         if one.kind == "universal" and one.cross != np.pi / 2:
             rows.append(f"cross_angle = {one.cross / ANGLES[angle]!r}")
         if one.kind == "screw":

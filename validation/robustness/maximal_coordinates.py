@@ -45,7 +45,7 @@ class TooNearError(Exception):
 
 @dataclass
 class Joint:
-    """What of one link meets what of another; frames are (point, columns mark, axis x mark, axis)."""
+    """Frames that meet: (point, columns reference, axis x reference, axis)."""
 
     name: str
     kind: str

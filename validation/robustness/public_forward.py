@@ -67,7 +67,7 @@ def initial_of(form: MjcfForm) -> dict[str, float]:
     """Return a displacement and a rate of each driver, within its limits."""
     initial: dict[str, float] = {}
     for name in form.mechanism.drivers:
-        scale = 1.0 if form.mechanism.unit(name) == "rad" else form.mechanism.size
+        scale = 1.0 if form.mechanism.unit(name) == "rad" else form.mechanism.characteristic_length
         low, high = form.source.limits.get(name, (-np.inf, np.inf))
         start = form.mechanism.counted.get(name, 0.0)
         sign = 1.0 if high - start > start - low else -1.0
@@ -86,7 +86,7 @@ def line(path: Path) -> str:
     run = ms.dynamics.run(model, initial=initial, duration=DURATION, samples=SAMPLES)
     seconds = process_time() - begin
     # a point that turns with its body, off its origin by the size of the mechanism
-    offset = form.mechanism.size * np.array([0.6, 0.48, 0.64])
+    offset = form.mechanism.characteristic_length * np.array([0.6, 0.48, 0.64])
     coarse, fine = (stepped(path, run, steps, offset) for steps in (STEPS, 2 * STEPS))
     moved = max(float(np.abs(places - places[0]).max()) for places in fine.values())
     exact = {name: link.position + link.rotation @ offset for name, link in run.motion.links.items()}

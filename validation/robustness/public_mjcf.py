@@ -48,7 +48,7 @@ def reaches(form: MjcfForm, asked):
     """Return by how much each driver swings: 0.3 rad or a tenth of the size, to where limits leave room."""
     mechanism, found = form.mechanism, {}
     for name in mechanism.drivers:
-        far = 0.3 if mechanism.unit(name) == "rad" else 0.1 * mechanism.size
+        far = 0.3 if mechanism.unit(name) == "rad" else 0.1 * mechanism.characteristic_length
         low, high = form.source.limits.get(name, (-np.inf, np.inf))
         at = mechanism.counted[name]
         up, down = high - at, at - low
@@ -79,7 +79,9 @@ def apart(form: MjcfForm, motion):
     }
     held = {name: (lambda t, v=v: v) for name, v in form.mechanism.locked.items()}
     links = {name: (link.position[::THIN], link.rotation[::THIN]) for name, link in motion.links.items()}
-    return worst_difference(model, form.mechanism.size, form.source.qpos, state | held, instants, links)
+    return worst_difference(
+        model, form.mechanism.characteristic_length, form.source.qpos, state | held, instants, links
+    )
 
 
 def judged(path, options):
@@ -95,7 +97,7 @@ def judged(path, options):
     bound = make_motion_laws(form.mechanism, {name: swing(start[name], far[name]) for name in start}, 1.0)
     moved = MjcfForm(form.mechanism, motion_laws=bound, source=form.source)
     motion = moved.solve(t=np.linspace(0.0, bound.duration, SAMPLES))
-    worst, size = worst_opening(form, motion), form.mechanism.size
+    worst, size = worst_opening(form, motion), form.mechanism.characteristic_length
     far, turned, left = apart(moved, motion)
     moved, bent = form.corrected
     line = (

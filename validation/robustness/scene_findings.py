@@ -210,7 +210,7 @@ def seeded(read: MjcfModel, asked, before):
         if not connects(spec):
             continue
         try:
-            fault(spec, read.mechanism.size)
+            fault(spec, read.mechanism.characteristic_length)
         except (ValueError, KeyError, TypeError) as error:
             print(f"    cannot seed {name}: {' '.join(str(error).split())[:90]}")
             continue

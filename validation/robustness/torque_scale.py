@@ -69,9 +69,9 @@ def tell(name: str, machine: DynamicModel, moved: dict[str, Any]) -> float:
         return np.nan
     motion = run.motion
     at = (motion.angle, motion.speed, motion.acceleration)
-    exact = prescribed(machine, *at, time=motion.time, as_run=motion).efforts
+    exact = prescribed(machine, *at, time=motion.time, as_run=motion).forces
     scales = force_scales(exact)
-    error = float(np.abs(np.where(exact.unbounded, 0.0, run.efforts.torque - exact.torque)).max())
+    error = float(np.abs(np.where(exact.unbounded, 0.0, run.forces.torque - exact.torque)).max())
     parts = scales["torque"] / scales["moment"], error / scales["torque"], error / scales["moment"]
     print(f"{name:20s}" + "".join(f"{part:16.1e}" for part in parts))
     return float(scales["force"])

@@ -130,7 +130,7 @@ class ByMechsim:
         efforts = {} if self.catalogued else self._efforts(subject)
         names = {of: self._named(one, of)[0] for of in one.parameters}
         self.table = ms.sensitivity(subject, [*points, *efforts], [*dict.fromkeys(names.values())])
-        self.efforts, self.one = efforts, one
+        self.forces, self.one = efforts, one
 
     def _efforts(self, subject):
         """Columns of drive efforts, and what the other road calls them."""
@@ -152,7 +152,7 @@ class ByMechsim:
         name, sign = self._named(self.one, parameter)
         if name not in self.table.by:
             return {}
-        return {self.efforts.get(of, of): sign * one for of, one in self.table.by[name].items()}
+        return {self.forces.get(of, of): sign * one for of, one in self.table.by[name].items()}
 
     def factor(self, parameter):
         """What one unit of the file is in SI, exactly."""

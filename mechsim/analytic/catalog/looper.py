@@ -175,7 +175,7 @@ class Looper(ClosedForm):
         (on_coupler, on_follower), (slide, _) = joints["C"], joints["slide"]
         # counted from the direction to O1, which a crank-rocker's angle stays near: it never wraps
         inward = vector(-np.array(_direction(self.frame_angle)))
-        line = End(GROUND, slide, axis=EX, mark=EY)
+        line = End(GROUND, slide, axis=EX, reference=EY)
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("rocker"), Link("follower", outline=(point_e,))),
@@ -186,11 +186,11 @@ class Looper(ClosedForm):
                 Joint(
                     "rocker",
                     "revolute",
-                    End(GROUND, pivot, mark=inward),
+                    End(GROUND, pivot, reference=inward),
                     End("rocker"),
                 ),
                 Joint("C", "spherical", End("coupler", on_coupler), End("follower", on_follower)),
-                Joint("slide", "cylindrical", line, End("follower", axis=EX, mark=EY)),
+                Joint("slide", "cylindrical", line, End("follower", axis=EX, reference=EY)),
             ),
             driver="crank",
             points={

@@ -78,17 +78,22 @@ class Rrsrr(TwoBranchForm):
         joints = self.geometry().joints
         (at_c, _), (tip, on_link), (pivot, _) = (joints[name] for name in ("C", "S", "rocker"))
         # both inner hinges are signed so that they count v1 from er to ex and v2 from x to z
-        coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), mark=EY)
-        link_hinge = End("rocker", axis=(0.0, -1.0, 0.0), mark=EX)
+        coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), reference=EY)
+        link_hinge = End("rocker", axis=(0.0, -1.0, 0.0), reference=EX)
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("link"), Link("rocker")),
             joints=(
-                Joint("crank", "revolute", End(GROUND, axis=EX, mark=EY), End("crank", axis=EX, mark=EY)),
-                Joint("C", "revolute", coupler_hinge, End("coupler", axis=EZ, mark=EX)),
+                Joint(
+                    "crank",
+                    "revolute",
+                    End(GROUND, axis=EX, reference=EY),
+                    End("crank", axis=EX, reference=EY),
+                ),
+                Joint("C", "revolute", coupler_hinge, End("coupler", axis=EZ, reference=EX)),
                 Joint("S", "spherical", End("coupler", tip), End("link", on_link)),
-                Joint("link", "revolute", link_hinge, End("link", axis=EZ, mark=EX)),
-                Joint("rocker", "revolute", End(GROUND, pivot, z, x), End("rocker", axis=EZ, mark=EX)),
+                Joint("link", "revolute", link_hinge, End("link", axis=EZ, reference=EX)),
+                Joint("rocker", "revolute", End(GROUND, pivot, z, x), End("rocker", axis=EZ, reference=EX)),
             ),
             driver="crank",
             points={"C": ("crank", at_c), "S": ("coupler", tip)},

@@ -89,10 +89,15 @@ class Rssr(TwoBranchForm):
             name=self.name,
             links=(Link("crank"), Link("coupler"), Link("rocker")),
             joints=(
-                Joint("crank", "revolute", End(GROUND, axis=EX, mark=EY), End("crank", axis=EX, mark=EY)),
+                Joint(
+                    "crank",
+                    "revolute",
+                    End(GROUND, axis=EX, reference=EY),
+                    End("crank", axis=EX, reference=EY),
+                ),
                 at_crank,
                 Joint("P3", "spherical", *at_rocker),
-                Joint("rocker", "revolute", End(GROUND, pivot, z, x), End("rocker", axis=EZ, mark=EX)),
+                Joint("rocker", "revolute", End(GROUND, pivot, z, x), End("rocker", axis=EZ, reference=EX)),
             ),
             driver="crank",
             points={"P2": ("crank", tip), "P3": ("rocker", on_rocker)},

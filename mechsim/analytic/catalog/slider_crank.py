@@ -37,7 +37,7 @@ class SliderCrank(TwoBranchForm):
     def description(self) -> Mechanism:
         joints = self.geometry().joints
         (tip, _), (eye, _), (slide, _) = (joints[name] for name in ("A", "B", "slide"))
-        on_slide = End(GROUND, slide, axis=EX, mark=EY)
+        on_slide = End(GROUND, slide, axis=EX, reference=EY)
         return Mechanism(
             name=self.name,
             links=(Link("crank"), Link("rod"), Link("slider")),
@@ -45,7 +45,7 @@ class SliderCrank(TwoBranchForm):
                 Joint("crank", "revolute", End(GROUND), End("crank")),
                 Joint("A", "revolute", End("crank", tip), End("rod")),
                 Joint("B", "revolute", End("rod", eye), End("slider")),
-                Joint("slide", "prismatic", on_slide, End("slider", axis=EX, mark=EY)),
+                Joint("slide", "prismatic", on_slide, End("slider", axis=EX, reference=EY)),
             ),
             driver="crank",
             points={"A": ("crank", tip), "B": ("slider", (0.0, 0.0, 0.0))},

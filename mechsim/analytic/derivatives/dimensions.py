@@ -110,7 +110,7 @@ def changes(
         more than 1e-7 is refused.
     """
     read_numbers = numbers or (lambda values: numbers_of(designs.describe(values)))
-    length = designs.describe({}).size
+    length = designs.describe({}).characteristic_length
     return {name: _change(designs, designs.dimensions[name], length, read_numbers) for name in names}
 
 

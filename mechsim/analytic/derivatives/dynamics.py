@@ -67,7 +67,7 @@ def forces_along(
         moved = replace(model, mechanism=mechanism, forces=forces)
         forces_moved = perturbed_forces(moved, motion, speed, acceleration, model.mechanism)
         by[name] = {column: change_of(values) for column, values in forces_moved.columns()}
-    undetermined = {joint: reaction.undetermined for joint, reaction in study.efforts.reactions.items()}
+    undetermined = {joint: reaction.undetermined for joint, reaction in study.forces.reactions.items()}
     open_ = frozenset(
         f"{joint}.{component}" for joint, components in undetermined.items() for component in components
     )
@@ -113,7 +113,7 @@ def perturbed_forces(
 
 def _times(model: DynamicModel, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
     """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
-    motion_laws = model.drive.motion_laws
+    motion_laws = model.solver.motion_laws
     if not motion_laws.crank:
         return motion_laws.time(motion.angle)
     steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()

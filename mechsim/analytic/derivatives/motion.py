@@ -97,7 +97,9 @@ class Followed:
                 f"{len(nominal)} numbers: take what `changes` gives"
             )
         mechanism = with_numbers(self.mechanism, stepped(nominal, derivative))
-        step = STEP * max(ahead, float(np.abs(derivative).max()) * min(1.0, 1.0 / mechanism.size))
+        step = STEP * max(
+            ahead, float(np.abs(derivative).max()) * min(1.0, 1.0 / mechanism.characteristic_length)
+        )
         chunks = [
             (chunk.index, _changed(self.path, chunk, mechanism, name, step, ahead)) for chunk in self.chunks
         ]

@@ -21,10 +21,10 @@ class Unchecked:
 
 @dataclass(frozen=True)
 class GivenEnd(Unchecked, End):
-    """A side of a joint whose frame is given, (3, 3); axis and mark are columns of it."""
+    """A side of a joint whose frame is given, (3, 3); axis and reference are columns of it."""
 
     columns: Array = field(default_factory=lambda: np.eye(3))
-    marked: bool = field(init=False, default=True, compare=False, repr=False)
+    has_reference: bool = field(init=False, default=True, compare=False, repr=False)
 
     @property
     def frame(self) -> Array:
@@ -51,13 +51,13 @@ class GivenInertia(Unchecked, Inertia):
 class GivenMechanism(Unchecked, Mechanism):
     """A mechanism of given numbers; its size and its couplings are given too."""
 
-    given_size: float = 1.0
+    given_length: float = 1.0
     given_laws: tuple[Coupling, ...] = ()
 
     @property
-    def size(self) -> float:
+    def characteristic_length(self) -> float:
         """The size it counts by, in [m]."""
-        return self.given_size
+        return self.given_length
 
     @property
     def laws(self) -> tuple[Coupling, ...]:
@@ -130,7 +130,7 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
         "gears": (),
         "couplings": laws,
     }
-    own |= {"given_size": mechanism.size, "given_laws": laws}
+    own |= {"given_length": mechanism.characteristic_length, "given_laws": laws}
     return GivenMechanism(**own)
 
 

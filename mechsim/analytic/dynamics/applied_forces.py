@@ -29,7 +29,7 @@ STILL = 1e-7
 class Dry:
     """One dry friction: a size in [N m] or [N], and the rate (n,) per radian of the crank it opposes."""
 
-    size: float
+    magnitude: float
     rate: Array
     still: NDArray[np.bool_]
 
@@ -66,7 +66,7 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
     """
     joint = unit.mechanism.joint(friction.joint)
     kind = KINDS[joint.kind]
-    lengths = [unit.mechanism.size] * len(kind.slides) + [1.0] * len(kind.turns)
+    lengths = [unit.mechanism.characteristic_length] * len(kind.slides) + [1.0] * len(kind.turns)
     viscous: list[Array] = []
     frictions: list[Dry] = []
     for (damper, magnitude), rate, length in zip(
@@ -79,9 +79,9 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
         unit,
         coulomb,
         joint,
-        [-friction_force.size * friction_force.direction for friction_force in frictions],
+        [-friction_force.magnitude * friction_force.direction for friction_force in frictions],
     )
-    return [friction_force for friction_force in frictions if friction_force.size]
+    return [friction_force for friction_force in frictions if friction_force.magnitude]
 
 
 def add_joint_forces(unit: UnitMotion, stack: Array, joint: Joint, forces: Sequence[Array]) -> None:
@@ -231,7 +231,7 @@ def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
     """Return the loads at angles and times (n,) in [s]; None where the time is not known."""
     out = np.zeros_like(unit.twist)
     for load in model.forces.loads:
-        link, point, _ = unit.place(load.location)
+        link, point, _ = unit.locate(load.location)
         add_force(unit, out, link, point, load.force.evaluate(unit.angle, time))
     for couple in model.forces.couples:
         slot = unit.slot(couple.link)
@@ -259,7 +259,7 @@ def require_idle(unit: UnitMotion, wrenches: Array, what: str) -> None:
     """Raise InputError if wrenches do work on a spin that nothing determines."""
     if not unit.idle.shape[-1]:
         return
-    length = unit.mechanism.size
+    length = unit.mechanism.characteristic_length
     units = np.array([length] * 3 + [1.0] * 3)
     work = np.abs((wrenches[..., None] * unit.idle).sum((1, 2))).max()
     most = np.abs(wrenches * units).max() * np.abs(unit.idle / units[:, None]).max()
@@ -279,7 +279,7 @@ def _spring(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
 
 def _line(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
     """Return the direction from a to b, zero where they meet, the distance, and the gap's derivative."""
-    (_, a, rate_a), (_, b, rate_b) = unit.place(spring.a), unit.place(spring.b)
+    (_, a, rate_a), (_, b, rate_b) = unit.locate(spring.a), unit.locate(spring.b)
     gap = b - a
     length = np.sqrt(dot(gap, gap))
     safe = np.where(length > 0.0, length, 1.0)
@@ -289,5 +289,5 @@ def _line(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
 def _add_tension(unit: UnitMotion, stack: Stack, spring: Spring, tension: Array) -> None:
     line, _, _ = _line(unit, spring)
     for location, sign in ((spring.a, 1.0), (spring.b, -1.0)):
-        link, where, _ = unit.place(location)
+        link, where, _ = unit.locate(location)
         add_force(unit, stack, link, where, sign * tension[:, None] * line)

@@ -133,13 +133,13 @@ def run(
         raise InputError(f"coefficient of restitution is {restitution}; give 0 to 1")
     if not 1e-14 <= tolerance <= 1e-2:
         raise InputError(f"tolerance of a step is {tolerance}; give 1e-14 to 1e-2")
-    names = {*values.coordinates, *values.rates, *getattr(model.drive, "ranges", {})}
+    names = {*values.coordinates, *values.rates, *getattr(model.solver, "ranges", {})}
     event = None if until is None else parse_event(model.mechanism, until)
     if event is not None:
         names.update(event.quantity.subjects("joint"))
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0))
     q, rates = initial_state(equations, values)
-    stops = stops_of(equations, getattr(model.drive, "ranges", {}))
+    stops = stops_of(equations, getattr(model.solver, "ranges", {}))
     integration = Integration(equations, q, rates, tolerance, stops, restitution)
     function = None if event is None else lambda state, _: event.function(equations, state)
     trajectory = integration.run(end, function)
@@ -191,7 +191,7 @@ def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> I
     Raises:
         InputError: for a name that the mechanism does not have, or a value that is not a finite number.
     """
-    mechanism, stated = model.mechanism, getattr(model.drive, "initial", {})
+    mechanism, stated = model.mechanism, getattr(model.solver, "initial", {})
     coordinates, rates = dict[str, float](), dict[str, float]()
     for quantity, value in {**stated, **initial}.items():
         name, _, component = quantity.rpartition(".")

@@ -67,7 +67,7 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
 def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first of them, and the constant torque."""
     # one that must pass a change point to come round does so in two turns
-    turns = round(model.drive.period / REVOLUTION)
+    turns = round(model.solver.period / REVOLUTION)
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
     unit = model.unit_motion(angle)
     reduced = coefficients(unit, applied(model, unit), model.forces.flywheel)

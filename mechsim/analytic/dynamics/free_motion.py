@@ -67,7 +67,7 @@ class Runner:
 
     def terms(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
         """Return J, J', statics, damping, dry friction, and driving torque at a state."""
-        row = self.chart.at(angle)
+        row = self.chart.evaluate(angle)
         inertia, derivative, static, _, damping = row[:5].tolist()
         k = len(self.dry)
         dry = float(np.abs(row[5 : 5 + k]) @ self.dry) if k else 0.0
@@ -290,7 +290,7 @@ class Runner:
             speed = min(speed, abs(motor.no_load))
         return PATIENCE * REVOLUTION * (1.0 + abs(self.turns)) / max(speed, 1e-6)
 
-    def at(self, times: Array) -> tuple[Array, Array, Array, Array]:
+    def sample(self, times: Array) -> tuple[Array, Array, Array, Array]:
         """Return what the run was at instants (n,) in [s], from 0 to its end.
 
         Returns:
@@ -304,7 +304,7 @@ class Runner:
             if within.any():
                 states[:, within] = solution(times[within])
                 signs[within] = sign
-        rows = [self.chart.at(angle) for angle in states[0].tolist()]
+        rows = [self.chart.evaluate(angle) for angle in states[0].tolist()]
         acceleration = [
             self.rates(sign)(time, state)[1] if sign else 0.0
             for time, state, sign in zip(times.tolist(), states.T, signs.tolist(), strict=True)
@@ -377,7 +377,7 @@ def free_run(
     outcome, reason = runner.run(duration)
     instants_to_record = np.linspace(0.0, runner.time, samples) if instants is None else instants
     times = instants_to_record[instants_to_record <= runner.time]
-    (crank, rate, work, lost), acceleration, inertia, potential = runner.at(times)
+    (crank, rate, work, lost), acceleration, inertia, potential = runner.sample(times)
     return FreeRun(
         time=times,
         angle=crank,

@@ -23,14 +23,14 @@ def joint_forces(model: DynamicModel, run: DynamicRun) -> InverseDynamics:
     Accuracy: without motor and load torque the efforts of drivers are zero to rounding.
     """
     motion = run.motion
-    if not model.drive.motion_laws.crank:
+    if not model.solver.motion_laws.crank:
         # drivers are prescribed over time, which goes on at rate 1
         zero = np.zeros_like(run.time)
         motion = replace(motion, angle=run.time, speed=zero + 1.0, acceleration=zero)
     state = motion.angle, motion.speed, motion.acceleration
     with np.errstate(all="ignore"):
         study = prescribed(model, *state, time=run.time, as_run=motion)
-    change = np.abs(study.efforts.kinetic - run.kinetic).max(initial=0.0)
+    change = np.abs(study.forces.kinetic - run.kinetic).max(initial=0.0)
     if not change <= SAME_MOTION * max(float(run.kinetic.max(initial=0.0)), np.finfo(float).tiny):
         raise InputError(
             f"{model.mechanism.name}: forces in the joints over a run are known where its drivers determine "

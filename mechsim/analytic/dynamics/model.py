@@ -26,12 +26,12 @@ class DynamicModel:
     Attributes:
         mechanism: every link has an inertia.
         forces: what acts on it.
-        drive: what gives its motion: a closed form, or the loop equations.
+        solver: of its motion: a closed form, or the loop equations.
     """
 
     mechanism: Mechanism
     forces: Forces
-    drive: KinematicSolver
+    solver: KinematicSolver
 
     __repr__ = short_repr
 
@@ -52,29 +52,29 @@ class DynamicModel:
             AssemblyError: where the loops do not close, or a joint would leave its range.
         """
         values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-        if not isinstance(self.drive, LoopForm):
-            return from_motion(self.mechanism, self.drive.solve_along(values))
+        if not isinstance(self.solver, LoopForm):
+            return from_motion(self.mechanism, self.solver.solve_along(values))
         # as `LoopForm` has it: with the links that a record of a user's file leaves out
         if as_run is None or not as_run.drivers:
-            motion = LoopForm.solve_along(self.drive, values)
+            motion = LoopForm.solve_along(self.solver, values)
         else:
-            motion = LoopForm.solve_as(self.drive, at_unit_speed(as_run))
-        return from_motion(self.mechanism, self.drive.within_ranges(motion) if within else motion)
+            motion = LoopForm.solve_as(self.solver, at_unit_speed(as_run))
+        return from_motion(self.mechanism, self.solver.within_ranges(motion) if within else motion)
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "DynamicModel":
         """Return the model with the assembly that is selected at the first crank angle."""
-        solver = self.drive
+        solver = self.solver
         if not isinstance(solver, ClosedForm):
             return self
         solver_at_start = solver.starting_at(angles, direction)
         return replace(
-            self, mechanism=self.mechanism.with_guess(*solver_at_start.guess()), drive=solver_at_start
+            self, mechanism=self.mechanism.with_guess(*solver_at_start.guess()), solver=solver_at_start
         )
 
     def with_forces(self, forces: Forces) -> "DynamicModel":
         """Return the same mechanism under other forces."""
         forces.check(self.mechanism)
-        _check_crank(self.mechanism, forces, self.drive.motion_laws)
+        _check_crank(self.mechanism, forces, self.solver.motion_laws)
         return replace(self, forces=forces)
 
 

@@ -22,7 +22,7 @@ from mechsim.numerics.inputs import require
 from mechsim.numerics.resources import require_memory
 
 # instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
-BATCH_FRACTION, STORED_NUMBERS = 4096, 80.0
+BATCH_SIZE, STORED_NUMBERS = 4096, 80.0
 # numbers kept of an instant, and of a joint in it; each is held twice while parts are put together
 KEPT, JOINT, TWICE = 40.0, 27.0, 16.0
 FEWER = "take {most} instants at the most"
@@ -34,7 +34,7 @@ class InverseDynamics:
 
     Attributes:
         model: the mechanism with its masses and forces.
-        efforts: what both roads tell; the drive torque in it is by virtual power and replaces the motor.
+        forces: what both roads tell; the drive torque in it is by virtual power and replaces the motor.
             Reactions where a dry friction turns round are without it, halfway between two values.
         load: generalised force of the loads on the crank, (n,) in [N m].
         reduced: coefficients of the reduced equation.
@@ -46,7 +46,7 @@ class InverseDynamics:
     """
 
     model: DynamicModel
-    efforts: ForceRecord
+    forces: ForceRecord
     load: Array
     reduced: Reduced
     second_torque: Array
@@ -57,7 +57,7 @@ class InverseDynamics:
     __repr__ = short_repr
 
     def __len__(self) -> int:
-        return len(self.efforts)
+        return len(self.forces)
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
@@ -67,9 +67,9 @@ class InverseDynamics:
     @property
     def torque_parts(self) -> dict[str, Array]:
         """What the drive torque is made of, (n,) each in [N m]."""
-        reduced, w = self.reduced, self.efforts.speed
+        reduced, w = self.reduced, self.forces.speed
         return {
-            "inertia": reduced.inertia * self.efforts.acceleration + 0.5 * reduced.slope * w**2,
+            "inertia": reduced.inertia * self.forces.acceleration + 0.5 * reduced.inertia_derivative * w**2,
             "weight and springs": -reduced.static,
             "friction": reduced.damping * w + reduced.coulomb * np.sign(w),
             "loads": -self.load,
@@ -78,16 +78,19 @@ class InverseDynamics:
     @property
     def power_stored(self) -> Array:
         """Rate at which kinetic and potential energy grow, (n,) in [W], from J, J' and statics."""
-        w, e, reduced = self.efforts.speed, self.efforts.acceleration, self.reduced
-        return w * (reduced.inertia * e + 0.5 * reduced.slope * w**2 - reduced.static)
+        w, e, reduced = self.forces.speed, self.forces.acceleration, self.reduced
+        return w * (reduced.inertia * e + 0.5 * reduced.inertia_derivative * w**2 - reduced.static)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the efforts as columns of a table in SI, and among them what only formulas tell."""
         more = {
-            "torque": {"inertia": self.reduced.inertia, "inertia_slope": self.reduced.slope},
+            "torque": {
+                "inertia": self.reduced.inertia,
+                "inertia_derivative": self.reduced.inertia_derivative,
+            },
             "power_lost": {"power_stored": self.power_stored},
         }
-        for name, values in self.efforts.columns():
+        for name, values in self.forces.columns():
             yield name, values
             yield from more.get(name, {}).items()
         yield from wrench_columns("frame", self.shaking_force, self.shaking_moment)
@@ -128,7 +131,7 @@ def prescribed(
         AssemblyError: where the loops do not close.
     """
     require("what is to be solved", model, DynamicModel)
-    motion_laws = model.drive.motion_laws
+    motion_laws = model.solver.motion_laws
     if as_run is not None:
         instants = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)
     else:
@@ -159,10 +162,10 @@ def prescribed_along(
     angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
         model = model.starting_at(angle, float(np.ravel(rate)[0]))
-    time = model.drive.motion_laws.time(angle) if time is None else time
+    time = model.solver.motion_laws.time(angle) if time is None else time
     n, joints = len(angle), len(model.mechanism.joints)
     equations = 6.0 * len(model.mechanism.links)
-    each = TWICE * (KEPT + JOINT * joints) + STORED_NUMBERS * equations**2 * min(1.0, BATCH_FRACTION / n)
+    each = TWICE * (KEPT + JOINT * joints) + STORED_NUMBERS * equations**2 * min(1.0, BATCH_SIZE / n)
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
     times = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
@@ -170,12 +173,12 @@ def prescribed_along(
         times = angle / w
     standing = np.abs(w) <= STILL * np.abs(w).max()
     chunks: list[InverseDynamics] = []
-    for first in range(0, n, BATCH_FRACTION):
-        rows = slice(first, first + BATCH_FRACTION)
+    for first in range(0, n, BATCH_SIZE):
+        rows = slice(first, first + BATCH_SIZE)
         instants = None if times is None else times[rows]
         run = None if as_run is None else select_instants(as_run, rows)
         chunks.append(_solved(model, angle[rows], w[rows], e[rows], instants, standing[rows], run))
-        finished = min(first + BATCH_FRACTION, n)
+        finished = min(first + BATCH_SIZE, n)
         progress(f"{finished:,} of {n:,} instants", finished / n)
     return chunks[0] if len(chunks) == 1 else _joined(chunks)
 
@@ -224,7 +227,7 @@ def moved_as(
     torque = reduced.torque(w, e) - outside.torque
     force, moment = _shaking(model, unit, inertial, acting.gravity + outside.wrenches, e)
     record = ForceRecord(
-        size=unit.mechanism.size,
+        characteristic_length=unit.mechanism.characteristic_length,
         time=times,
         angle=angle,
         speed=w,
@@ -249,7 +252,7 @@ def moved_as(
     )
     return InverseDynamics(
         model=model,
-        efforts=record,
+        forces=record,
         load=outside.torque,
         reduced=reduced,
         second_torque=_parameter_torque(unit, forces.drives),
@@ -303,22 +306,22 @@ def _joined(chunks: Sequence[InverseDynamics]) -> InverseDynamics:
     whole = join(
         [
             replace(
-                chunk.efforts,
-                reactions={name: bare(reaction) for name, reaction in chunk.efforts.reactions.items()},
+                chunk.forces,
+                reactions={name: bare(reaction) for name, reaction in chunk.forces.reactions.items()},
             )
             for chunk in chunks
         ]
     )
     reactions = {
         name: replace(
-            reaction, determined=np.all([chunk.efforts.reactions[name].is_determined for chunk in chunks], 0)
+            reaction, determined=np.all([chunk.forces.reactions[name].is_determined for chunk in chunks], 0)
         )
         for name, reaction in whole.reactions.items()
     }
-    undetermined = frozenset[str]().union(*(chunk.efforts.undetermined for chunk in chunks))
+    undetermined = frozenset[str]().union(*(chunk.forces.undetermined for chunk in chunks))
     return InverseDynamics(
         model=chunks[0].model,
-        efforts=replace(whole, reactions=reactions, undetermined=undetermined),
+        forces=replace(whole, reactions=reactions, undetermined=undetermined),
         load=np.concatenate([chunk.load for chunk in chunks]),
         reduced=join([chunk.reduced for chunk in chunks]),
         second_torque=np.concatenate([chunk.second_torque for chunk in chunks]),

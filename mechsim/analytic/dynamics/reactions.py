@@ -115,7 +115,7 @@ def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.b
 
 def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
     """Return the units of the columns and rows of the loop Jacobian in the mechanism's size."""
-    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
+    columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
     return columns, row_units(mechanism, count)
 
 
@@ -143,7 +143,7 @@ def _reaction(
         apart.append(share.separating[..., None] * stress)
     # what separates teeth has the size of an effort, not its sign: it may differ whatever the others do
     alone = np.concatenate([alone, *apart], -1)
-    scale = np.array([unit.mechanism.size] * 3 + [1.0] * 3)
+    scale = np.array([unit.mechanism.characteristic_length] * 3 + [1.0] * 3)
     alone = np.real(alone) * scale[:, None]
     undone = np.abs(alone[sound]).max((0, 2), initial=0.0)
     return Reaction(

@@ -50,7 +50,7 @@ class Arc:
     high: float
     values: Array
 
-    def at(self, angle: float) -> Array:
+    def evaluate(self, angle: float) -> Array:
         """Return the interpolated columns at one crank angle."""
         x = (2.0 * angle - self.low - self.high) / (self.high - self.low)
         gaps = x - NODES
@@ -79,7 +79,7 @@ class CrankTable:
     ahead: bool = False
     coarse: set[tuple[float, float]] = field(default_factory=set)
 
-    def at(self, angle: float) -> Array:
+    def evaluate(self, angle: float) -> Array:
         """Return all columns at a crank angle in [rad].
 
         Raises:
@@ -88,27 +88,27 @@ class CrankTable:
         if self.periodic:
             angle = angle % REVOLUTION
         index = int(np.floor(angle / ARC))
-        if isinstance(self.model.drive, LoopForm) and not self.ahead:
+        if isinstance(self.model.solver, LoopForm) and not self.ahead:
             self.ahead = True
             self._look_ahead(index)
-            return self.at(angle)
+            return self.evaluate(angle)
         for arc in self.arcs.setdefault(index, []):
             if arc.low <= angle <= arc.high:
-                return arc.at(angle)
+                return arc.evaluate(angle)
         low, high = index * ARC, (index + 1) * ARC
         while True:
             arc = None if (low, high) in self.coarse else self._charted(low, high)
             if arc is not None:
                 self.arcs[index].append(arc)
                 self._compare(index)
-                return arc.at(angle)
+                return arc.evaluate(angle)
             self.coarse.add((low, high))
             middle = 0.5 * (low + high)
             low, high = (low, middle) if angle <= middle else (middle, high)
             if high - low < SHORTEST:
                 raise AssemblyError(
                     f"{self.model.mechanism.name}: the reduced equation has no smooth coefficients at "
-                    f"crank angle {angle:.6g} rad: a dead centre, or as near to one as rounding tells, or a "
+                    f"crank angle {angle:.6g} rad: a dead centre, or one within rounding, or a "
                     "spring whose joint passes half a turn"
                 )
 
@@ -177,7 +177,7 @@ class CrankTable:
         largest[1] = max(largest[1], largest[0] / (high - low))
         largest[2:4] = largest[2:4].max()
         largest[2:] = np.maximum(largest[2:], _floors(self.model, len(largest) - 2))
-        exact = ASSEMBLED if isinstance(self.model.drive, LoopForm) else RESOLVED
+        exact = ASSEMBLED if isinstance(self.model.solver, LoopForm) else RESOLVED
         least = (
             exact
             if high - low > ARC / SHORTER
@@ -193,7 +193,7 @@ def _floors(model: DynamicModel, count: int) -> Array:
 
     As of a planar linkage's way out of its plane, or of a joint that never turns.
     """
-    length, forces = model.mechanism.size, model.forces
+    length, forces = model.mechanism.characteristic_length, model.forces
     lever = min(1.0, length)
     masses = sum(link.inertia.mass for link in model.mechanism.links if link.inertia is not None)
     weight = masses * length * float(np.linalg.norm(forces.gravity))
@@ -221,7 +221,7 @@ def columns(model: DynamicModel, angles: Array) -> Array:
     reduced = coefficients(unit, acting, model.forces.flywheel)
     rates = [friction.rate for friction in acting.dry]
     leverage = load_leverage(model, unit).reshape(len(unit), -1)
-    fixed = (reduced.inertia, reduced.slope, reduced.static, reduced.energy, reduced.damping)
+    fixed = (reduced.inertia, reduced.inertia_derivative, reduced.static, reduced.energy, reduced.damping)
     return np.column_stack([*fixed, *rates, leverage])
 
 
@@ -234,7 +234,7 @@ class Reduced:
     Attributes:
         angle: crank angle, (n,) in [rad].
         inertia: J, flywheel included, (n,) in [kg m2].
-        slope: J' = dJ/dangle, (n,) in [kg m2/rad].
+        inertia_derivative: J' = dJ/dangle, (n,) in [kg m2/rad].
         static: of gravity and springs, (n,) in [N m].
         damping: (n,) in [N m s], 0 or more.
         coulomb: of dry friction, (n,) in [N m], 0 or more.
@@ -243,7 +243,7 @@ class Reduced:
 
     angle: Array
     inertia: Array
-    slope: Array
+    inertia_derivative: Array
     static: Array
     damping: Array
     coulomb: Array
@@ -259,7 +259,7 @@ class Reduced:
     def torque(self, speed: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
         """Return the crank torque that a motion needs, loads left out, (n,) in [N m]."""
         w, e = np.asarray(speed, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
-        return self.inertia * e + 0.5 * self.slope * w**2 - self.force(w)
+        return self.inertia * e + 0.5 * self.inertia_derivative * w**2 - self.force(w)
 
 
 def reduced(model: DynamicModel, angles: ArrayLike) -> Reduced:
@@ -276,7 +276,7 @@ def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
     inertia, derivative = generalised_inertia(unit)
     friction = np.zeros(len(unit))
     for dry in acting.dry:
-        friction = friction + dry.size * size_of(dry.rate)
+        friction = friction + dry.magnitude * size_of(dry.rate)
     return Reduced(
         unit.angle,
         inertia + flywheel,
@@ -307,7 +307,7 @@ def load_leverage(model: DynamicModel, unit: UnitMotion) -> Array:
 
     Of a load the derivative of its point in [m/rad], of a couple that of its link's turning.
     """
-    rates = [unit.place(load.location)[2] for load in model.forces.loads]
+    rates = [unit.locate(load.location)[2] for load in model.forces.loads]
     rates += [unit.spin(couple.link) for couple in model.forces.couples]
     return np.stack(rates, 1) if rates else np.zeros((len(unit), 0, 3))
 

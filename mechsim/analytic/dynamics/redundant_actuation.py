@@ -57,14 +57,14 @@ def actuator_forces(
 
 def _drives(result: InverseDynamics) -> Array:
     """Return the torque or force of each driver, (n, m)."""
-    drives = result.efforts.drives
+    drives = result.forces.drives
     names = result.model.mechanism.drivers
-    return np.stack([drives[name] for name in names], 1) if drives else result.efforts.torque[:, None]
+    return np.stack([drives[name] for name in names], 1) if drives else result.forces.torque[:, None]
 
 
 def _actuator_jacobian(result: InverseDynamics, names: Sequence[str]) -> Array:
     """Return the derivatives of joint coordinates by the drivers at the instants of a result, (n, a, m)."""
-    solver, parameter = result.model.drive, result.efforts.angle
+    solver, parameter = result.model.solver, result.forces.angle
     if solver.motion_laws.crank or not isinstance(solver, LoopForm):
         moving = [solver.solve_along(parameter)]
     else:

@@ -107,7 +107,7 @@ class UnitMotion:
         swing = cross(self.twist[:, slot, 3:], arm)
         return self.position[:, slot] + arm, self.twist[:, slot, :3] + swing
 
-    def place(self, location: Location) -> tuple[str, Array, Array]:
+    def locate(self, location: Location) -> tuple[str, Array, Array]:
         """Return the link of a place, where it is and its derivative."""
         link, local = located(self.mechanism, location)
         return link, *self.point(link, local)
@@ -193,7 +193,7 @@ def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
     n, count = len(unit), len(mechanism.links)
     if not passive:
         return np.zeros((n, count, 6, 0))
-    scale = np.tile([mechanism.size] * 3 + [1.0] * 3, count)
+    scale = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, count)
     null = null_space(unit.locked_rows.jacobian * scale, passive, loops.RANK_TOLERANCE)
     return (null * scale[:, None]).reshape(n, count, 6, passive)
 
@@ -206,7 +206,7 @@ def _require_round(unit: UnitMotion, idle: Array) -> None:
         across = skew(angular)
         change = across @ unit.moments - unit.moments @ across
         fastest = np.abs(angular).max((1, 2), keepdims=True)
-        length, most = unit.mechanism.size, np.abs(unit.moments).max((-1, -2))
+        length, most = unit.mechanism.characteristic_length, np.abs(unit.moments).max((-1, -2))
         off = (np.abs(drift).max(-1) > ROUND * length * fastest[..., 0]) | (
             np.abs(change).max((-1, -2)) > ROUND * most * fastest[..., 0]
         )
@@ -238,7 +238,7 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     before = unit.rows({link.name: unit.twist[:, i] for i, link in enumerate(unit.mechanism.links)})
     # the second rates that what is driven has, whatever spins
     driven = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
-    scale = np.tile([unit.mechanism.size] * 3 + [1.0] * 3, count)
+    scale = np.tile([unit.mechanism.characteristic_length] * 3 + [1.0] * 3, count)
     least = least_norm(rows.jacobian * scale, rows.bias - driven, loops.RANK_TOLERANCE)
     bias = -(scale * least).reshape(n, count, 6)
     moved = replace(unit, twist=twist, bias=bias)

@@ -86,7 +86,9 @@ class LoopForm:
         start = self.mechanism.start
         revolution = self.solve([start, start + REVOLUTION])
         links = [link for name, link in revolution.links.items() if name not in revolution.spinning]
-        displacements = [np.ptp(link.position, axis=0).max() / self.mechanism.size for link in links]
+        displacements = [
+            np.ptp(link.position, axis=0).max() / self.mechanism.characteristic_length for link in links
+        ]
         return max(*displacements, *(np.ptp(link.rotation, axis=0).max() for link in links)) < SAME_POSE
 
     def with_change_point(self, policy: ChangePointPolicy) -> Self:

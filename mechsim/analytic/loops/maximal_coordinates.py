@@ -297,12 +297,12 @@ def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
 
 def row_units(mechanism: Mechanism, count: int) -> Array:
     """Return factors that make the first `count` rows of a mechanism free of units, (count,)."""
-    return np.where(lengths(mechanism, count), 1.0 / mechanism.size, 1.0)
+    return np.where(lengths(mechanism, count), 1.0 / mechanism.characteristic_length, 1.0)
 
 
 def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
     """Make a Jacobian free of units: lengths in units of the mechanism's size."""
-    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
+    columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
     return jacobian * columns * row_units(mechanism, jacobian.shape[1])[:, None]
 
 

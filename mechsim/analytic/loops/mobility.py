@@ -268,7 +268,7 @@ def _displaced_names(loops: TreeLoops, before: Coordinates, after: Coordinates) 
         name for name, index in tree.index_of.items() if displacement[index] > MIN_MOTION * NULL_DISPLACEMENT
     ]
     points_before, points_after = (_points(loops, link_poses(tree, point)) for point in (before, after))
-    threshold = MIN_MOTION * NULL_DISPLACEMENT * tree.mechanism.size
+    threshold = MIN_MOTION * NULL_DISPLACEMENT * tree.mechanism.characteristic_length
     return names + [
         f"point {name}"
         for name, point in points_before.items()

@@ -72,7 +72,7 @@ class PoseSystem:
         names = [link.name for link, free in zip(self.mechanism.links, self.free, strict=True) if free]
         for name, twist in zip(names, step.reshape(len(step), -1, 6).swapaxes(0, 1), strict=True):
             pose = poses[name]
-            position = pose.position + self.mechanism.size * twist[:, :3]
+            position = pose.position + self.mechanism.characteristic_length * twist[:, :3]
             moved[name] = Pose(position, turned_by(pose.rotation, twist[:, 3:]))
         return moved
 
@@ -255,7 +255,7 @@ def rates(
 
 def _twists(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
     """Return the least-norm solution of J x = right, (n, 6 links), lengths in units of the size."""
-    columns = np.tile([mechanism.size] * 3 + [1.0] * 3, len(mechanism.links))
+    columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
     return columns * least_norm(jacobian * columns, right)
 
 

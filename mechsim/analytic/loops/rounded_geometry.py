@@ -170,7 +170,9 @@ def _perturbed(mechanism: Mechanism, change: Array) -> Mechanism:
     """Return a mechanism whose joint sides are shifted, in parts of the size, and turned, in [rad]."""
     joints = tuple(
         replace(
-            joint, a=_moved(joint.a, sides[0], mechanism.size), b=_moved(joint.b, sides[1], mechanism.size)
+            joint,
+            a=_moved(joint.a, sides[0], mechanism.characteristic_length),
+            b=_moved(joint.b, sides[1], mechanism.characteristic_length),
         )
         for joint, sides in zip(mechanism.joints, change, strict=True)
     )
@@ -190,5 +192,5 @@ def _vector(values: Array) -> Vector:
 
 
 def _sizes(mechanism: Mechanism, change: Array) -> tuple[float, float]:
-    shift = np.linalg.norm(change[..., :3], axis=-1).max() * mechanism.size
+    shift = np.linalg.norm(change[..., :3], axis=-1).max() * mechanism.characteristic_length
     return float(shift), float(np.linalg.norm(change[..., 3:], axis=-1).max())

@@ -171,7 +171,7 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
         counted == mechanism.counted
         and mechanism.guess.keys() == poses.keys()
         and all(
-            np.abs(pose.position - poses[name].position).max() < SAME_POSE * mechanism.size
+            np.abs(pose.position - poses[name].position).max() < SAME_POSE * mechanism.characteristic_length
             and np.abs(pose.rotation - poses[name].rotation).max() < SAME_POSE
             for name, pose in mechanism.guess.items()
         )

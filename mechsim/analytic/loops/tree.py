@@ -301,7 +301,7 @@ class SpanningTree:
     @cached_property
     def length(self) -> float:
         """Characteristic length of the mechanism, in [m]."""
-        return self.mechanism.size
+        return self.mechanism.characteristic_length
 
     @cached_property
     def count(self) -> int:

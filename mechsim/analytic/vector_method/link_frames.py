@@ -140,7 +140,7 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
     if kind.ball or not kind.turns:
         return coordinates
     mark_b, side_b, axis_b = (vector(joint.b.frame[:, i]) for i in range(3))
-    # seen from a, b's axis where axes cross, else its mark
+    # seen from a, b's axis where axes cross, else its reference
     observed = b.direction(axis_b if kind.crossed else mark_b)
     coordinates.append(np.arctan2(dot(a.direction(side), observed), dot(a.direction(reference), observed)))
     if kind.crossed:

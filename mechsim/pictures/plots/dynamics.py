@@ -33,7 +33,7 @@ class Prescribed(Protocol):
     """A mechanism under a prescribed crank, solved by a method that gives the parts of its drive torque."""
 
     @property
-    def efforts(self) -> ForceRecord:
+    def forces(self) -> ForceRecord:
         """Forces and energies."""
         ...
 
@@ -67,7 +67,7 @@ def reaction_plot(study: Prescribed) -> "Figure":
 
     Components that are the rounding of others are drawn as none; a row holds at most `ACROSS` joints.
     """
-    reactions = study.efforts.reactions
+    reactions = study.forces.reactions
     forces = _determined_forces(study)
     largest = max((float(np.nanmax(np.abs(force), initial=0.0)) for force in forces.values()), default=0.0)
     forces = {
@@ -153,14 +153,14 @@ def dynamics_sheet(
 
 
 def _driving(ax: "Axes", study: Prescribed, simulated: ForceRecord | None) -> None:
-    if study.efforts.drives:
-        _drives(ax, study.efforts, simulated)
+    if study.forces.drives:
+        _drives(ax, study.forces, simulated)
     else:
         _torque(ax, study, simulated)
 
 
 def _torque(ax: "Axes", study: Prescribed, simulated: ForceRecord | None) -> None:
-    result, lines, degrees = study.efforts, study.torque_parts, np.rad2deg(study.efforts.angle)
+    result, lines, degrees = study.forces, study.torque_parts, np.rad2deg(study.forces.angle)
     factor, unit = readable(result.torque, "N m")
     shown = {name: values for name, values in lines.items() if np.abs(values).max() > 1e-6 * factor}
     for i, (name, values) in enumerate(shown.items()):
@@ -197,10 +197,10 @@ def _drives(ax: "Axes", result: ForceRecord, simulated: ForceRecord | None) -> N
 
 def _determined_forces(study: Prescribed) -> dict[str, Array]:
     """Return what is determined of each joint's force, (n, 3), gaps where it has no limit."""
-    gaps = study.efforts.unbounded[:, None]
+    gaps = study.forces.unbounded[:, None]
     return {
         name: np.where(gaps, np.nan, reaction.project(reaction.force, reaction.moment)[0])
-        for name, reaction in study.efforts.reactions.items()
+        for name, reaction in study.forces.reactions.items()
     }
 
 
@@ -222,7 +222,7 @@ def _polar(ax: "Axes", study: Prescribed) -> None:
 
 
 def _powers(ax: "Axes", study: Prescribed) -> None:
-    result = study.efforts
+    result = study.forces
     along = result.time if result.drives and result.time is not None else np.rad2deg(result.angle)
     powers: dict[str, Any] = {
         "drive": result.power_in,

@@ -182,7 +182,7 @@ def frames(
         exact: the same motion by the closed form, sample by sample; drawn as a ghost over `motion`,
             their difference magnified (see `Look.magnify`) and the factor written on the picture.
         forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for `arrows`;
-            `dynamics.prescribed(...).efforts.reactions[joint].force` are those in the joints.
+            `dynamics.prescribed(...).forces.reactions[joint].force` are those in the joints.
         moments: likewise in [N m].
         options: fields of `Look`, in place of the look's own.
 

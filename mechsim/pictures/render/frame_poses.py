@@ -164,7 +164,8 @@ def comes_round(
     if len(motion) < 3:
         return False
     return all(
-        float(np.abs(moved.position[-1] - moved.position[0]).max()) < position_tolerance * mechanism.size
+        float(np.abs(moved.position[-1] - moved.position[0]).max())
+        < position_tolerance * mechanism.characteristic_length
         and float(np.abs(moved.rotation[-1] - moved.rotation[0]).max()) < angle_tolerance
         for name, moved in motion.links.items()
         if name not in motion.spinning

@@ -59,7 +59,7 @@ def platform_data(mechanism: Mechanism, platform: PlatformDrive) -> dict[str, An
         "point": list(platform.point),
         "origin": platform.origin,
         "coordinates": list(platform.coordinates),
-        "size": mechanism.size,
+        "size": mechanism.characteristic_length,
         "links": links,
         "start": [_pose(platform.start[link]) for link in links],
         "joints": [_joint(joint, links) for joint in mechanism.joints],

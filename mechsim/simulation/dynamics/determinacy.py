@@ -39,7 +39,7 @@ def determined_components(loaded: LoadedModel) -> DeterminedComponents:
         return determined
     n = len(qpos)
     state = loaded_state(loaded, States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv))))
-    units = np.array([1.0] * 3 + [loaded.mechanism.size] * 3)
+    units = np.array([1.0] * 3 + [loaded.mechanism.characteristic_length] * 3)
 
     def carried(multipliers: Array) -> dict[str, Array]:
         stressed = together(
@@ -47,12 +47,12 @@ def determined_components(loaded: LoadedModel) -> DeterminedComponents:
             coupling_forces(loaded, state.plain, state.jacobian, multipliers),
         )
         fields = loaded.look(loaded.looking(native=False), state.states, stressed)
-        found = {
+        transmitted_forces = {
             joint.name: transmitted(loaded, joint, fields, multipliers) for joint in loaded.mechanism.joints
         }
         return {
             name: np.concatenate([stresses.force, stresses.moment], 1) / units
-            for name, stresses in found.items()
+            for name, stresses in transmitted_forces.items()
         }
 
     alone = carried(np.zeros((n, rows)))

@@ -273,7 +273,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=forces.acceleration)
     return SteppedFreeRun(
         motion=motion,
-        efforts=forces,
+        forces=forces,
         free=FreeRun(
             time=states.time,
             angle=forces.angle,

@@ -148,7 +148,7 @@ def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) 
     turning = moving["actuator_velocity"][0]
     whole = float((rates[0] @ inertia[0] @ rates[0]).item())
     soft = compliance(loaded.dry, turning, whole, timestep)
-    locked = sum(unit.size * float(np.sqrt((turning[unit.actuators] ** 2).sum())) for unit in loaded.dry)
+    locked = sum(unit.magnitude * float(np.sqrt((turning[unit.actuators] ** 2).sum())) for unit in loaded.dry)
     return soft, STEPS * timestep * locked / whole
 
 
@@ -182,10 +182,10 @@ def _with_callback(
     model, data = loops.model, mujoco.MjData(loops.model)
     data.qpos[:], data.qvel[:] = start
 
-    def control(_: mujoco.MjModel, at: mujoco.MjData) -> None:
-        controls = loaded.controls(at.qpos[[loops.crank_address]], np.array([at.time]))
-        oppose(loaded.dry, at.actuator_velocity[None], controls, soft)
-        at.ctrl[:] = controls[0]
+    def control(_: mujoco.MjModel, state: mujoco.MjData) -> None:
+        controls = loaded.controls(state.qpos[[loops.crank_address]], np.array([state.time]))
+        oppose(loaded.dry, state.actuator_velocity[None], controls, soft)
+        state.ctrl[:] = controls[0]
 
     def advance(count: int, record_step: int) -> tuple[Array, Array, Array, bool]:
         rows = []
@@ -244,7 +244,7 @@ def expect_speed(
     """
     inertia, damping = _along(loaded, angle)
     weight = float(loaded.model.body_mass.sum() * np.linalg.norm(loaded.model.opt.gravity))
-    stored = 2.0 * weight * loaded.mechanism.size
+    stored = 2.0 * weight * loaded.mechanism.characteristic_length
     forces, torque, limit, fall = loaded.forces, 0.0, np.inf, 0.0
     if forces.motor is not None:
         torque, fall = abs(float(forces.motor.torque(0.0))), -forces.motor.derivative
@@ -253,7 +253,7 @@ def expect_speed(
         around = np.linspace(0.0, REVOLUTION, 73)
         torque += float(np.abs(forces.crank_torque.evaluate(around, np.zeros(73))).max())
     for spring in forces.springs:
-        stored += 0.5 * spring.stiffness * loaded.mechanism.size**2
+        stored += 0.5 * spring.stiffness * loaded.mechanism.characteristic_length**2
     least = float(inertia.min())
     distance = REVOLUTION * abs(turns) if turns is not None else REVOLUTION
     driven = min(float(np.sqrt(2.0 * torque * distance / least)), limit)

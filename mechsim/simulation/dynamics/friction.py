@@ -28,7 +28,7 @@ class DryJoint:
     """The dry friction of one joint: indices of its actuators, and its size in [N m]."""
 
     actuators: NDArray[np.int64]
-    size: float
+    magnitude: float
 
 
 def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[DryJoint]:
@@ -57,7 +57,7 @@ def oppose(
         rate = velocity[:, joint.actuators]
         fast = np.sqrt((rate * rate).sum(1))[:, None]
         least = max(soft[i], TINY) if soft is not None else TINY
-        controls[:, joint.actuators] = -joint.size * rate / np.maximum(fast, least)
+        controls[:, joint.actuators] = -joint.magnitude * rate / np.maximum(fast, least)
 
 
 def compliance(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:
@@ -70,6 +70,6 @@ def compliance(dry: Sequence[DryJoint], velocity: Array, inertia: float, timeste
         timestep: in [s].
     """
     return [
-        STEPS * timestep * joint.size * float((velocity[joint.actuators] ** 2).sum()) / inertia
+        STEPS * timestep * joint.magnitude * float((velocity[joint.actuators] ** 2).sum()) / inertia
         for joint in dry
     ]

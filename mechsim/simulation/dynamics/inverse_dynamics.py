@@ -102,17 +102,17 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
     scaled = np.swapaxes(state.jacobian * scale[:, None] * units, 1, 2)[..., :first_driven]
     multipliers = np.zeros(scale.shape + forces.shape[:1]).T
     if first_driven:
-        found = pseudo_inverse(scaled) @ (forces * units)[..., None]
-        multipliers[:, :first_driven] = scale[:first_driven] * found[..., 0]
+        solution = pseudo_inverse(scaled) @ (forces * units)[..., None]
+        multipliers[:, :first_driven] = scale[:first_driven] * solution[..., 0]
 
-    def drive(dof: int) -> Array:
+    def drive_force(dof: int) -> Array:
         spent = (state.plain["inertia"][:, dof] * fields["qacc"]).sum(1)
         return spent - state.plain["qfrc_smooth"][:, dof] - forces[:, dof]
 
     drives = loaded.loops.drivers
     if drives is None:
-        return multipliers, drive(loaded.loops.crank)
-    multipliers[:, first_driven:] = np.stack([drive(int(dof)) for dof in drives.dofs], 1)
+        return multipliers, drive_force(loaded.loops.crank)
+    multipliers[:, first_driven:] = np.stack([drive_force(int(dof)) for dof in drives.dofs], 1)
     return multipliers, _on_parameter(loaded, state.jacobian, multipliers)
 
 
@@ -122,7 +122,7 @@ def _on_parameter(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> A
     return -(multipliers[:, rows] * jacobian[:, rows, loaded.loops.crank]).sum(1)
 
 
-def efforts(
+def force_record(
     loaded: LoadedModel, state: LoadedState, qacc: Array, multipliers: Array, torque: Array
 ) -> ForceRecord:
     """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
@@ -146,7 +146,7 @@ def efforts(
     kept = float(np.abs(state.plain["qacc"]).max())
     largest = max(float(np.abs(qacc).max()), kept, even, np.finfo(np.float64).tiny)
     return ForceRecord(
-        size=loaded.mechanism.size,
+        characteristic_length=loaded.mechanism.characteristic_length,
         time=state.states.time,
         angle=state.states.qpos[:, loaded.loops.crank_address],
         speed=rates[:, crank],
@@ -265,14 +265,14 @@ class Posed:
     Attributes:
         qpos: closed states, (n, nq).
         states: the same, but moved away from change points, with their rates.
-        near: which are close to change points.
-        found: the efforts.
+        change_points: which are close to change points.
+        forces: of the motion.
     """
 
     qpos: Array
     states: States
-    near: NearRows
-    found: ForceRecord
+    change_points: NearRows
+    forces: ForceRecord
 
 
 def inverse_dynamics(
@@ -299,19 +299,22 @@ def inverse_dynamics(
     for first in range(0, len(time), CHUNK):
         chunk = slice(first, first + CHUNK)
         states = States(time[chunk], away[chunk], _rates(loaded, away[chunk]) * speed[chunk, None])
-        at = loaded_state(loaded, states)
+        state = loaded_state(loaded, states)
         chunks.append(
-            (states, efforts(loaded, at, *drive_and_constraint_forces(loaded, at, acceleration[chunk])))
+            (
+                states,
+                force_record(loaded, state, *drive_and_constraint_forces(loaded, state, acceleration[chunk])),
+            )
         )
         finished = min(first + CHUNK, len(time))
         progress(f"{finished:,} of {len(time):,} poses", finished / len(time))
     record = join([record for _, record in chunks])
     interpolated = np.zeros(len(time), dtype=np.bool_)
     for change_point, rows, angles_mod_2pi in neighbourhoods:
-        for row, at in zip(rows, angles_mod_2pi, strict=True):
+        for row, crank_angle in zip(rows, angles_mod_2pi, strict=True):
             crank = (float(values[row]) for values in (time, angle, speed, acceleration))
             record = replace_instants(
-                record, np.array([row]), _interpolated_forces(loaded, change_point, at, *crank)
+                record, np.array([row]), _interpolated_forces(loaded, change_point, crank_angle, *crank)
             )
         interpolated[rows] = True
     record = replace(record, at_branch_point=interpolated)
@@ -333,7 +336,9 @@ def _interpolated_forces(
     qpos[:, loaded.loops.crank_address] += revolutions
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
     state = loaded_state(loaded, states)
-    around = efforts(loaded, state, *drive_and_constraint_forces(loaded, state, np.full(count, acceleration)))
+    around = force_record(
+        loaded, state, *drive_and_constraint_forces(loaded, state, np.full(count, acceleration))
+    )
     record = weighted_sums(
         around, fit_weights(change_point.nodes, change_point.angle, np.array([angle_mod_2pi]))
     )
@@ -392,7 +397,7 @@ def forces_of_states(
         fields = _looked(loaded, model, chunk, acting)
         fields["qacc"] = fields["qacc"] + nonlinear
         multipliers, torque = constraint_forces(loaded, state, fields)
-        records.append(efforts(loaded, state, fields["qacc"], multipliers, torque))
+        records.append(force_record(loaded, state, fields["qacc"], multipliers, torque))
     return join(records)
 
 

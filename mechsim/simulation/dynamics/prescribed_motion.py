@@ -146,7 +146,7 @@ def _kept(run: Driven, tolerance: float | None) -> Driven:
     """Return a run by poses, judged by a tolerance if there is one."""
     if tolerance is None:
         return run
-    report = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.efforts.residual.max())})
+    report = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.forces.residual.max())})
     return replace(run, outcome="passed" if report.satisfied else "failed", tolerance_report=report)
 
 
@@ -158,10 +158,12 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, pro
     posed = inverse_dynamics(loaded, time, angle, speed, acceleration, progress)
     seconds = timer.perf_counter() - begin
     motion = evaluate(loaded.loops, loaded.track, posed.states, "pose", crank_acceleration=acceleration)
-    motion = interpolated(motion, loaded.loops, loaded.track, posed.qpos, posed.near, (speed, acceleration))
+    motion = interpolated(
+        motion, loaded.loops, loaded.track, posed.qpos, posed.change_points, (speed, acceleration)
+    )
     return Driven(
         motion=motion,
-        efforts=posed.found,
+        forces=posed.forces,
         outcome="done",
         method="pose",
         steps=len(time),
@@ -203,7 +205,7 @@ def _stepped(
         motion = replace(motion, broken=f"MuJoCo's state went bad after {states.time[-1]:.6g} s")
     return Driven(
         motion=motion,
-        efforts=record,
+        forces=record,
         outcome="diverged" if steps.diverged else "done",
         method="step",
         steps=steps.count,

@@ -79,7 +79,7 @@ def within(
         tolerance,
         rounded(steps_for(TRIALS[1], second, TARGET_FRACTION * tolerance, order), EVEN),
         _reason,
-        trials=sum(one.steps for one in runs),
+        trials=sum(trial.steps for trial in runs),
         trial_steps=TRIALS[1],
         multiple=EVEN,
     )
@@ -104,7 +104,7 @@ def against_poses(loaded: LoadedModel, run: Driven, determined: DeterminedCompon
     except AssemblyError:
         # a pose that does not close says nothing of the forces there
         return np.inf, np.inf
-    return _errors(loaded, _gaps(loaded, run.efforts, true, determined), true)
+    return _errors(loaded, _gaps(loaded, run.forces, true, determined), true)
 
 
 def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: DeterminedComponents) -> float:
@@ -115,8 +115,8 @@ def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: Deter
     """
     if "diverged" in (coarse.outcome, fine.outcome):
         return np.inf
-    gaps = _gaps(loaded, coarse.efforts, fine.efforts, determined)
-    true = fine.efforts
+    gaps = _gaps(loaded, coarse.forces, fine.forces, determined)
+    true = fine.forces
     change = np.abs(coarse.motion.acceleration - fine.motion.acceleration).max()
     if change > SAME_TOLERANCE * np.abs(fine.motion.speed).max() ** 2:
         estimate, true = _posed(loaded, coarse), _posed(loaded, fine)
@@ -130,14 +130,14 @@ def _posed(loaded: LoadedModel, run: Driven) -> ForceRecord:
     motion = run.motion
     if run.outcome == "diverged" or motion.time is None:
         raise AssemblyError("the run diverged")
-    return inverse_dynamics(loaded, motion.time, motion.angle, motion.speed, motion.acceleration).found
+    return inverse_dynamics(loaded, motion.time, motion.angle, motion.speed, motion.acceleration).forces
 
 
 def _gaps(
     loaded: LoadedModel, estimate: ForceRecord, true: ForceRecord, determined: DeterminedComponents
 ) -> list[tuple[str, Array]]:
     """Return the differences of torque [N m], and of forces and moments over the size [N]; (n, k) each."""
-    length = loaded.mechanism.size
+    length = loaded.mechanism.characteristic_length
     # where a joint with dry friction turns round, forces jump from one value to another
     fair = (estimate.sliding == true.sliding).all(1)[:, None]
     gaps = [("torque", (estimate.torque - true.torque)[:, None])]
@@ -156,7 +156,7 @@ def _errors(loaded: LoadedModel, gaps: list[tuple[str, Array]], true: ForceRecor
     """Return the largest errors of torque and of reactions, as in `within`."""
     torque = max(rms(true.torque), IDLE * worst(true.kinetic))
     force = max(rms(np.linalg.norm(reaction.force, axis=1)) for reaction in true.reactions.values())
-    scale = {"torque": torque, "force": force or torque / loaded.mechanism.size}
+    scale = {"torque": torque, "force": force or torque / loaded.mechanism.characteristic_length}
     errors = dict.fromkeys(scale, 0.0)
     for kind, gap in gaps:
         errors[kind] = max(errors[kind], worst(np.linalg.norm(gap, axis=1)) / scale[kind])

@@ -107,7 +107,7 @@ class Inspected:
     @cached_property
     def length(self) -> float:
         """Characteristic length of the mechanism, in [m]."""
-        return self.read.mechanism.size
+        return self.read.mechanism.characteristic_length
 
     @property
     def drivers(self) -> tuple[str, ...]:

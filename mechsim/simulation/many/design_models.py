@@ -102,7 +102,9 @@ def site_fields(model: mujoco.MjModel, tree: Tree, arrays: DesignArrays) -> Fiel
             for end, point, frame in ((joint.a, point_a, frame_a), (joint.b, point_b, frame_b)):
                 name = f"{joint.name}@{end.link}{suffix}"
                 if name in site_names:
-                    positions[:, model.site(name).id] = (point + height * arrays.size * frame[:, 2]).T
+                    positions[:, model.site(name).id] = (
+                        point + height * arrays.characteristic_length * frame[:, 2]
+                    ).T
     return {"site_pos": positions}
 
 
@@ -110,7 +112,7 @@ def placeholder_fields(model: mujoco.MjModel, arrays: DesignArrays) -> Fields:
     """Return the placeholder inertias of designs and virtual drive inertias, equal to the generator's."""
     names = ("body_mass", "body_ipos", "body_inertia", "dof_armature")
     fields: Fields = {name: np.repeat(getattr(model, name)[None], arrays.count, 0) for name in names}
-    length = arrays.size
+    length = arrays.characteristic_length
     for link in arrays.mechanism.links:
         body = model.body(link.name).id
         mass, centre, moment = placeholder(arrays.on(link.name), length)

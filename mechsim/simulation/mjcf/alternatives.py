@@ -86,7 +86,8 @@ def rod_of(mechanism: Mechanism) -> str | None:
         ends = [end.point for end in mechanism.ends(link.name)]
         tracked = [point for link_name, point in mechanism.points.values() if link_name == link.name]
         if all(
-            min(_distance(point, end) for end in ends) <= COINCIDENT * mechanism.size for point in tracked
+            min(_distance(point, end) for end in ends) <= COINCIDENT * mechanism.characteristic_length
+            for point in tracked
         ):
             return link.name
     return None
@@ -109,7 +110,7 @@ def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
         body = spec.worldbody if other.link == GROUND else spec.body(other.link)
         sites.append(body.add_site(name=f"{joint.name}{LENGTH}", pos=other.point).name)
         for name, point in tracked.items():
-            if _distance(point, mine.point) <= COINCIDENT * mechanism.size:
+            if _distance(point, mine.point) <= COINCIDENT * mechanism.characteristic_length:
                 spec.delete(spec.site(name))
                 body.add_site(name=name, pos=other.point)
         for equality in list(spec.equalities):

@@ -59,7 +59,7 @@ def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> No
     """
     points = np.array([end.point for end in mechanism.ends(link)])
     body.explicitinertial = True
-    body.mass, body.ipos, moment = placeholder(points, mechanism.size)
+    body.mass, body.ipos, moment = placeholder(points, mechanism.characteristic_length)
     body.inertia = np.full(3, moment)
 
 
@@ -96,7 +96,7 @@ class Builder:
         return [self.spec.joint(name) for name in part_names(self.mechanism, joint)]
 
     def site(self, name: str, end: End) -> str:
-        """Add a site with a joint end's frame: x along the mark, z along the axis."""
+        """Add a site with a joint end's frame: x along the reference, z along the axis."""
         body = self.bodies[end.link]
         body.add_site(name=name, pos=end.point, quat=quaternion(end.frame))
         return name

@@ -82,7 +82,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         bodies = _add_links(spec, mechanism, tree, poses, real_inertia=forces is not None)
         # at level dynamics the crank is free, or driven by its motor
         if scene.holds("motion") and scene.level != "dynamics" and mechanism.has_crank:
-            spec.joint(CRANK).armature = DRIVE_INERTIA_RATIO * PLACEHOLDER * mechanism.size
+            spec.joint(CRANK).armature = DRIVE_INERTIA_RATIO * PLACEHOLDER * mechanism.characteristic_length
         for name, (link, point) in mechanism.points.items():
             bodies[link].add_site(name=name, pos=point)
         _close(spec, mechanism, tree, bodies)
@@ -176,7 +176,9 @@ def _close(
             names = []
             for end in (joint.a, joint.b):
                 name = f"{joint.name}@{end.link}{suffix}"
-                position = np.asarray(end.point) + height * mechanism.size * np.asarray(end.axis)
+                position = np.asarray(end.point) + height * mechanism.characteristic_length * np.asarray(
+                    end.axis
+                )
                 bodies[end.link].add_site(name=name, pos=position)
                 names.append(name)
             _add_equality(

@@ -119,7 +119,7 @@ def _joint(model: mujoco.MjModel, j: int, parent: Carrier, child: Carrier) -> Jo
             name, kind, End(parent.link, parent.point(point), *axes), End(child.link, vector(point), EZ, EX)
         )
     plain = End(child.link, vector(point), vector(model.jnt_axis[j]))
-    axis, reference = np.array(plain.axis), np.array(plain.mark)
+    axis, reference = np.array(plain.axis), np.array(plain.reference)
     zero = float(model.qpos0[model.jnt_qposadr[j]])
     start = -zero * axis if joint_kind.slides else np.zeros(3)
     a = End(parent.link, parent.point(point + start), parent.direction(axis), parent.direction(reference))

@@ -327,7 +327,7 @@ def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Kinemati
         return []
     tree, random = loops.tree, np.random.default_rng(SEED)
     solutions, others = [_joint_positions(mechanism, tree, own)], list[tuple[str, KinematicSolver]]()
-    amplitude = np.where(np.asarray(tree.slides), 0.3 * mechanism.size, 1.0)
+    amplitude = np.where(np.asarray(tree.slides), 0.3 * mechanism.characteristic_length, 1.0)
     for _ in range(STARTS):
         values = own.values.copy()
         change = random.uniform(-np.pi, np.pi, tree.count) * amplitude
@@ -338,7 +338,7 @@ def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Kinemati
             continue
         position = _joint_positions(mechanism, tree, q)
         nearest = min(float(np.abs(position - other).max()) for other in solutions)
-        if nearest < ASSEMBLY_DISTANCE * mechanism.size:
+        if nearest < ASSEMBLY_DISTANCE * mechanism.characteristic_length:
             continue
         solutions.append(position)
         other = _with_guess(solver, tree, q)
@@ -378,7 +378,9 @@ def _description(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, q: 
     """Describe the difference of two assemblies: the joint that differs most."""
     difference = q.values[:, 0] - own.values[:, 0]
     relative = {
-        name: difference[i] / mechanism.size if tree.slides[i] else float(wrapped(difference[i])) / np.pi
+        name: difference[i] / mechanism.characteristic_length
+        if tree.slides[i]
+        else float(wrapped(difference[i])) / np.pi
         for name, i in tree.index_of.items()
     }
     if not relative:

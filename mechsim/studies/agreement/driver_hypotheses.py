@@ -44,7 +44,7 @@ def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> E
     for name, change in changes.items():
         state = change(motion_laws.by_name[name])(time)
         value, rate, second = (np.broadcast_to(values, time.shape) for values in state)
-        unit = solver.mechanism.size if solver.mechanism.unit(name) == "m" else 1.0
+        unit = solver.mechanism.characteristic_length if solver.mechanism.unit(name) == "m" else 1.0
         if not np.abs(value - joints[name].value).max() < MAX_DISPLACEMENT * unit:
             raise AssemblyError(f"{name} would go farther than a mechanism under motion laws is followed")
         joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)

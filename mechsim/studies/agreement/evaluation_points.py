@@ -137,7 +137,7 @@ class EvaluationPoints:
     def forces(self) -> ForceRecord:
         """What drives and joints carry."""
         run = prescribed_along(self.loaded_model, self.angle, self.speed, self.acceleration, time=self.time)
-        return run.efforts
+        return run.forces
 
     def drivers(self) -> dict[str, tuple[Array, Array, Array]]:
         """Return driver -> value, rate and acceleration, (n,) each in SI."""

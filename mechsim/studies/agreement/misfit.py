@@ -270,7 +270,7 @@ class Misfit:
     @property
     def length(self) -> float:
         """The size of the mechanism, in [m]."""
-        return self.evaluation.solver.mechanism.size
+        return self.evaluation.solver.mechanism.characteristic_length
 
     @property
     def needs_forces(self) -> bool:

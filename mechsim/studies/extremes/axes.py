@@ -48,7 +48,7 @@ def speed(solver: ClosedForm, value: float) -> Trial:
 
 def length(solver: ClosedForm, value: float) -> Trial:
     """The mechanism scaled to a characteristic length in [m]."""
-    scaled = resized(solver, value / solver.mechanism.size)
+    scaled = resized(solver, value / solver.mechanism.characteristic_length)
     return attempt("size", scaled, value, speed=SPEED, expected=_required("size", value))
 
 
@@ -197,7 +197,10 @@ def far_start(solver: ClosedForm, value: float, seed: int) -> Trial:
     """
     random = np.random.default_rng([seed, round(1e3 * value)])
     mechanism = solver.mechanism
-    guess = {name: _perturbed(pose, value, mechanism.size, random) for name, pose in mechanism.guess.items()}
+    guess = {
+        name: _perturbed(pose, value, mechanism.characteristic_length, random)
+        for name, pose in mechanism.guess.items()
+    }
     trial = Trial(
         axis="far start",
         mechanism=solver.name,
@@ -219,7 +222,7 @@ def _assembled(trial: Trial, solver: ClosedForm, mechanism: Mechanism) -> Trial:
     outcome = crosscheck(run.motion, solver).outcome
     motion, exact = run.motion, solver.solve(run.motion.angle[:1])
     offsets = [motion.points[name].position[0] - point.position[0] for name, point in exact.points.items()]
-    distance = float(np.linalg.norm(offsets, axis=1).max()) / mechanism.size
+    distance = float(np.linalg.norm(offsets, axis=1).max()) / mechanism.characteristic_length
     # another assembly mode of a hinge may leave every point in its position and rotate only links
     rotated = any(
         np.abs(motion.links[name].rotation[0] - link.rotation[0]).max() > 1e-6

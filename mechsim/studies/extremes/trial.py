@@ -111,7 +111,10 @@ def attempt(
         return replace(trial, right=expected or ("passed" if reachable else "cannot assemble"))
     right, error = _true_outcome(solver, run)
     outcome = run.outcome
-    if outcome == "passed" and not run.estimate <= POSITION_TOLERANCE * solver.mechanism.size:
+    if (
+        outcome == "passed"
+        and not run.estimate <= POSITION_TOLERANCE * solver.mechanism.characteristic_length
+    ):
         outcome = "failed"
     return replace(trial, outcome=outcome, right=right, error=error)
 
@@ -124,7 +127,7 @@ def position_errors(solver: ClosedForm, motion: Motion) -> Array:
     """
     exact = solver.positions(motion.angle)
     errors = [np.linalg.norm(motion.points[name].position - points, axis=1) for name, points in exact.items()]
-    return np.max(errors, axis=0) / solver.mechanism.size
+    return np.max(errors, axis=0) / solver.mechanism.characteristic_length
 
 
 def _true_outcome(solver: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
@@ -139,7 +142,7 @@ def _true_outcome(solver: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
         return "diverged", None
     if error <= POSITION_TOLERANCE:
         return "passed", error
-    tolerance = POSITION_TOLERANCE * solver.mechanism.size
+    tolerance = POSITION_TOLERANCE * solver.mechanism.characteristic_length
     outcome = crosscheck(run.motion, solver, tolerance=tolerance).outcome
     return ("changed assembly" if outcome == "changed assembly" else "failed"), error
 

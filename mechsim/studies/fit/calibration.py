@@ -178,7 +178,7 @@ class _Problem:
         self.moved, self.measured, self.named, self.names = moved, measured, named, names
         self.progress, self.count = progress, 0
         self.columns = [*dict.fromkeys(named.values())]
-        length = moved.solver.mechanism.size
+        length = moved.solver.mechanism.characteristic_length
         dimensions = {**moved.designs.dimensions, moved.offset: Dimension(moved.offset, 0.0, "rad")}
         self.start = {name: dimensions[name].value for name in names}
         self.dimension_units = {name: dimensions[name].unit for name in names}

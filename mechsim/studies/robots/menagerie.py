@@ -130,7 +130,7 @@ def verification(text: str, solver: KinematicSolver) -> Verification:
         rest,
         time=laws.times,
     )
-    torques = np.stack([study.efforts.drives[name][1:] for name in mechanism.drivers], 1)
+    torques = np.stack([study.forces.drives[name][1:] for name in mechanism.drivers], 1)
     holding = inertia_and_holding(path, qpos)[1]
     return Verification(len(qpos), float(max(gaps, default=0.0)), float(np.abs(holding - torques).max()))
 

@@ -96,7 +96,7 @@ class UserScene:
     @cached_property
     def characteristic_length(self) -> float:
         """Characteristic length of the mechanism, in [m]."""
-        return self.mechanism.size
+        return self.mechanism.characteristic_length
 
     def controls(self, model: mujoco.MjModel, first: int, count: int, phase: float = 0.0) -> Array:
         """Return the actuator controls and applied forces of steps, (count, nu + nv).
@@ -301,14 +301,16 @@ def _add_drive_inertias(
     spec: mujoco.MjSpec, model: mujoco.MjModel, mechanism: Mechanism, names: tuple[str, ...]
 ) -> dict[str, tuple[float, float]]:
     """Add virtual inertia to joints, so large that only the drive force moves them."""
-    weight = model.body_mass.sum() * mechanism.size**2 + model.body_inertia.max(1).sum()
+    weight = model.body_mass.sum() * mechanism.characteristic_length**2 + model.body_inertia.max(1).sum()
     order = [joint.name for joint in mechanism.joints[: model.njnt]]
     joints = sorted(spec.joints, key=lambda joint: joint.id)
     inertias: dict[str, tuple[float, float]] = {}
     for name in names:
         joint = joints[order.index(name)]
         slides = joint.type == mujoco.mjtJoint.mjJNT_SLIDE
-        inertia = float(f"{DRIVE_INERTIA_RATIO * weight / (mechanism.size**2 if slides else 1.0):.3g}")
+        inertia = float(
+            f"{DRIVE_INERTIA_RATIO * weight / (mechanism.characteristic_length**2 if slides else 1.0):.3g}"
+        )
         inertias[name] = inertia, float(joint.armature)
         joint.armature = inertia
     return inertias

@@ -52,7 +52,9 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
     closed = from_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
     qpos, qvel = first_state(closed, constant(speed, TURNS, mechanism.start))
     model, joint = plainly_compiled(spec.copy()), spec.joint(CRANK)
-    weight = float(joint.armature) or STIFF * float(model.body_mass.sum()) * mechanism.size**2
+    weight = (
+        float(joint.armature) or STIFF * float(model.body_mass.sum()) * mechanism.characteristic_length**2
+    )
     motor = spec.add_actuator(name=MOTOR, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
     motor.set_to_velocity(kv=weight * abs(speed))
     spec.add_key(name=KEY, qpos=qpos, qvel=qvel, ctrl=[speed])

@@ -142,7 +142,7 @@ class MovedFamily:
         if any(component.loaded for component in quantities):
             study = prescribed_along(self.loading.dynamic_model(self.solver), self.angles[:1], self.rate)
             columns_known |= self._force_columns(dict(study.columns()))
-            reactions = study.efforts.reactions.items()
+            reactions = study.forces.reactions.items()
             undetermined = {
                 f"{joint}.{component}" for joint, reaction in reactions for component in reaction.undetermined
             }

@@ -121,7 +121,7 @@ def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, f
         acting = solver.forces
         study = driven(solver.mechanism, acting, **options)
         motion = study.motion
-        forces = {name: column[task.records][None] for name, column in study.efforts.columns()}
+        forces = {name: column[task.records][None] for name, column in study.forces.columns()}
     mechanism = solver.mechanism
     if mechanism.has_crank and solver.motion_laws.crank:
         # the generator's name of the crank

@@ -397,10 +397,15 @@ def _measured_differently(task: SweepTask, solver: KinematicSolver, result: "Dat
     facts = facts_alone(task, solver) | released_alone(task, solver)
     values, outcome, _ = measured_alone(task, solver, facts)
     tolerance = RELATIVE_TOLERANCE_AT_ENDS if outcome == "swings" else RELATIVE_TOLERANCE
-    scales = {"rad": 1.0, "m": solver.mechanism.size, "rad/s": task.path_speed, "rad/s2": task.path_speed**2}
+    scales = {
+        "rad": 1.0,
+        "m": solver.mechanism.characteristic_length,
+        "rad/s": task.path_speed,
+        "rad/s2": task.path_speed**2,
+    }
     scales |= {
-        "m/s": solver.mechanism.size * task.path_speed,
-        "m/s2": solver.mechanism.size * task.path_speed**2,
+        "m/s": solver.mechanism.characteristic_length * task.path_speed,
+        "m/s2": solver.mechanism.characteristic_length * task.path_speed**2,
     }
     for measure in task.measures:
         tabulated, single = float(result[column_name(measure.name)].values.ravel()[i]), values[measure.name]

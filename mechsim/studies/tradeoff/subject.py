@@ -202,7 +202,7 @@ def _variants(solver: KinematicSolver, angles: Array) -> dict[str, Mechanism]:
     for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
         others = variant.positions(angles)
         distance = max(worst(others[point] - position) for point, position in positions.items())
-        if distance <= POSITION_TOLERANCE * solver.mechanism.size:
+        if distance <= POSITION_TOLERANCE * solver.mechanism.characteristic_length:
             variants[name] = variant.mechanism
     return variants
 

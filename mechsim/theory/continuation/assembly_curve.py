@@ -141,7 +141,7 @@ class CurveJoints:
         """
         turns: list[tuple[int, bool, float]] = []
         grid, values, rates = self._samples()
-        units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.size)
+        units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.characteristic_length)
         for i in np.flatnonzero(np.ptp(values, axis=0) > STILL * units).tolist():
             rising = rates[:, i] > 0.0
             # the curve is closed: the last sample is followed by the first

@@ -65,7 +65,7 @@ class PoseFeatures:
 
 def pose_features(tree: SpanningTree, poses: LinkPoses, idle: Array) -> PoseFeatures:
     """Return the features of a mechanism whose passive motions at one pose are (count, idle) in SI."""
-    mechanism, length = tree.mechanism, tree.mechanism.size
+    mechanism, length = tree.mechanism, tree.mechanism.characteristic_length
     spins = np.zeros(len(mechanism.links), dtype=np.bool_)
     if idle.shape[1]:
         twist = np.abs(twists(tree, poses, idle)).max(2)
@@ -123,7 +123,7 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
         if link != GROUND:
             i = tree.links[link]
             arm = poses.position[i] + np.einsum("ijn,j->in", poses.rotation[i], np.array(local))
-            observed.append((twist[i, :3] + cross(twist[i, 3:], arm)) / mechanism.size)
+            observed.append((twist[i, :3] + cross(twist[i, 3:], arm)) / mechanism.characteristic_length)
     _, values, right = np.linalg.svd(np.concatenate(observed), full_matrices=True)
     count = int((values > REST).sum())
     if count == 1:

@@ -48,7 +48,7 @@ def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) ->
     if count == 0:
         return ()
     names = [link.name for link in mechanism.links]
-    length = mechanism.size
+    length = mechanism.characteristic_length
     columns = np.tile([length] * 3 + [1.0] * 3, len(names))
     jacobian = equations(mechanism, poses, 0.0).jacobian[0] * columns
     jacobian /= np.linalg.norm(jacobian, axis=1, keepdims=True)
@@ -90,7 +90,7 @@ def _null_space(matrix: Array) -> Array:
 
 
 def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> FreeMotion:
-    still = NOTHING * mechanism.size
+    still = NOTHING * mechanism.characteristic_length
 
     def moves(link: str, local: Vector) -> bool:
         position = poses[link].point(local)[0]
@@ -110,7 +110,7 @@ def _words(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str,
     """Say how each rigid body moves; what no joint names goes with the ones that joints do name."""
     phrases: list[str] = []
     carried: list[str] = []
-    for body in _rigid_bodies(twists, mechanism.size):
+    for body in _rigid_bodies(twists, mechanism.characteristic_length):
         motion = motion_words(mechanism, poses, body, twists[body[0]])
         if motion:
             phrases.append(f"{' and '.join(body)} {motion}")

@@ -33,7 +33,7 @@ def motion_words(
     mechanism: Mechanism, poses: Mapping[str, Pose], body: tuple[str, ...], twist: Twist
 ) -> str | None:
     """Say about or along which joints a body moves; None if no joint determines it."""
-    length = mechanism.size
+    length = mechanism.characteristic_length
     ends = [
         (joint, end)
         for joint in joints_of(mechanism, set(body))
@@ -124,7 +124,7 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     hinges = [joint for joint in mechanism.joints if KINDS[joint.kind].hinge]
     pins: nx.Graph[str] = nx.Graph()
     pins.add_nodes_from(joint.name for joint in hinges)
-    tolerance = PARALLEL * mechanism.size
+    tolerance = PARALLEL * mechanism.characteristic_length
     pins.add_edges_from((a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance))
 
     order = [link.name for link in mechanism.links]

@@ -46,7 +46,7 @@ def test_velocities_accelerations_and_efforts_have_names():
 
     def own(angle, speed):
         motion = model.solve(angle, speed)
-        efforts = ms.dynamics.prescribed(machine, angle, speed).efforts
+        efforts = ms.dynamics.prescribed(machine, angle, speed).forces
         return {
             "B.v": motion.points["B"].velocity,
             "B.a.xy": motion.points["B"].acceleration[:, :2],

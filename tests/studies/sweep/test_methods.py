@@ -71,8 +71,8 @@ def test_forces_and_transmission_angles_are_measured():
     )
     form = ms.catalog.make("rssr", crank=0.012)
     study = dynamics.prescribed(dynamics.dynamic_model(form), TURN, 50.0)
-    assert float(found["max:torque"][0]) == pytest.approx(study.efforts.torque.max())
-    force = np.linalg.norm(study.efforts.reactions["P3"].force, axis=1).max()
+    assert float(found["max:torque"][0]) == pytest.approx(study.forces.torque.max())
+    force = np.linalg.norm(study.forces.reactions["P3"].force, axis=1).max()
     assert float(found["max:force:P3"][0]) == pytest.approx(force)
     assert float(found["min:transmission"][0]) == pytest.approx(form.transmission_angle(TURN).min())
     assert found["max:force:P3"].attrs["units"] == "N"

@@ -79,7 +79,7 @@ def test_the_peak_of_a_force_in_a_joint_is_that_of_the_run():
     model = ms.dynamics.dynamic_model(ms.load("four_bar", {"crank": 0.03}), ms.Forces(gravity=(0, -9.81, 0)))
     run = ms.dynamics.run(model, initial=start, duration=0.3, samples=500)
     state = run.motion.angle, run.motion.speed, run.motion.acceleration
-    forces = ms.dynamics.prescribed(model, *state, time=run.time).efforts
+    forces = ms.dynamics.prescribed(model, *state, time=run.time).forces
     assert np.abs(forces.torque).max() < 1e-10
     largest = np.linalg.norm(forces.reactions["A"].force, axis=1).max()
     assert table["peak:force:A"][0] == pytest.approx(largest, rel=1e-9)
