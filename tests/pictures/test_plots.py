@@ -236,7 +236,7 @@ def test_a_force_s_rounding_is_not_drawn_as_a_force():
         for name, force in {"A": upright, "B": np.tile([3e-14, 0.0, 0.0], (9, 1))}.items()
     }
     efforts = SimpleNamespace(reactions=reactions, unbounded=np.zeros(9, dtype=bool))
-    figure = plots.reaction_plot(SimpleNamespace(efforts=efforts))
+    figure = plots.reaction_plot(SimpleNamespace(forces=efforts))
     for ax in figure.axes:
         assert tuple(ax.dataLim.intervalx) == (0.0, 0.0)
 
