@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from mechsim.report.notebook import show, view
     from mechsim.simulation import Run, Settings
     from mechsim.studies.agreement.agreement import Agreement, validate
+    from mechsim.studies.calibration import fit
     from mechsim.studies.check import check
     from mechsim.studies.closed_configurations import closed_qpos, sample
     from mechsim.studies.export import export
-    from mechsim.studies.fit.calibration import fit
     from mechsim.studies.optimise.search import optimise
     from mechsim.studies.reduction.reduce_model import reduce
     from mechsim.studies.robots.joint_map import joint_map
@@ -92,7 +92,7 @@ _HOMES = _MODULES | {
     "closed_qpos": "studies.closed_configurations",
     "crosscheck": "verdict.crosscheck",
     "export": "studies.export",
-    "fit": "studies.fit.calibration",
+    "fit": "studies.calibration",
     "joint_map": "studies.robots.joint_map",
     "list": "subjects.listing",
     "load": "subjects.readers",

@@ -73,8 +73,8 @@ def extremes(
     mechsim extremes --report extremes
     """
     from mechsim.pictures import plots
-    from mechsim.studies.extremes.plot import extremes_map
     from mechsim.studies.extremes.stability_map import study
+    from mechsim.studies.plots import extremes_map
 
     for name in names or ():
         closed_form(load_model(name), "a stress test")

@@ -13,7 +13,8 @@ from mechsim.cli.options import SPEED, ModelOptions, Output, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
-from mechsim.studies.fit import Fit, MeasuredMotion, fit_dimensions, measured_of, single
+from mechsim.studies.calibration import Fit, fit_dimensions
+from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
 from mechsim.studies.sensitivity import Loading, MovedFamily
 from mechsim.units import crank_speed, option
 

@@ -34,7 +34,7 @@ from mechsim.model.quantities import (
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import crosscheck_forward
-from mechsim.studies.frequency_response import frequency_response
+from mechsim.studies.release import frequency_response
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 

@@ -18,6 +18,7 @@ from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.studies.budget import BEYOND
+from mechsim.studies.plots import work_precision
 from mechsim.studies.reduction.scene_costs import scene_costs
 from mechsim.studies.scene import spec_of
 from mechsim.studies.tradeoff import (
@@ -32,7 +33,6 @@ from mechsim.studies.tradeoff import (
     subject_of_model,
     write_csv,
 )
-from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.studies.tradeoff.work_precision import advice
 from mechsim.units import crank_speed
 

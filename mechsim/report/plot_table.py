@@ -24,11 +24,10 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
-from mechsim.studies.extremes.plot import extremes_map
 from mechsim.studies.motion_source import drawn_motion, profile_of, simulated_forces, weighing
+from mechsim.studies.plots import extremes_map, work_precision
 from mechsim.studies.release import Release
 from mechsim.studies.tradeoff import measure_tradeoff, subject_of
-from mechsim.studies.tradeoff.plot import work_precision
 from mechsim.theory.continuation import trace
 from mechsim.theory.velocity_plan import velocity_plan
 from mechsim.units import option, parse_names

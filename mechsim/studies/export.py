@@ -18,7 +18,7 @@ from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_ine
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, Verification, verification, with_servos
 from mechsim.studies.robots.serial_twin import SerialTwin, serial_twin
-from mechsim.studies.scene import turning_model
+from mechsim.studies.scene import tune_model
 from mechsim.studies.scene.settings import plain_settings
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
@@ -208,10 +208,10 @@ def _mjcf_text(
     if "drive_inertia" in settings:
         set_drive_inertia(spec, settings["drive_inertia"])
     if tolerance is None:
-        return mjcf.to_xml(spec if speed is None else turning_model.turning(spec, mechanism, rate)), ""
+        return mjcf.to_xml(spec if speed is None else tune_model.turning(spec, mechanism, rate)), ""
     length = si(tolerance, "m", "the tolerance")
     if not 0.0 < length < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
-    text, error = turning_model.exported_model(spec, mechanism, rate, length, progress=progress)
+    text, error = tune_model.exported_model(spec, mechanism, rate, length, progress=progress)
     shortfall = f"no MJCF file reaches {length:g} m for this model: the error is {error:.2g} m"
     return text, "" if error <= length else shortfall

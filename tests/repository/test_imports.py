@@ -69,7 +69,7 @@ EVERYWHERE = {"errors", "_version", ""}
 # library -> the modules that may import it, by the start of their names
 LIBRARIES = {
     "mujoco": ("mechsim.simulation", "mechsim.pictures.render", "mechsim.studies", "mechsim.cli.doctor"),
-    "matplotlib": ("mechsim.pictures", "mechsim.studies.extremes.plot", "mechsim.studies.tradeoff.plot"),
+    "matplotlib": ("mechsim.pictures", "mechsim.studies.plots"),
     "mediapy": ("mechsim.pictures.render",),
     "jinja2": ("mechsim.report", "mechsim.pictures.view"),
     "typer": ("mechsim.cli",),

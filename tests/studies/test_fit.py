@@ -11,7 +11,7 @@ import mechsim as ms
 from mechsim import files
 from mechsim.analytic import catalog, dynamics
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.fit import single
+from mechsim.studies.measured_table import single
 from mechsim.studies.sensitivity.moved_family import family_at
 
 ANGLES = np.linspace(0.0, 6.0, 13)

@@ -7,16 +7,20 @@ from mechsim.errors import InputError
 from mechsim.studies.reduction import fit_parameters as refitting
 from mechsim.studies.reduction import reduce_scene, with_comment
 from mechsim.studies.reduction.candidates import bodies, stepping
-from mechsim.studies.reduction.candidates.bodies import disconnected_bodies
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, with_candidate
+from mechsim.studies.reduction.candidates.bodies import (
+    NotApplicable,
+    RemovalCandidate,
+    disconnected_bodies,
+    with_candidate,
+)
 from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
 from mechsim.studies.reduction.fit_parameters import Parameter, refit, set_in_spec
-from mechsim.studies.reduction.observations import observe
 from mechsim.studies.reduction.reduced_scene import (
     RANGE_RATIO,
     ReducedSceneEvaluator,
     motion_to_fit,
     normalised,
+    observe,
     second_motion,
 )
 from mechsim.studies.scene import run, scene_of

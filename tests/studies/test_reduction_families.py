@@ -7,8 +7,7 @@ from scene_texts import FINGER
 from studies.test_reduction import BOUND, observed, scene
 
 from mechsim.studies.reduction.candidates import joint_polynomials
-from mechsim.studies.reduction.candidates.bodies import fused_bodies
-from mechsim.studies.reduction.candidates.candidate import with_candidate
+from mechsim.studies.reduction.candidates.bodies import fused_bodies, with_candidate
 from mechsim.studies.reduction.candidates.mirrors import mirrored_mechanisms
 from mechsim.studies.reduction.candidates.rods import (
     add_weight,

@@ -405,7 +405,7 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
 def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials_made):
     """A clock on which reading, compiling, starting and each trial take so long."""
     from mechsim.simulation.source import assembled
-    from mechsim.studies.tradeoff import models
+    from mechsim.studies.tradeoff import methods
 
     now, made, compiled = [0.0], [], []
 
@@ -418,7 +418,7 @@ def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials
         return slow
 
     monkeypatch.setattr(Build, "made", taking(reading, [], Build.made))
-    monkeypatch.setattr(models, "from_spec", taking(5.0, compiled, from_spec))
+    monkeypatch.setattr(methods, "from_spec", taking(5.0, compiled, from_spec))
     monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):

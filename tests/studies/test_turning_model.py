@@ -11,7 +11,7 @@ from mechsim.errors import InputError
 from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation.mjcf.compiling import to_xml
-from mechsim.studies.scene import turning_model
+from mechsim.studies.scene import tune_model
 from mechsim.subjects.readers import load
 
 SPEED = 60.0
@@ -38,7 +38,7 @@ def place_error(model, form, turns=3.0):
 def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_says():
     form = catalog.make("four_bar")
     spec = exported(form.mechanism, Scene())
-    text, said = turning_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
+    text, said = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
     assert "keeps 1e-05 m at 60 rad/s" in text
     assert "keyframe turning" in text
     model = mujoco.MjModel.from_xml_string(text)
@@ -53,7 +53,7 @@ def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_says(
 
 def test_the_keyframe_is_closed_and_moves_and_the_motor_keeps_a_crank_without_a_flywheel_turning():
     form = catalog.make("four_bar")
-    spec = turning_model.turning(exported(form.mechanism, Scene(level="dynamics")), form.mechanism, SPEED)
+    spec = tune_model.turning(exported(form.mechanism, Scene(level="dynamics")), form.mechanism, SPEED)
     model = mujoco.MjModel.from_xml_string(to_xml(spec))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -71,14 +71,14 @@ def test_the_keyframe_is_closed_and_moves_and_the_motor_keeps_a_crank_without_a_
 def test_a_mechanism_of_several_drivers_does_not_turn():
     mechanism = load("five_bar").mechanism
     with pytest.raises(InputError, match="has no single crank that could turn"):
-        turning_model.turning(exported(mechanism, Scene()), mechanism, SPEED)
+        tune_model.turning(exported(mechanism, Scene()), mechanism, SPEED)
 
 
 @pytest.mark.parametrize("scene", ["motion", "dynamics"])
 def test_a_driver_that_is_not_called_crank_turns_too(scene):
     mechanism = load("planetary_gear").mechanism
     assert mechanism.crank.name == "carrier"
-    spec = turning_model.turning(exported(mechanism, Scene(level=scene)), mechanism, SPEED)
+    spec = tune_model.turning(exported(mechanism, Scene(level=scene)), mechanism, SPEED)
     model = mujoco.MjModel.from_xml_string(to_xml(spec))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -92,9 +92,7 @@ def test_a_driver_that_is_not_called_crank_turns_too(scene):
 
 def test_the_tolerance_of_such_a_model_is_kept():
     mechanism = load("planetary_gear").mechanism
-    text, error = turning_model.exported_model(
-        exported(mechanism, Scene()), mechanism, SPEED, 1e-5, budget=1.0
-    )
+    text, error = tune_model.exported_model(exported(mechanism, Scene()), mechanism, SPEED, 1e-5, budget=1.0)
     assert error <= 1e-5
     assert "keeps 1e-05 m" in text
 

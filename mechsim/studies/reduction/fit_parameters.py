@@ -17,7 +17,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate
+from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate
 from mechsim.studies.reduction.candidates.stepping import (
     EULER,
     IMPEDANCES,
@@ -26,8 +26,7 @@ from mechsim.studies.reduction.candidates.stepping import (
     LONGER_STEPS,
     set_longer_steps,
 )
-from mechsim.studies.reduction.observations import Evidence
-from mechsim.studies.reduction.reduced_scene import ReducedScene, ReducedSceneEvaluator
+from mechsim.studies.reduction.reduced_scene import Evidence, ReducedScene, ReducedSceneEvaluator
 from mechsim.studies.scene.errors import deviation
 from mechsim.studies.scene.run import run_scene
 

@@ -10,15 +10,14 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.reduction.candidates import VISUAL_ONLY
-from mechsim.studies.reduction.candidates.candidate import (
+from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
     count_text,
     set_spec_options,
     with_candidate,
 )
-from mechsim.studies.reduction.observations import Evidence, observe
-from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator
+from mechsim.studies.reduction.reduced_scene import Evidence, ReducedSceneEvaluator, observe
 from mechsim.studies.scene import UserScene, step_times
 
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit

@@ -11,14 +11,15 @@ from mechsim.errors import InputError
 from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.candidates import CATEGORIES
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, with_candidate
+from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate, with_candidate
 from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RATIOS, longer_steps
 from mechsim.studies.reduction.fit_parameters import Parameter, refit
-from mechsim.studies.reduction.observations import Evidence, observe
 from mechsim.studies.reduction.reduced_scene import (
+    Evidence,
     ReducedScene,
     ReducedSceneEvaluator,
     motion_to_fit,
+    observe,
     second_motion,
     time_ratios,
 )

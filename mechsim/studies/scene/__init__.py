@@ -2,8 +2,15 @@
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
-from mechsim.studies.scene.errors import MEASURES, By, SceneErrors, errors_of, start_error
-from mechsim.studies.scene.evaluator import SceneEvaluator, SceneTrial
+from mechsim.studies.scene.errors import (
+    MEASURES,
+    By,
+    SceneErrors,
+    SceneEvaluator,
+    SceneTrial,
+    errors_of,
+    start_error,
+)
 from mechsim.studies.scene.exact_closure import ExactClosure
 from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene, scene_of, spec_of, with_assembled_start

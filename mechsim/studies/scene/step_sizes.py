@@ -9,8 +9,7 @@ import numpy as np
 
 from mechsim.model.limits import MAX_SCENE_STEPS
 from mechsim.numerics.refinement import refine
-from mechsim.studies.scene.errors import SceneErrors
-from mechsim.studies.scene.evaluator import SceneEvaluator
+from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import ALLOWABLE, HARDEST, PlainSettings, settings_of

@@ -10,8 +10,7 @@ from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
-from mechsim.studies.scene.errors import By, SceneErrors
-from mechsim.studies.scene.evaluator import SceneEvaluator, SceneTrial
+from mechsim.studies.scene.errors import By, SceneErrors, SceneEvaluator, SceneTrial
 from mechsim.studies.scene.run import step_times
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import UNCHANGED, PlainSettings

@@ -7,8 +7,14 @@ import numpy as np
 
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array, tangents
-from mechsim.studies.sensitivity.expansion import Advance, Solved, solves
-from mechsim.studies.sensitivity.monte_carlo import CHECKED, Sampled, sample_tolerances
+from mechsim.studies.sensitivity.monte_carlo import (
+    CHECKED,
+    Advance,
+    Sampled,
+    Solved,
+    sample_tolerances,
+    solves,
+)
 from mechsim.studies.sensitivity.sensitivity import Sensitivity
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, parsed_tolerances
 

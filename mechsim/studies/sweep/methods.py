@@ -30,11 +30,16 @@ from mechsim.model.quantities import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
-from mechsim.studies.sweep.assembled_designs import assembled_designs
 from mechsim.studies.sweep.measures import FACTS, Turns
-from mechsim.studies.sweep.released_measures import released_alone
-from mechsim.studies.sweep.stepped_runs import stepped_alone, stepped_together
-from mechsim.studies.sweep.task import CrankRows, Measured, SweepTask, nothing_measured, swings_between
+from mechsim.studies.sweep.stepped_runs import released_alone, stepped_alone, stepped_together
+from mechsim.studies.sweep.task import (
+    CrankRows,
+    Measured,
+    SweepTask,
+    assembled_designs,
+    nothing_measured,
+    swings_between,
+)
 
 Rows = NDArray[np.intp]
 # poses solved at once: their arrays fit into a core's cache

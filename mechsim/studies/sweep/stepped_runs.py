@@ -1,4 +1,4 @@
-"""Designs stepped in MuJoCo: those of equal topology in one batch, others one by one."""
+"""Designs run in time: stepped in MuJoCo, or released from an initial state."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.dynamics import nearest_equilibrium
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
@@ -27,9 +28,70 @@ from mechsim.simulation.many.stepped_designs import (
 )
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
-from mechsim.studies.sweep.assembled_designs import assembled_designs
-from mechsim.studies.sweep.measures import Turns
-from mechsim.studies.sweep.task import Measured, SweepTask
+from mechsim.studies.motion_source import weighing
+from mechsim.studies.release import SHOWN, Release
+from mechsim.studies.sweep.measures import TurnMeasure, Turns
+from mechsim.studies.sweep.task import Measured, SweepTask, assembled_designs
+
+# instants of a run after the first
+SAMPLES = 500
+# fraction of its change within which a quantity stays after settling, and the latest fraction of the run
+CLOSE, LATEST = 0.02, 0.9
+
+
+def released_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
+    """Return the measures of a design that are of vibrations or of a run from the initial state.
+
+    Raises:
+        AssemblyError: where there is no equilibrium or no such mode, a run breaks down, or does not settle.
+    """
+    measures = [measure for measure in task.measures if measure.released]
+    if not measures:
+        return {}
+    assert task.release is not None
+    release = replace(task.release, model=weighing(solver))
+    vibrations = [measure for measure in measures if measure.number]
+    timed = [measure for measure in measures if not measure.number]
+    return _of_modes(release, vibrations) | _of_run(release, timed)
+
+
+def _of_modes(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
+    if not measures:
+        return {}
+    modes = nearest_equilibrium(release.model, initial=release.initial).modes
+    result: dict[str, float] = {}
+    for measure in measures:
+        if measure.number > len(modes):
+            raise AssemblyError(f"there is no mode {measure.number}, but {len(modes)} in all")
+        mode = modes[measure.number - 1]
+        result[measure.name] = mode.frequency if measure.kind == "frequency" else mode.damping_ratio
+    return result
+
+
+def _of_run(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
+    if not measures:
+        return {}
+    run = release.run(SAMPLES)
+    if run.outcome not in SHOWN:
+        raise AssemblyError(f"the run ends in {run.outcome}: {run.reason}")
+    values = release.values(run, [measure.subject for measure in measures])
+    columns: Mapping[str, Array] = {quantity.name: column for quantity, column in values.items()}
+    return {
+        measure.name: _settling(measure.subject, run.time, columns[measure.subject])
+        if measure.kind == "settling"
+        else float(np.abs(columns[measure.subject]).max())
+        for measure in measures
+    }
+
+
+def _settling(name: str, time: Array, values: Array) -> float:
+    """Return the instant after which a quantity stays near its last value, in [s]."""
+    outside = np.abs(values - values[-1]) > CLOSE * np.ptp(values)
+    last = int(np.flatnonzero(outside)[-1]) if outside.any() else 0
+    if time[last] > LATEST * time[-1]:
+        raise AssemblyError(f"{name} does not settle within {time[-1]:g} s; give a longer duration")
+    return float(time[last])
+
 
 Rows = NDArray[np.intp]
 DIVERGED_REASON = (

@@ -39,8 +39,7 @@ from mechsim.studies.sweep.designs import (
 )
 from mechsim.studies.sweep.measures import RELEASED, measures
 from mechsim.studies.sweep.methods import facts_alone, measured_alone, require_measurable
-from mechsim.studies.sweep.released_measures import released_alone
-from mechsim.studies.sweep.stepped_runs import prescribed_motion, with_closed_start
+from mechsim.studies.sweep.stepped_runs import prescribed_motion, released_alone, with_closed_start
 from mechsim.studies.sweep.subject import OfPython, SweptSubject, swept_subject
 from mechsim.studies.sweep.table import (
     HASH_ATTRIBUTE,

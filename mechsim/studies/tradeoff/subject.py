@@ -17,7 +17,7 @@ from mechsim.numerics.convergence import believed_order, half_extent, richardson
 from mechsim.simulation import Settings
 from mechsim.simulation.source import Model
 from mechsim.studies.budget import BEYOND, Budget, TrialTimes
-from mechsim.studies.tradeoff.models import BuiltModel, build_model
+from mechsim.studies.tradeoff.methods import BuiltModel, build_model
 from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
 # steps per revolution of the reference runs; divisors tried if these exceed a fraction of the budget

@@ -11,8 +11,16 @@ from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget, TrialTimes
-from mechsim.studies.tradeoff.methods import DEFAULTS, HARD, STEPS, Build, SteppingMethod, stepping_methods
-from mechsim.studies.tradeoff.models import BuiltModel, build_model
+from mechsim.studies.tradeoff.methods import (
+    DEFAULTS,
+    HARD,
+    STEPS,
+    Build,
+    BuiltModel,
+    SteppingMethod,
+    build_model,
+    stepping_methods,
+)
 from mechsim.studies.tradeoff.subject import Subject
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff
 

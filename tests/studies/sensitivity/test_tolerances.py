@@ -15,8 +15,7 @@ from mechsim.studies.sensitivity import (
     tolerance_study,
     written_tolerances,
 )
-from mechsim.studies.sensitivity.expansion import Solved
-from mechsim.studies.sensitivity.monte_carlo import formula_samples
+from mechsim.studies.sensitivity.monte_carlo import Solved, formula_samples
 from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])

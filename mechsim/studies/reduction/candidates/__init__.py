@@ -2,8 +2,12 @@
 
 from collections.abc import Callable
 
-from mechsim.studies.reduction.candidates.bodies import disconnected_bodies, fused_bodies, locked_joints
-from mechsim.studies.reduction.candidates.candidate import RemovalCandidate
+from mechsim.studies.reduction.candidates.bodies import (
+    RemovalCandidate,
+    disconnected_bodies,
+    fused_bodies,
+    locked_joints,
+)
 from mechsim.studies.reduction.candidates.elements import (
     actuators,
     contacts,
@@ -16,7 +20,7 @@ from mechsim.studies.reduction.candidates.joint_polynomials import loops_as_poly
 from mechsim.studies.reduction.candidates.mirrors import mirrored_mechanisms
 from mechsim.studies.reduction.candidates.rods import passive_chains, rods_as_lengths
 from mechsim.studies.reduction.candidates.stepping import cheaper_steps
-from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.reduction.reduced_scene import Evidence
 
 CATEGORIES: tuple[Callable[[Evidence], list[RemovalCandidate]], ...] = (
     contacts,

@@ -7,13 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.studies.reduction.candidates.candidate import (
+from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
     count_text,
     name_list,
 )
-from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.reduction.reduced_scene import Evidence
 
 CONTACTS_DISABLED = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 # largest force of an idle actuator, in [N m] or [N]

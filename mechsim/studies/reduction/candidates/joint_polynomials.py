@@ -15,10 +15,15 @@ from numpy.polynomial import Chebyshev, Polynomial
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.refinement import refine
 from mechsim.simulation.mjcf.compiling import plainly_compiled
-from mechsim.studies.reduction.candidates.bodies import body_of, joints_of
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, count_text
+from mechsim.studies.reduction.candidates.bodies import (
+    NotApplicable,
+    RemovalCandidate,
+    body_of,
+    count_text,
+    joints_of,
+)
 from mechsim.studies.reduction.candidates.rods import kept_bodies
-from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.reduction.reduced_scene import Evidence
 from mechsim.studies.scene.settings import HARDEST
 
 POLYNOMIALS = "loops as polynomials"

@@ -6,14 +6,17 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from mechsim.studies.reduction.candidates.bodies import body_of, joints_of, needed_bodies, ties
-from mechsim.studies.reduction.candidates.candidate import (
+from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
+    body_of,
     count_text,
+    joints_of,
     name_list,
+    needed_bodies,
+    ties,
 )
-from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.reduction.reduced_scene import Evidence
 
 MIRRORED = "mirrored mechanisms"
 JOINT = mujoco.mjtEq.mjEQ_JOINT

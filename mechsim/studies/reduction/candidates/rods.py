@@ -9,19 +9,17 @@ import numpy as np
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidates.bodies import (
+    NotApplicable,
+    RemovalCandidate,
     bodies_of,
+    count_text,
     fuse_joint_at,
     joints_of,
+    name_list,
     needed_bodies,
     require_unused,
 )
-from mechsim.studies.reduction.candidates.candidate import (
-    NotApplicable,
-    RemovalCandidate,
-    count_text,
-    name_list,
-)
-from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.reduction.reduced_scene import Evidence
 from mechsim.studies.scene.settings import HARDEST
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD

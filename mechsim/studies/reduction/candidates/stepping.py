@@ -6,9 +6,13 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.studies.reduction.candidates.bodies import joints_of
-from mechsim.studies.reduction.candidates.candidate import NotApplicable, RemovalCandidate, set_spec_options
-from mechsim.studies.reduction.observations import Evidence
+from mechsim.studies.reduction.candidates.bodies import (
+    NotApplicable,
+    RemovalCandidate,
+    joints_of,
+    set_spec_options,
+)
+from mechsim.studies.reduction.reduced_scene import Evidence
 
 # categories: cheaper steps; longer steps
 CHEAPER_STEPS, LONGER_STEPS = "stepping", "steps"
