@@ -26,7 +26,7 @@ class AssemblyError(MechsimError, ValueError):
     """The loops cannot be closed at a crank angle that was asked for."""
 
 
-# what may be done where poses are not settled, whatever command was asked for them
+# what may be done where configurations are not determined, in any command
 STEPPED = "let a run in time say (mechsim simulate --method step)"
 
 
@@ -56,7 +56,7 @@ class MissingToolError(MechsimError, RuntimeError):
 
 @contextmanager
 def needs(extra: str) -> Generator[None]:
-    """Tell of a library that is imported within and not installed, by the extra of mechsim that brings it.
+    """Name the extra of mechsim that brings a library which is imported within and not installed.
 
     Raises:
         MissingToolError: for such a library.

@@ -1,1 +1,1 @@
-"""Road A: a machine solved by formulas and loop equations; no simulator."""
+"""Analytic methods: closed forms and loop equations; no simulator."""

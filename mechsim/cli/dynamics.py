@@ -382,7 +382,7 @@ def _steady_turns(
 
 
 def _require_memory(model: DynamicModel, instants: int) -> None:
-    """Raise InputError for more instants than memory has room for by both methods and the check."""
+    """Raise InputError for more instants than memory holds for both methods and the check."""
     mechanism = model.mechanism
     links, joints, points = len(mechanism.links), len(mechanism.joints), len(mechanism.points)
     numbers = 2.0 * (INSTANT_NUMBERS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints

@@ -103,7 +103,7 @@ def _failed(error: BaseException) -> int:
         # nobody reads on; the command-line library ends in the same way
         return CLOSED_PIPE
     if isinstance(error, OSError) and error.errno in UNWRITABLE:
-        return _invalid(f"cannot write: {error.strerror}; make room, or write elsewhere")
+        return _invalid(f"cannot write: {error.strerror}; free some space, or write elsewhere")
     # MuJoCo has its own error for it
     if isinstance(error, MemoryError) or "could not allocate memory" in str(error).lower():
         return _invalid(f"not enough memory ({error or 'no figure known'}); reduce the task")

@@ -1,1 +1,1 @@
-"""What a machine is and what a motion is: plain data, the only language the two roads have in common."""
+"""Mechanisms and motions as plain data: all that the two methods have in common."""

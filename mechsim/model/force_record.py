@@ -30,10 +30,10 @@ class Reaction:
         point: that point in the ground frame, (n, 3) in [m].
         determined: of fx, fy, fz, mx, my, mz, whether Newton's and Euler's laws of rigid links say
             what it is, (6,); of those they do not, the smallest that fit are given. None where the
-            road does not tell.
-        sure: what projects force and moment, each for itself, on what those laws determine of them at
+            method does not determine it.
+        projector: projects force and moment, each for itself, on what those laws determine of them at
             each instant, (n, 2, 3, 3): of two that are not, a part in between may well be. None where
-            all is, or the road does not tell.
+            all is determined.
     """
 
     link: str
@@ -48,7 +48,7 @@ class Reaction:
 
     @property
     def is_determined(self) -> NDArray[np.bool_]:
-        """Whether each component is determined, (6,); a road that does not tell takes all for so."""
+        """Whether each component is determined, (6,); all where a method does not say."""
         return np.ones(len(COMPONENTS), dtype=np.bool_) if self.determined is None else self.determined
 
     def project(self, force: Array, moment: Array) -> tuple[Array, Array]:
@@ -117,7 +117,7 @@ class ForceRecord:
         drives: driven or held coordinate -> torque on the joint's link b about its axis, or force along it,
             (n,) in [N m] or [N]. Empty where a crank is driven. Otherwise angle, speed and acceleration are
             those of the path parameter of the motion laws, and the torque is the drives' power by its rate.
-        holds: coordinate locked while a crank is driven -> likewise; of those under programs, in `drives`.
+        locked: coordinate locked while a crank is driven -> likewise; under motion laws they are in `drives`.
         drive_accelerations: driven coordinate -> its acceleration, (n,) in [rad/s2] or [m/s2].
         straight: names among gears and drives that are forces in [N].
         kinetic: energy of motion, flywheel included, (n,) in [J].
@@ -125,11 +125,11 @@ class ForceRecord:
         power_in: of drive and motor, (n,) in [W].
         power_loads: of loads on points, links and crank, (n,) in [W].
         power_lost: in friction and dampers, (n,) in [W].
-        residual: what the road's own check of these forces leaves over, as a part of the largest, (n,).
+        residual: what the method's own check of these forces leaves over, as a part of the largest, (n,).
             Of formulas: of any link's balance; of MuJoCo: of the accelerations it gets from them.
         sliding: direction in which each joint with dry friction goes, (n, k) of -1, 0, 1; 0 where it
             turns round or the crank stands.
-        meeting: where assemblies meet, so that forces between links grow beyond all bounds and have no
+        at_branch_point: where assemblies meet, so that forces between links are unbounded and have no
             limit, (n,); None for nowhere. Torque, energies and powers have one.
     """
 

@@ -1,6 +1,6 @@
 """What acts on a mechanism: gravity, friction, springs, loads, flywheel, motor. Data only.
 
-Both roads read these descriptions; neither computes anything here. All vectors are in the ground
+Both methods read these descriptions; neither computes anything here. All vectors are in the ground
 frame, SI.
 """
 
@@ -120,7 +120,7 @@ class Load:
     """A force on a point.
 
     Attributes:
-        place: where it acts.
+        location: where it acts.
         force: its course, three components in the ground frame in [N].
     """
 

@@ -1,4 +1,4 @@
-"""Ranges of joints: one rule for poses, by whichever road they were found."""
+"""Ranges of joints: one rule for poses of either method."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping

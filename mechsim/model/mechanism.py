@@ -69,8 +69,8 @@ class Mechanism:
             assembly is meant. A link left out starts where its joints to placed links put it.
         start: crank angle of the guess in [rad].
         couplings: between any coordinates.
-        holds: coordinate -> value at which it is held, in [m] or [rad].
-        counted: coordinate -> its value at the guess, where a pose does not tell it: turns of a joint,
+        locked: coordinate -> value at which it is held, in [m] or [rad].
+        counted: coordinate -> its value at the guess, where a pose does not determine it: turns of a joint,
             or where a driver stands exactly.
         up: coordinate axis that points up in pictures, as "z" or "-y"; None leaves it to the pictures.
     """

@@ -30,7 +30,7 @@ class CrankProfile:
 
     Attributes:
         duration: in [s].
-        fastest: largest crank speed, in [rad/s].
+        max_speed: largest crank speed, in [rad/s].
         state: times (n,) in [s] -> angle [rad], speed [rad/s], acceleration [rad/s2], (n,) each.
         steady: whether the speed is constant.
     """
@@ -133,7 +133,7 @@ def no_crank_range_error(name: str) -> AssemblyError:
 
 
 def interval_around(arcs: CrankRange, angle: float) -> tuple[float, float] | None:
-    """Return the arc that holds a crank angle, counted on the angle's lap, in [rad]; None if none does.
+    """Return the arc that holds a crank angle in the angle's revolution, in [rad]; None if none does.
 
     A turn fewer or more is the same pose: an arc from 1 to 7 rad holds 0.5 rad as one from -5.3 to 0.7.
     """

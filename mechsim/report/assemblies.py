@@ -71,7 +71,7 @@ def requested_columns(mechanism: Mechanism, requested: Sequence[str]) -> list[st
 
 
 def usual_columns(trace: AssemblyTrace, table: AssemblyTable) -> list[str]:
-    """Return two columns to plot over that tell something: the crank's angle, and a joint that moves."""
+    """Return two columns to plot over: the crank's angle, and a joint that moves."""
     driver = trace.curves[0].driver.name
     moving = [name for name in _others(trace, driver) if _moves(table, name)]
     return [driver, moving[0] if moving else "arc"]

@@ -224,7 +224,7 @@ def box_of(solver: LoopForm, limits: Mapping[str, tuple[float, float]], start: M
     """Return how far the drivers of a mechanism may be moved by hand.
 
     Args:
-        form: whose drivers.
+        solver: whose drivers.
         limits: joint -> its range, where a file states it.
         start: driver -> where it stands, where nothing is programmed.
     """

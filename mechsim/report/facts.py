@@ -29,7 +29,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     Of one that no crank alone settles, what does not ask for a crank.
 
     Args:
-        drive: the mechanism.
+        solver: the mechanism.
         angle: crank angle at which assemblies are listed, in [rad]; None takes where assembly starts.
         driver: link that drives, for the Assur groups; None takes the crank.
     """

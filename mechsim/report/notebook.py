@@ -230,7 +230,7 @@ SHOWN = {
 
 
 def register() -> None:
-    """Tell IPython, where it runs, how results are shown; loads nothing that is not loaded yet."""
+    """Register with IPython, where it runs, how results are shown; loads nothing that is not loaded yet."""
     from IPython.core.getipython import get_ipython
 
     shell: Any = get_ipython()

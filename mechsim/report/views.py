@@ -50,7 +50,7 @@ def crank_grids(
     """Return the grid of each assembly that is known without a search, the form's own first.
 
     Args:
-        form: with a crank.
+        solver: with a crank.
         speed: of the crank in [rad/s].
         limits: of its angle in [rad], where a file states them.
 
@@ -249,7 +249,7 @@ def mechanism_view(
     """Return what a page shows of a mechanism.
 
     Args:
-        form: what moves.
+        solver: what moves.
         speed: of its crank in [rad/s], for speeds and for the run that is the ghost.
         limits: joint -> its range in SI, where an MJCF file states it; its other assemblies are not sought.
 

@@ -1,4 +1,4 @@
-"""The body of a link: rods between its points, the room they take, and layers of planar links."""
+"""The body of a link: rods between its points, the space they take, and layers of planar links."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -26,7 +26,7 @@ def exclude_contacts(model: mujoco.MjModel, determined: NDArray[np.bool_]) -> No
 
     Args:
         model: changed in place.
-        settled: which bodies, (nbody,).
+        determined: bodies without motion, (nbody,).
     """
     if determined.all():
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)

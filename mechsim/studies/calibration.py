@@ -20,7 +20,7 @@ from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
 from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names, moved_along
 from mechsim.subjects.readers import parametric_model
 
-# singular values of the scaled derivatives below this part of the largest tell nothing
+# singular values of the scaled derivatives below this part of the largest are rounding
 RANK_TOLERANCE = 1e-7
 # component of such a direction from which a dimension counts as undetermined
 SHARE = 0.1
@@ -36,7 +36,7 @@ class Fit:
 
     Attributes:
         moved: the mechanism with them, moved as it was measured.
-        outcome: "underdetermined" where what was measured does not tell some dimensions apart.
+        outcome: "underdetermined" where the measurements do not determine all dimensions.
         start: dimension -> value from which it began, in SI.
         values: dimension -> value found.
         units: dimension -> its SI unit.
@@ -49,7 +49,7 @@ class Fit:
             given; about 1 where these are true. Without any, what they would have to be, as parts of the
             mechanism's size and in [rad].
         weighed: whether deviations were given.
-        free: how many numbers were measured beyond those that tell the dimensions.
+        free: number of measured values beyond the number of dimensions.
         condition: of the scaled derivatives: the accuracy of the best combination relative to the worst.
         tried: mechanisms solved.
     """
@@ -159,7 +159,7 @@ def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
     acting = moved.loading.acting(moved.solver)
     if (acting.loads or acting.couples or acting.crank_torque) and moved.loaded(columns):
         raise InputError(
-            f"{name}: efforts under loads that follow the crank do not tell its zero; "
+            f"{name}: forces under loads that follow the crank do not determine its zero; "
             "leave them or the loads out"
         )
 
@@ -253,7 +253,7 @@ class _Problem:
         _, singular, right = np.linalg.svd(derivatives, full_matrices=True)
         singular = np.pad(singular, (0, len(self.names) - len(singular)))
         determined = singular > RANK_TOLERANCE * singular[0]
-        # numbers that stay what they are, as places out of a flat linkage's plane, tell nothing of errors
+        # numbers that stay what they are, as positions normal to a planar linkage, show no errors
         free = int(((residuals != 0.0) | derivatives.any(1)).sum()) - int(determined.sum())
         spread = float(np.sqrt((residuals**2).sum() / free)) if free > 0 else 0.0
         unit = 1.0 if self.weighed else spread

@@ -1,4 +1,4 @@
-"""The main job: a mechanism by every road, compared and judged."""
+"""The main job: a mechanism by every method, compared."""
 
 from collections.abc import Container, Mapping
 from contextlib import suppress
@@ -52,7 +52,7 @@ class Case:
 
     Attributes:
         solver: the mechanism.
-        verdict: over all roads and variants.
+        verdict: over all methods and variants.
         exact: closed form over the range, evenly spread.
         poses: the run by solved poses.
         run: the stepped run; in a quick validation that by poses again.
@@ -74,7 +74,7 @@ class Case:
 
     @property
     def passed(self) -> bool:
-        """Whether every quantity of every road is within its bound."""
+        """Whether every quantity of every method is within its tolerance."""
         return self.verdict.passed
 
     @property
@@ -313,7 +313,7 @@ def against_loops(solver: ClosedForm, exact: Motion) -> Verdict:
     poses = {name: Pose(link.position, link.rotation) for name, link in exact.links.items()}
     points = np.array(solver.change_points())
     if len(points):
-        # at a change point the loops give no rates; there the poses' road is asked
+        # at a change point the loops give no rates; there solved poses are used
         off = np.abs(np.exp(1j * exact.angle[:, None]) - np.exp(1j * points)).min(1) > KEPT_OFF
         exact = select_instants(exact, off)
         poses = {name: pose.select(off) for name, pose in poses.items()}

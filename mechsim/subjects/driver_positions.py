@@ -75,7 +75,7 @@ def driver_path(
     """Return the motion laws through rows of driver positions.
 
     Args:
-        form: what moves.
+        solver: what moves.
         table: driver -> values, (n,) in [m] or [rad].
         source: where the rows come from, for messages.
         uniform: whether rows are one second apart; otherwise their time is the distance in [rad] or in

@@ -18,7 +18,7 @@ class ModelDescription:
     """A mechanism as its source describes it.
 
     Attributes:
-        form: its solver, without motion laws of its own where `motion_laws` states them.
+        solver: its solver, without motion laws of its own where `motion_laws` states them.
         motion_laws: driver -> motion law that the source states.
         duration: of these motion laws in [s]; None where the source states none.
         prescribed: whether locks, fixed bases, keyframes and tracked points are applied already.

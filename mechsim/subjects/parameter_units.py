@@ -127,7 +127,7 @@ def _parsed(value: Any) -> ast.expr | None:
 
 
 class _UnitInference:
-    """What is known of the parameters, and how expressions tell more."""
+    """What is known of the parameters, and what expressions add."""
 
     def __init__(self, names: Iterable[str]):
         self.units: dict[str, Unit | None] = dict.fromkeys(names)

@@ -1,1 +1,1 @@
-"""Says whether two records agree, within which bound and why; knows neither road."""
+"""Whether two records agree, within which tolerance and why; knows neither method."""

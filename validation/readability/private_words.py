@@ -23,6 +23,11 @@ ROOT = Path(__file__).parents[2]
 WORDS = {
     "told": "reported, known",
     "tells": "reports, determines",
+    "tell": "report, determine",
+    "road": "method",
+    "roads": "methods",
+    "stray": "corrector displacement",
+    "lap": "revolution",
     "telling": "significant, reporting",
     "foretold": "predicted, expected",
     "foretell": "predict",

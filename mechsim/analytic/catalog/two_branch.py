@@ -141,7 +141,7 @@ class TwoBranchForm(ClosedForm):
         return self.branch * self._root.sign(self._start_angle) * self._root.over(angle)
 
     def counted(self, angle: Values) -> Any:
-        """Return crank angles on the lap of the range, (n,): one that only swings does the same on each."""
+        """Return crank angles within the revolution of the range, (n,)."""
         if self._arcs.full or not self._arcs.arcs:
             return angle
         return angle - REVOLUTION * np.floor((values(angle) - self._arcs.arcs[0][0]) / REVOLUTION)

@@ -34,7 +34,7 @@ class InverseDynamics:
 
     Attributes:
         model: the mechanism with its masses and forces.
-        forces: what both roads tell; the drive torque in it is by virtual power and replaces the motor.
+        forces: what both methods compute; the drive torque is by virtual power and replaces the motor.
             Reactions where a dry friction turns round are without it, halfway between two values.
         load: generalised force of the loads on the crank, (n,) in [N m].
         reduced: coefficients of the reduced equation.
@@ -82,7 +82,7 @@ class InverseDynamics:
         return w * (reduced.inertia * e + 0.5 * reduced.inertia_derivative * w**2 - reduced.static)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the efforts as columns of a table in SI, and among them what only formulas tell."""
+        """Yield columns of a table in SI: forces, and what only the analytic method computes."""
         more = {
             "torque": {
                 "inertia": self.reduced.inertia,

@@ -26,9 +26,9 @@ from mechsim.model.forces import Forces
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
-# searches from configurations reached by a random walk along the motion of the mechanism
+# searches from configurations reached by random steps along the motion of the mechanism
 STARTS = 20
-# length of a step of that random walk, in [rad] or sizes of the mechanism
+# length of one of these random steps, in [rad] or sizes of the mechanism
 RANDOM_STEP = 0.7
 # Newton steps from each start, and the longest
 NEWTON_STEPS, MAX_STEP = 60, 0.3
@@ -73,7 +73,7 @@ def equilibria(
     starts: int = STARTS,
     seed: int = 0,
 ) -> tuple[Equilibrium, ...]:
-    """Return the equilibria found from a random walk along the mechanism's motion, by rising potential.
+    """Return the equilibria found from random steps along the mechanism's motion, by rising potential.
 
     Newton's method starts at the initial configuration and at `starts` others in the same assembly. Coulomb
     friction is left out; loads over time act as at time zero.
@@ -83,7 +83,7 @@ def equilibria(
         forces: what acts; None takes the forces of the source.
         initial: coordinates `J.q` of the initial configuration.
         starts: number of random starts; 0 searches from the initial configuration only.
-        seed: of the random walk.
+        seed: of the random steps.
 
     Raises:
         InputError: for values that cannot be used.

@@ -402,7 +402,7 @@ def tree_loops(
     Args:
         mechanism: the mechanism.
         poses: of every moving link, closed or nearly so.
-        counted: coordinate -> value, of those that the poses do not tell exactly: of angles the turns, of
+        counted: coordinate -> value, of those that poses do not determine: whole turns of angles, of
             drivers and holds where they stand.
     """
     tree = spanning_tree(mechanism)

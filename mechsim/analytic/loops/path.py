@@ -209,12 +209,12 @@ class ContinuationPath(PathStates):
     def _with_adequate_rows(
         self, segment: Segment, closed: Linearised, by_determinant: NDArray[np.bool_]
     ) -> tuple[Segment, Linearised]:
-        """Return a segment solved by rows that tell enough where it is near a singular pose, and its loops.
+        """Return a segment solved by rows of full rank where it is near a singular pose, and its loops.
 
         Rows that repeat others elsewhere may be the ones that count there.
 
         Args:
-            segment: solved by rows that do not tell the whole everywhere.
+            segment: solved by rows that lose rank somewhere.
             closed: its loops.
             by_determinant: at which nodes they do.
         """
@@ -311,7 +311,7 @@ class ContinuationPath(PathStates):
         return True
 
     def _solver(self, current: float, direction: int) -> LoopSolver:
-        """Return by what the next segment is solved: rows of the last one if they tell enough at its end."""
+        """Return by what the next segment is solved: the rows of the last one if regular at its end."""
         if not self.segments[direction]:
             return self.first
         segment = self.segments[direction][-1]

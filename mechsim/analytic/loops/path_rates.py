@@ -193,14 +193,14 @@ def _too_singular(path: ContinuationPath, s: float) -> AssemblyError:
 
 
 def regularised(matrix: Array, singular: NDArray[np.bool_]) -> Array:
-    """Return matrices that can be solved also where the loops tell nothing."""
+    """Return matrices that can be solved also where the loops are singular."""
     return np.where(singular[:, None, None], np.eye(matrix.shape[1]), matrix) if singular.any() else matrix
 
 
 def with_rates(path: ContinuationPath | None, chunk: ClosedChunk, *, conditioned: bool = True) -> LoopMotion:
     """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for.
 
-    A path of None is one on which the loops tell everything everywhere.
+    A path of None is one on which the loops are regular everywhere.
     """
     solver, q, linearised, instants = chunk.solver, chunk.q, chunk.linearised, chunk.instants
     loops = solver.loops.at_instants(len(q))

@@ -23,7 +23,7 @@ BRANCH_CUTOFF = 1e-6
 SLIDE_RANGE = 2.0
 # bytes of Jacobians of random starts that are closed together
 CHUNK_BYTES = 4e6
-# how far from a meeting its branches are looked for, in radians or parts of the size, and how many ways
+# how far from a branch point its branches are looked for, in radians or parts of the size, and how many ways
 BRANCH_DISTANCE, DIRECTIONS = 0.05, 16
 
 

@@ -92,7 +92,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
 
 
 def _inconsistent(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
-    """Whether digits tell: rows that nearly repeat others, or stand open where these are closed."""
+    """Whether rounding decides: rows that nearly repeat others, or stand open where these are closed."""
     for q in poses:
         residual, jacobian, _ = loops.linearise(q)
         values = np.linalg.svd(jacobian[..., 0], compute_uv=False)

@@ -18,7 +18,7 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-# how far a link may stray from its guess, in sizes and [rad], before another way to close the loops is tried
+# how far a link may be from its guess, in sizes and [rad], before another way to close the loops is tried
 MAX_DISTANCE = 0.5
 # random starts where a guess that leaves links out leads nowhere
 STARTS = 48

@@ -174,7 +174,7 @@ class Arcs:
     def start(self) -> float:
         """Return the angle to start from: 0 if the crank can stand there, else amid the longest arc.
 
-        On an arc of more than a turn every lap is another pose: there it may be a whole turn.
+        On an arc of more than a turn every revolution is another pose: there it may be a whole turn.
         """
         if self.full or not self.arcs:
             return 0.0

@@ -32,7 +32,7 @@ STYLES = ("-", "--", ":")
 ROUNDED = 1e-12
 # decades of a logarithmic axis up to which each has a tick
 MAX_DECADES = 20
-# characters of a label that a legend has room for
+# characters of a label that fit into a legend
 LONGEST_LABEL = 40
 # a legend to the right of axes that curves may fill
 LEGEND_RIGHT: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}

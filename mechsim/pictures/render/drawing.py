@@ -42,7 +42,7 @@ BEFORE = 6.0
 LAYERS = 3
 # half the width of a soft edge for each metre above the wall
 SPREAD = 0.018
-# distance between layers in units of the picture's height: far below a pixel, and more than depths can tell
+# distance between layers in units of the picture's height: below a pixel, above the resolution of depths
 STEP = 2e-4
 # left over of a solid's thickness and height, so that no matrix is singular; less than a layer
 FLAT = 1e-4
@@ -72,7 +72,7 @@ class Shadow:
         self.colours = np.column_stack([tones / (1.0 + GLOW), np.ones(LAYERS)]).astype(np.float32)
 
     def put(self, scene: mujoco.MjvScene) -> None:
-        """Add the shadow of the present pose to a scene, as much as it has room for."""
+        """Add the shadow of the present pose to a scene, as far as it fits."""
         data = self.drawn.data
         off = data.geom_xpos[self.geoms] - self.point
         matrices = (self.press @ data.geom_xmat[self.geoms].reshape(-1, 3, 3)).reshape(-1, 9)

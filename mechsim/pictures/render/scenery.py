@@ -78,7 +78,7 @@ class Arrows:
         return np.vstack([starts[name] + self.scale * vector for name, vector in self.vectors.items()])
 
     def put(self, scene: mujoco.MjvScene, starts: Mapping[str, Array], frame: int, width: float) -> None:
-        """Add the arrows of a frame to a scene, from their starts, as many as it has room for."""
+        """Add the arrows of a frame to a scene, from their starts, as many as fit."""
         for name, vectors in self.vectors.items():
             arrow = self.scale * vectors[frame]
             # one shorter than it is thick is no arrow
@@ -131,7 +131,7 @@ class Chain:
         return len(self.centres)
 
     def put(self, scene: mujoco.MjvScene, start: int = 0, stop: int | None = None) -> None:
-        """Add some of the rods to a scene, as many as it has room for."""
+        """Add some of the rods to a scene, as many as fit."""
         geoms, ngeom = scene.geoms, scene.ngeom
         stop = len(self) if stop is None else min(stop, len(self))
         stop = min(stop, start + scene.maxgeom - ngeom)

@@ -26,7 +26,7 @@ from mechsim.shapes.camera import stands
 
 TEMPLATES = Path(__file__).parent / "templates"
 LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
-# poses that the room a mechanism takes is measured over
+# poses over which the space of a mechanism is measured
 MAX_POSES = 360
 
 
@@ -106,7 +106,7 @@ def _data(view: View) -> dict[str, Any]:
 
 
 def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:
-    """Return poses of every link over all grids, as many as tell how much room they take."""
+    """Return poses of every link over all grids, as many as its space needs."""
     from scipy.spatial.transform import Rotation
 
     poses = {GROUND: Pose(np.zeros(3), np.eye(3))}

@@ -109,8 +109,8 @@ class Landmark:
     """A named position on a slider: a dead centre, the least transmission angle.
 
     Attributes:
-        at: in the unit of the slider.
-        said: what it is, in a few words.
+        value: in the unit of the slider.
+        label: what it is, in a few words.
         kind: "dead" where the motion cannot go on, "meets" where assemblies meet, "note" else.
     """
 

@@ -58,7 +58,7 @@ def step_freely(
         loops: of the model as it is stepped.
         start: closed state and rates, (nq,) and (nv,).
         total: most steps to take.
-        stride: steps from one record to the next.
+        record_step: steps from one record to the next.
         turns: of the crank after which to end; None takes all steps.
         fastest: speed to be expected in [rad/s].
         progress: called after every block.

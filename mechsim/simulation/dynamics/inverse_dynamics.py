@@ -330,7 +330,7 @@ def _interpolated_forces(
     speed: float,
     acceleration: float,
 ) -> ForceRecord:
-    """Return what one instant needs so near to a meeting that the loops say nothing: read off around it."""
+    """Return what an instant needs next to a branch point, where loops are singular: interpolated."""
     count, revolutions = len(change_point.nodes), angle - angle_mod_2pi
     qpos = change_point.states.copy()
     qpos[:, loaded.loops.crank_address] += revolutions

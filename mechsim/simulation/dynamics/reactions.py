@@ -15,7 +15,7 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel
 def transmitted(
     loaded: LoadedModel, joint: Joint, fields: Mapping[str, Array], multipliers: Array
 ) -> Reaction:
-    """Return what a joint transmits; what rigid links leave open it does not tell.
+    """Return what a joint transmits, without what rigid links leave undetermined.
 
     Args:
         loaded: the mechanism.

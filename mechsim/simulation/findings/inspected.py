@@ -293,7 +293,7 @@ def wave(start: float, reach: float) -> State:
 
 
 def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
-    """Return by how much each driver swings, to where its limits leave room."""
+    """Return by how much each driver swings, within its limits."""
     mechanism, result = scene.read.mechanism, dict[str, float]()
     for name in mechanism.drivers:
         reach = fraction * (REACH if mechanism.unit(name) == "rad" else STROKE * scene.length)

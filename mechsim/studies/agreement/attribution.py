@@ -160,7 +160,7 @@ def _at_instants(
         elif compared.subject in joints:
             values.append(joints[compared.subject][:, None])
         else:
-            raise InputError(f"a run of {solver.name} does not tell {compared.subject}")
+            raise InputError(f"a run of {solver.name} does not give {compared.subject}")
     return RunAtInstants(exact, tuple(values))
 
 

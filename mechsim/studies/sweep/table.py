@@ -280,7 +280,7 @@ def drawn_sweep(path: str, measures: tuple[str, ...] | None, kind: str | None) -
 
     Args:
         path: of the sweep.
-        quantity: measures to draw; None for all.
+        measures: measures to draw; None for all.
         kind: of plot; None for what suits.
 
     Raises:

@@ -136,7 +136,7 @@ def _rigid_bodies(twists: Mapping[str, Twist], length: float) -> list[tuple[str,
     return [tuple(body) for body in bodies]
 
 
-# how far the crank is turned to either side, in [rad], to tell a special pose from the rule: far
+# how far the crank is turned to either side, in [rad], to distinguish a special pose from the rule: far
 # enough for the rank to see, near enough for almost any range
 ASIDE = 1e-3
 
@@ -279,7 +279,7 @@ def _stands(mechanism: Mechanism) -> list[Mapping[str, Pose]]:
         try:
             stands.append(assemble(mechanism, [mechanism.start + aside], stands[0], most_steps=20))
         except AssemblyError:
-            continue  # a dead centre or a locked structure: the other stands tell
+            continue  # a dead centre or a locked structure: the other poses count
     return stands
 
 

@@ -48,7 +48,7 @@ def dyad(curve: Array, base: Looper, branch: Sign, *, in_space: bool = False) ->
     Args:
         curve: places of C, (n, 2) in [m].
         base: gives crank a, coupler b, arm k and arm angle; in space also the cylinder.
-        bend: side of A as seen from O1 towards C, +1 for left.
+        branch: side of A as seen from O1 towards C, +1 for left.
         in_space: the curve is that of C on the cylinder, seen along Z; then arm and arm angle are what
             the plane shows of them, k' and omega' of the paper.
 
