@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from mechsim.model import load_profile as course
     from mechsim.model import masses as rods
     from mechsim.model import motors
-    from mechsim.model.couplings import Coupling, Gear
     from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
-    from mechsim.model.joints import End, Joint
+    from mechsim.model.joints import Coupling, End, Gear, Joint
     from mechsim.model.links import Inertia, Link, Pose
     from mechsim.model.mechanism import Mechanism
     from mechsim.model.motion import Motion
@@ -69,8 +68,8 @@ _HOMES = _MODULES | {
     "End": "model.joints",
     "Forces": "model.forces",
     "Friction": "model.forces",
-    "Coupling": "model.couplings",
-    "Gear": "model.couplings",
+    "Coupling": "model.joints",
+    "Gear": "model.joints",
     "Inertia": "model.links",
     "InputError": "errors",
     "Joint": "model.joints",

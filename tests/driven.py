@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim import catalog
-from mechsim.model.couplings import Coupling
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import make_motion_laws, tabled

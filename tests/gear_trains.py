@@ -4,9 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KindName
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND, Inertia, Link, Pose
 from mechsim.model.mechanism import Mechanism
 

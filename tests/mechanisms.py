@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim import closure
-from mechsim.model.couplings import Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 

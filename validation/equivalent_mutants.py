@@ -10,7 +10,7 @@ MOTION = "analytic/loops/oracle.py"
 PATH = "analytic/loops/path.py"
 SOLVER = "analytic/loops/solver.py"
 TREE = "analytic/loops/kinematics.py"
-MANY = "analytic/loops/design_paths.py"
+MANY = "analytic/loops/design_motion.py"
 WHOLE = "analytic/loops/motion.py"
 RATES = "analytic/loops/path_rates.py"
 LAYOUT = "analytic/loops/tree.py"
@@ -44,7 +44,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SHAPE,
     (POSED, "if len(self._batches) > 8:", "..."): SPEED,
     (
-        "simulation/independent_rows.py",
+        "simulation/model_loops.py",
         "self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0",
         "self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 1.0",
     ): "the determinant has a unit of its own",

@@ -73,7 +73,7 @@ KILLERS: dict[str, list[str]] = {
         "analytic/test_crank_motion.py",
         "analytic/test_undetermined_joints.py",
     ],
-    "analytic/loops/design_paths.py": ["analytic/test_many_motion.py"],
+    "analytic/loops/design_motion.py": ["analytic/test_many_motion.py"],
     "analytic/loops/solver.py": ["analytic/test_loop_solver.py", *PATHS],
     "analytic/loops/path.py": ["analytic/test_continuation_path.py"],
     **{
@@ -82,7 +82,7 @@ KILLERS: dict[str, list[str]] = {
             "simulation/test_spherical_change_points.py",
             "studies/test_driven_efforts.py",
         ]
-        for name in ("model_loops", "loop_jacobian", "independent_rows", "closing", "actuation")
+        for name in ("model_loops", "loop_jacobian", "closing")
     },
     "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
     "simulation/state.py": ["simulation/test_posed_bodies.py"],

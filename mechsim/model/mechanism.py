@@ -11,9 +11,8 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import MAX_GUESS_ERROR, End, Joint, guessed_frame
+from mechsim.model.joints import MAX_GUESS_ERROR, Coupling, End, Gear, Joint, guessed_frame
 from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import REVOLUTION

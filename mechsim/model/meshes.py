@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.expressions import Evaluator, Term, parse_expression
+from mechsim.model.expressions import Evaluator, Term, parse_expression, unit_powers, unit_text
 from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.joint_kinds import FIXED
 from mechsim.model.joint_kinds import KINDS as JOINT_KINDS
@@ -22,7 +22,6 @@ from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.unit_powers import unit_powers, unit_text
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complex_step import change_of, stepped, turn_of

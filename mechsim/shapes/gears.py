@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array

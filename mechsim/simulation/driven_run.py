@@ -33,7 +33,7 @@ from mechsim.simulation.mobility import (
 )
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_point_motion import interpolated, moved_away
+from mechsim.simulation.poses.change_points import interpolated, moved_away
 from mechsim.simulation.recording import States, evaluate
 from mechsim.simulation.result import Run
 from mechsim.simulation.settings import Settings

@@ -1,4 +1,4 @@
-"""Evaluates recorded states to a Motion: positions, rates and accelerations at the same instants."""
+"""Recorded states as a motion: positions, rates, accelerations, and the forces on moved coordinates."""
 
 import copy
 from collections.abc import Callable, Mapping
@@ -7,13 +7,42 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 from mujoco import batch
+from numpy.typing import NDArray
 
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import actuation, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
+from mechsim.simulation.equality_rows import CouplingConstraint, chained, rates
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.state import HINGE, ONE_THREAD, gravity, rotated, scalar_joints
+
+
+def followers(loops: ModelLoops) -> list[CouplingConstraint]:
+    """Return the nonlinear couplings of coordinates that depend on the drivers only."""
+    return [row for row in _chain(loops) if row.nonlinear]
+
+
+def actuated_dofs(loops: ModelLoops) -> NDArray[np.int64]:
+    """Return the DOFs that forces move: the crank or all drivers, then nonlinear followers."""
+    nonlinear = [int(row.left.dofs[0]) for row in followers(loops)]
+    return np.array([*loops.driven_dofs, *nonlinear], dtype=np.int64)
+
+
+def actuated_rates(loops: ModelLoops, angle: Array, speed: Array) -> Array:
+    """Return the rates of `actuated_dofs`, (n, k), at angles and speeds of the crank, (n,)."""
+    values, speeds = {loops.crank_address: angle}, {loops.crank: speed}
+    if loops.drivers is not None:
+        value, rate, _ = loops.drivers.law(angle)
+        values |= dict(zip(loops.drivers.addresses.tolist(), value, strict=True))
+        speeds |= dict(zip(loops.drivers.dofs.tolist(), rate * speed, strict=True))
+    chained_rates = rates(_chain(loops), values, speeds)
+    return np.stack([chained_rates[int(dof)] for dof in actuated_dofs(loops)], 1)
+
+
+def _chain(loops: ModelLoops) -> list[CouplingConstraint]:
+    return chained(loops.couplings, loops.driven_dofs.tolist())
+
 
 OFF = mujoco.mjtDisableBit
 # forces that may be large: actuators, springs and dampers
@@ -142,7 +171,7 @@ def _evaluated(
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
     if force is not None:
-        sims.bind("qfrc_applied")[:, actuation.actuated_dofs(loops)] = force.reshape(n, -1)
+        sims.bind("qfrc_applied")[:, actuated_dofs(loops)] = force.reshape(n, -1)
     names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
     fields = {name: sims.bind(name) for name in names}
     sims.forward()

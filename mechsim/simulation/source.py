@@ -27,7 +27,7 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import without_locked_bodies
 from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
 from mechsim.simulation.mobility import immobile_drivers, overdetermined_error
 from mechsim.simulation.model_loops import ModelLoops, read_loops
-from mechsim.simulation.poses.driver_moves import move_drivers
+from mechsim.simulation.poses.follow import move_drivers
 from mechsim.simulation.recording import add_sensors
 
 

@@ -13,7 +13,7 @@ from mechsim.model.limits import MAX_STEPS
 from mechsim.model.motion_laws import CrankProfile
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
-from mechsim.simulation import actuation
+from mechsim.simulation import recording
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import States
@@ -111,9 +111,9 @@ def step(
         progress: callback after every block.
     """
     timestep = profile.duration / total
-    driven = not profile.steady or len(actuation.actuated_dofs(loops)) > 1 or loops.drivers is not None
+    driven = not profile.steady or len(recording.actuated_dofs(loops)) > 1 or loops.drivers is not None
     if driven:
-        needed = BYTES_PER_STEP * len(actuation.actuated_dofs(loops))
+        needed = BYTES_PER_STEP * len(recording.actuated_dofs(loops))
         require_memory(
             f"the drive's torque at {total:,} steps", total, needed, "take {most} steps at the most"
         )
@@ -153,14 +153,14 @@ def step(
 
 def _add_drive_inertia(loops: ModelLoops) -> None:
     """Set the crank's virtual inertia on all driven DOFs; disable the constraints of nonlinear followers."""
-    model, moved = loops.model, actuation.actuated_dofs(loops)
+    model, moved = loops.model, recording.actuated_dofs(loops)
     inertia = model.dof_armature[loops.crank]
     # on a slide: the mass that has this inertia at the distance of the characteristic length
     slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
     set_armature(model, moved, np.where(slides, inertia / loops.characteristic_length**2, inertia))
     # MuJoCo scales the compliance of couplings by these
     model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
-    model.eq_active0[[coupling.equality for coupling in actuation.followers(loops)]] = 0
+    model.eq_active0[[coupling.equality for coupling in recording.followers(loops)]] = 0
     rescale_coupled_tendons(loops, model)
 
 
@@ -193,15 +193,15 @@ def _controls(loops: ModelLoops, steps: slice, controls: Array | None, torque: A
     if controls is not None:
         control[0, :, : model.nu] = controls[steps]
     if torque is not None:
-        control[0][:, model.nu + actuation.actuated_dofs(loops)] = torque[steps]
+        control[0][:, model.nu + recording.actuated_dofs(loops)] = torque[steps]
     return control
 
 
 def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: int) -> Array:
     """Return the force on each driver over each step, (steps, drivers) in [N m] or [N]."""
     angle, speed, _ = profile.state(timestep * np.arange(steps + 1.0))
-    rates = actuation.actuated_rates(loops, angle, speed)
-    return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[actuation.actuated_dofs(loops)]
+    rates = recording.actuated_rates(loops, angle, speed)
+    return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[recording.actuated_dofs(loops)]
 
 
 def check_step(timestep: float, profile: CrankProfile, cycle: str = "a turn of the crank") -> int:

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from mechsim.numerics.arrays import worst
-from mechsim.numerics.refinement import refine
+from mechsim.numerics.convergence import refine
 from mechsim.numerics.resources import ProcessorBudget
 
 R = TypeVar("R")

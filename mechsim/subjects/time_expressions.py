@@ -8,9 +8,8 @@ import numpy as np
 
 from mechsim import units
 from mechsim.errors import InputError
-from mechsim.model.expressions import Evaluator, Term, parse_expression
+from mechsim.model.expressions import Evaluator, Term, described, parse_expression, unit_powers, without_time
 from mechsim.model.motion_laws import State
-from mechsim.model.unit_powers import described, unit_powers, without_time
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
 

@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from mechsim import files
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
+from mechsim.model.joints import Coupling, Gear
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import mesh_of
 from mechsim.numerics.angles import REVOLUTION

@@ -10,9 +10,8 @@ import numpy as np
 from mechsim import files
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling, Gear
 from mechsim.model.forces import Forces, Location
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import Link, Pose
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
-from mechsim.analytic.vector_method.plane import cross, flat
+from mechsim.analytic.vector_method.triad import cross, flat
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array

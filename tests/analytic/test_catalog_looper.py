@@ -11,7 +11,7 @@ from strategies import CLOSED, EPS, angles_of, longest, loopers
 
 from mechsim import catalog, closure
 from mechsim.analytic.catalog.looper import Looper
-from mechsim.analytic.vector_method import trig_quartic
+from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EZ, GROUND, Pose
@@ -259,10 +259,10 @@ def test_a_coupler_that_lies_along_x_loses_no_root():
     # there the quartic in the half angle loses its highest power
     for opposite in (0.0, 1e-17, 1e-9):
         polynomial = np.array([[1.0 + opposite], [1.0], [0.3], [0.0], [0.0]])
-        roots = np.sort(trig_quartic.real_roots(polynomial)[:, 0])
+        roots = np.sort(trig_polynomial.real_roots(polynomial)[:, 0])
         here = roots[~np.isnan(roots)]
         assert len(here) == 2
-        assert np.abs(trig_quartic.value(polynomial, here[:, None])).max() <= 1e-14
+        assert np.abs(trig_polynomial.value(polynomial, here[:, None])).max() <= 1e-14
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,7 @@ from strategies import EPS, four_bars, rssrs
 from mechsim import catalog, closure
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.couplings import Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 

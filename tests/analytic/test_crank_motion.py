@@ -10,8 +10,7 @@ from mechanisms import at
 from mechsim import catalog, closure
 from mechsim.analytic.loops.motion import crank_path, motion_along
 from mechsim.errors import AssemblyError
-from mechsim.model.couplings import Coupling
-from mechsim.model.joints import Joint
+from mechsim.model.joints import Coupling, Joint
 from mechsim.model.links import EX, GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 

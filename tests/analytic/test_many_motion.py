@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops import design_motion, design_paths, path, solver
+from mechsim.analytic.loops import design_motion, path, solver
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.errors import AssemblyError
 from mechsim.model.design_arrays import those_alike
@@ -155,7 +155,7 @@ def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
     mechanisms = flat_and_others()
     whole = np.linalg.slogdet
     monkeypatch.setattr(
-        design_paths.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])
+        design_motion.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])
     )
     _, told = together(mechanisms[-1], mechanisms)
     assert told[0]

@@ -9,8 +9,7 @@ from mechanisms import at
 
 from mechsim import closure
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.joints import Joint
+from mechsim.model.joints import Coupling, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.couplings import Coupling
+from mechsim.model.joints import Coupling
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady, tabled
 
 

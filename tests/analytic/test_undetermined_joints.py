@@ -6,8 +6,7 @@ import pytest
 from mechsim import catalog, closure
 from mechsim.analytic.loops.mobility import driver_determinacy, with_coordinate_locked
 from mechsim.errors import MobilityError
-from mechsim.model.couplings import Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 

@@ -5,9 +5,8 @@ from strategies import EPS, offsets, turns
 
 from mechsim.analytic.vector_method.vectors import rotated, rotation
 from mechsim.errors import InputError
-from mechsim.model.couplings import Gear
 from mechsim.model.joint_kinds import crossed_at_zero
-from mechsim.model.joints import End, Joint, joint_coordinate
+from mechsim.model.joints import End, Gear, Joint, joint_coordinate
 from mechsim.model.links import EX, EY, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 

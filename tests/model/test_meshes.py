@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import meshes_of, threads_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from mechsim.errors import BudgetError
-from mechsim.numerics.refinement import refine
+from mechsim.numerics.convergence import refine
 from mechsim.numerics.resources import ProcessorBudget
 
 

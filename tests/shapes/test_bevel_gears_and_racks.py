@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim import closure, load
-from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, load
-from mechsim.model.couplings import Coupling, Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.pictures.render import scenery

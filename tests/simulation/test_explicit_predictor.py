@@ -5,7 +5,7 @@ from mechsim import catalog
 from mechsim.model.scene import Scene
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.explicit_predictor import explicit_trace
+from mechsim.simulation.poses.follow import explicit_trace
 from mechsim.simulation.source import assembled
 
 TURN = 2.0 * np.pi

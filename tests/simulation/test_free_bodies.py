@@ -7,7 +7,7 @@ import pytest
 from mechsim.errors import AssemblyError
 from mechsim.simulation import closing, loop_jacobian
 from mechsim.simulation.model_loops import read_loops
-from mechsim.simulation.poses.revolutions import point_positions
+from mechsim.simulation.poses.follow import point_positions
 from mechsim.simulation.state import hinge_entries, quaternion_addresses, quaternion_entries
 
 MODEL = """

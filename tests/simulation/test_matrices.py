@@ -10,7 +10,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.errors import InputError
-from mechsim.simulation import Settings, matrices, simulate
+from mechsim.simulation import Settings, settings, simulate
 
 FOLDER = Path(__file__).parents[2] / "validation" / "choices"
 
@@ -52,34 +52,34 @@ def test_the_catalogue_is_stepped_with_dense_matrices_and_says_so() -> None:
 
 def test_a_loop_whose_freedoms_all_touch_is_stepped_with_dense_matrices(study) -> None:
     model = study.ready(study.polygons(1, 50))
-    assert model.nv >= matrices.SPARSE_MIN_DOFS
+    assert model.nv >= settings.SPARSE_MIN_DOFS
     assert study.gap(model)[1] == 1.0
-    assert matrices.quicker(model) == "dense"
+    assert settings.quicker(model) == "dense"
 
 
 def test_matrices_that_disagree_are_never_taken_sparse(chain, study, monkeypatch) -> None:
     model = study.ready(chain)
-    assert matrices.quicker(model) == "sparse"
-    look = matrices.look
+    assert settings.quicker(model) == "sparse"
+    look = settings.look
 
     def wrong(model, kind):
         acceleration, filled = look(model, kind)
         acceleration[7] += (kind == "sparse") * 1e-5 * np.abs(acceleration).max()
         return acceleration, filled
 
-    monkeypatch.setattr(matrices, "look", wrong)
-    assert matrices.quicker(model) == "dense"
+    monkeypatch.setattr(settings, "look", wrong)
+    assert settings.quicker(model) == "dense"
 
 
 @pytest.mark.skipif(mujoco.__version__ != "4.0.0", reason="the fault was mended in MuJoCo 4.0.1")
 def test_a_model_that_mujoco_gets_wrong_is_stepped_with_dense_matrices(study, monkeypatch) -> None:
     # whatever its size and filling, so that only what the two say is left to judge by
-    monkeypatch.setattr(matrices, "SPARSE_MIN_DOFS", 1)
-    monkeypatch.setattr(matrices, "SPARSE_MAX_FILL", 1.0)
+    monkeypatch.setattr(settings, "SPARSE_MIN_DOFS", 1)
+    monkeypatch.setattr(settings, "SPARSE_MAX_FILL", 1.0)
     random, taken = np.random.default_rng(0), []
     for _ in range(60):
         model = study.ready(study.tangle(random))
-        taken.append((study.gap(model)[0] > 1e-3, matrices.quicker(model)))
+        taken.append((study.gap(model)[0] > 1e-3, settings.quicker(model)))
     assert (True, "dense") in taken
     assert (False, "sparse") in taken
     assert (True, "sparse") not in taken
@@ -103,4 +103,4 @@ def test_rows_that_move_nothing_are_no_part_of_the_jacobian():
     assert data.efc_J.size > data.nefc * model.nv
     arm = np.array([0.1, 0.2, 0.3])
     turns = np.cross([[0.0, 0.0, 1.0], np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)], arm)
-    np.testing.assert_allclose(matrices.dense_rows(data), np.column_stack([turns[0], -turns[1]]), atol=1e-15)
+    np.testing.assert_allclose(settings.dense_rows(data), np.column_stack([turns[0], -turns[1]]), atol=1e-15)

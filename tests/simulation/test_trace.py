@@ -2,8 +2,7 @@ import numpy as np
 
 from mechsim import catalog
 from mechsim.analytic.loops.start import with_closed_guess
-from mechsim.model.couplings import Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene

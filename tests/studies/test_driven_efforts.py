@@ -9,8 +9,8 @@ import pytest
 from mechsim.analytic import dynamics
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling
 from mechsim.model.forces import Forces, Friction
+from mechsim.model.joints import Coupling
 from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.simulation import Settings

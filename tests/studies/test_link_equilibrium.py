@@ -15,10 +15,9 @@ import pytest
 from mechsim import course
 from mechsim.analytic import dynamics
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.model.couplings import Gear
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Spring
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import GROUND, Inertia, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion

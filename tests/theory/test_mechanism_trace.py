@@ -14,8 +14,7 @@ from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.analytic.loops import random_starts
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.couplings import Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.newton import root

@@ -14,8 +14,7 @@ from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.loops import assemble, residual_norms, turned_by
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import InputError
-from mechsim.model.couplings import Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure import assur_groups, mobility, plane_normal

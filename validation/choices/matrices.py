@@ -18,7 +18,7 @@ from chain_costs import chain
 
 from mechsim import catalog
 from mechsim.analytic.catalog.four_bar import FourBar
-from mechsim.simulation import matrices, mjcf
+from mechsim.simulation import mjcf, settings
 
 CHAINS = (8, 10, 12, 16, 20, 24, 40)
 POLYGONS = ((1, 40), (1, 100), (2, 20), (2, 40), (3, 20), (3, 30), (4, 12), (4, 20), (6, 12), (10, 8))
@@ -92,7 +92,7 @@ def ready(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def gap(model: mujoco.MjModel) -> tuple[float, float]:
     """Return by how much accelerations differ, in units of the largest; and what part is filled."""
-    (dense, filled), (sparse, _) = (matrices.look(model, kind) for kind in matrices.KINDS)
+    (dense, filled), (sparse, _) = (settings.look(model, kind) for kind in settings.KINDS)
     return float(np.abs(dense - sparse).max() / np.abs(dense).max()), filled
 
 
@@ -100,9 +100,9 @@ def measured(name: str, spec: mujoco.MjSpec) -> dict[str, Any]:
     """Return a row: the cost of a step either way, timed in turn."""
     model = ready(spec)
     differ, filled = gap(model)
-    times: dict[str, list[float]] = {kind: [] for kind in matrices.KINDS}
+    times: dict[str, list[float]] = {kind: [] for kind in settings.KINDS}
     for _ in range(ROUNDS):
-        for kind, number in matrices.KINDS.items():
+        for kind, number in settings.KINDS.items():
             model.opt.jacobian = number
             data = mujoco.MjData(model)
             begin = time.process_time()
@@ -111,7 +111,7 @@ def measured(name: str, spec: mujoco.MjSpec) -> dict[str, Any]:
     dense, sparse = (float(np.median(times[kind])) for kind in ("dense", "sparse"))
     row = {"model": name, "freedoms": int(model.nv), "filled": f"{filled:.2f}", "differ": differ}
     row |= {"dense us": f"{dense:.0f}", "sparse us": f"{sparse:.0f}", "dense/sparse": f"{dense / sparse:.2f}"}
-    return row | {"taken": matrices.quicker(model)}
+    return row | {"taken": settings.quicker(model)}
 
 
 def wrong() -> str:
@@ -120,9 +120,9 @@ def wrong() -> str:
     found: list[tuple[float, str]] = []
     for _ in range(RANDOM):
         model = ready(tangle(random))
-        found.append((gap(model)[0], matrices.quicker(model)))
-    bad = [(differ, taken) for differ, taken in found if differ > matrices.AGREEMENT_TOLERANCE]
-    right = [differ for differ, _ in found if differ <= matrices.AGREEMENT_TOLERANCE]
+        found.append((gap(model)[0], settings.quicker(model)))
+    bad = [(differ, taken) for differ, taken in found if differ > settings.AGREEMENT_TOLERANCE]
+    right = [differ for differ, _ in found if differ <= settings.AGREEMENT_TOLERANCE]
     kinds = [taken for _, taken in bad]
     return (
         f"MuJoCo {mujoco.__version__}, {RANDOM} random models: accelerations differ in {len(bad)}, by "

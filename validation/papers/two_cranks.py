@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
-from mechsim.analytic.vector_method.plane import flat, xyz
-from mechsim.analytic.vector_method.triad import carried
+from mechsim.analytic.vector_method.triad import carried, flat, xyz
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End

@@ -207,7 +207,7 @@ PERMITTED = {
         "of a picture in pixels, or MuJoCo's field of a geom or site",
     ),
     "mark": (("render/scenery.py",), "MuJoCo's field of a texture"),
-    "left": (("model/couplings.py", "simulation/equality_rows.py"), "left and right sides of an equation"),
+    "left": (("model/joints.py", "simulation/equality_rows.py"), "left and right sides of an equation"),
 }
 
 _PROSE = re.compile(r"(?<![\w`./'-])(" + "|".join(map(re.escape, WORDS)) + r")(?![\w`/(])", re.IGNORECASE)

@@ -20,7 +20,7 @@ from mechsim.errors import MechsimError
 from mechsim.model.scene import Scene
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.explicit_predictor import explicit_trace
+from mechsim.simulation.poses.follow import explicit_trace
 from mechsim.simulation.source import assembled
 
 sys.path.append(str(Path(__file__).parents[1] / "choices"))

@@ -6,9 +6,9 @@ from typing import Any
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.bennett import Bennett
+from mechsim.analytic.catalog.formulas import parameter_value
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.looper import Looper
-from mechsim.analytic.catalog.parameter_checks import parameter_value
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.formulas import SELECTORS, Formulas
+from mechsim.analytic.catalog.formulas import SELECTORS, Formulas, checked_rate
 from mechsim.analytic.catalog.frame_motion import (
     checked_angles,
     chunks,
@@ -15,7 +15,6 @@ from mechsim.analytic.catalog.frame_motion import (
     require_closed,
     require_finite,
 )
-from mechsim.analytic.catalog.parameter_checks import checked_rate
 from mechsim.analytic.path_instants import path_instants
 from mechsim.model.limits import NO_RANGES
 from mechsim.model.motion import ChangePointPolicy, Motion, join

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration, Geometry
-from mechsim.analytic.catalog.parameter_checks import angle, choice, length, number, offset
-from mechsim.analytic.vector_method import trig_quartic
+from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, number, offset
+from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
 from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled
@@ -307,7 +306,7 @@ class Looper(ClosedForm):
         number = abs(self.side) - 1
         return self._sheets[number] if number < len(self._sheets) else None
 
-    def _cylinder(self, flat: _Planar) -> trig_quartic.Coefficients:
+    def _cylinder(self, flat: _Planar) -> trig_polynomial.Coefficients:
         """Return (y_C - q)2 + (z_C - p)2 - f2 as a polynomial of the cone angle.
 
         Source: paper 004, eqs (2): with the cone angle t, y_C = y0 + r cos t and z_C = R sin t.
@@ -327,17 +326,17 @@ class Looper(ClosedForm):
         if not isinstance(angle, Jet):
             return root_angle
         return root(
-            lambda t: trig_quartic.value(polynomial, t),
+            lambda t: trig_polynomial.value(polynomial, t),
             root_angle,
-            trig_quartic.derivative(at_rest, root_angle),
+            trig_polynomial.derivative(at_rest, root_angle),
         )
 
     def _root_on_sheet(self, angles: Array, polynomial: Array) -> Array:
         if self._sheet is None:
             return np.full_like(angles, np.nan)
         sheet, layer = self._sheet
-        roots = trig_quartic.real_roots(polynomial)
-        fits = np.sign(self.side) * trig_quartic.derivative(polynomial, roots) > 0.0
+        roots = trig_polynomial.real_roots(polynomial)
+        fits = np.sign(self.side) * trig_polynomial.derivative(polynomial, roots) > 0.0
         unrolled = sheet.unrolled(_within(angles, self.crank_range()), layer)
         away = np.abs(np.mod(roots - sheet.guide(unrolled) + np.pi, 2.0 * np.pi) - np.pi)
         best = np.argmin(np.where(fits, away, np.inf), 0)
@@ -359,8 +358,8 @@ class Looper(ClosedForm):
             return None
         flat = self.plane.directions(np.zeros(count))
         polynomial = _stacked(self._cylinder(flat))
-        roots = trig_quartic.real_roots(polynomial)
-        fits = np.sign(self.side) * trig_quartic.derivative(polynomial, roots) > 0.0
+        roots = trig_polynomial.real_roots(polynomial)
+        fits = np.sign(self.side) * trig_polynomial.derivative(polynomial, roots) > 0.0
         alone = np.where(fits, roots, 0.0).sum(0)
         return self._posed(flat, np.where(fits.sum(0) == 1, alone, np.nan))
 
@@ -376,7 +375,7 @@ class Looper(ClosedForm):
         yield "follower", LinkFrame(foot, x=ex, y=(tip - foot) / self.follower)
 
 
-def _stacked(polynomial: trig_quartic.Coefficients) -> Array:
+def _stacked(polynomial: trig_polynomial.Coefficients) -> Array:
     """Return the coefficients without their rates, (5, n)."""
     rest = (
         values(coefficient) if isinstance(coefficient, Jet) else coefficient for coefficient in polynomial

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.parameter_checks import HUGE
+from mechsim.analytic.catalog.formulas import HUGE
 from mechsim.analytic.catalog.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME

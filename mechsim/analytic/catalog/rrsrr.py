@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.formulas import Declaration, Geometry
-from mechsim.analytic.catalog.parameter_checks import angle, choice, length, position
+from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, position
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
 from mechsim.analytic.vector_method.vectors import (

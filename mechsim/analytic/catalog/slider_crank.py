@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.formulas import Declaration, Geometry
-from mechsim.analytic.catalog.parameter_checks import choice, length, offset
+from mechsim.analytic.catalog.formulas import Declaration, Geometry, choice, length, offset
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, column, sine_of, spun

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.formulas import choice
 from mechsim.analytic.catalog.frame_motion import checked_angles
-from mechsim.analytic.catalog.parameter_checks import choice
 from mechsim.analytic.vector_method.trig_polynomial import (
     Arcs,
     SignedRoot,

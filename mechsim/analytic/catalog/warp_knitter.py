@@ -11,18 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration
-from mechsim.analytic.catalog.parameter_checks import angle, length, number, position
+from mechsim.analytic.catalog.formulas import Declaration, angle, length, number, position
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.plane import cross, flat, xyz
-from mechsim.analytic.vector_method.triad import carried, determinant, leg_vectors, moments
+from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
 from mechsim.analytic.vector_method.triad_path import Pivots, TriadPath
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.analytic.vector_method.vectors import column, spun
 from mechsim.errors import InputError
-from mechsim.model.couplings import Gear
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, ORIGIN, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from mechsim.model.couplings import Coupling
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Location, Spring
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.links import Inertia, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
-from mechsim.analytic.vector_method.rotations import cross, dot, wrap
+from mechsim.analytic.vector_method.rotations import cross, dot
 from mechsim.errors import InputError
 from mechsim.model.forces import Friction, Spring
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint, joint_coordinate
 from mechsim.model.links import IDENTITY
+from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 
 # a joint that moves less than this a radian of the crank, in [rad] or sizes of the mechanism, is where it
@@ -201,7 +202,7 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
         joint = unit.mechanism.joint(spring.joint)
         stretch = coordinate(unit, joint) - spring.rest
         if KINDS[joint.kind].hinge:
-            stretch = wrap(stretch)
+            stretch = wrapped(stretch)
         add_joint_forces(unit, springs, joint, [-spring.stiffness * stretch])
         energy = energy + 0.5 * spring.stiffness * stretch**2
     rubbing: list[Dry] = []

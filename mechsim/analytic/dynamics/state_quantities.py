@@ -10,11 +10,12 @@ from mechsim import units
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.analytic.loops.kinematics import Coordinates, twists
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
-from mechsim.analytic.vector_method.rotations import cross, wrap
+from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.model.quantities import Quantity, numeric_quantity, record_columns
+from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 
 
@@ -94,7 +95,7 @@ class Event:
         if self.quantity.kind != "angle":
             return difference
         # whole revolutions of an angle between links do not count, and its jump by one is no crossing
-        difference = float(wrap(np.array(difference)))
+        difference = float(wrapped(np.array(difference)))
         return difference if abs(difference) < 0.5 * np.pi else np.nan
 
 
@@ -159,6 +160,6 @@ def change_from(
 
     def change(other: Kinematics) -> float:
         difference = value_at(equations, quantity, other) - start
-        return float(wrap(np.array(difference))) if quantity.angle else difference
+        return float(wrapped(np.array(difference))) if quantity.angle else difference
 
     return change

@@ -20,10 +20,9 @@ from mechsim.analytic.dynamics.linearization import (
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.state_quantities import change_from, displacement_of, load_displacement
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.vector_method.rotations import wrap
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
-from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 
 # searches from configurations reached by random steps along the motion of the mechanism
@@ -267,7 +266,7 @@ def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, floa
     """Return joint coordinates in [m] and [rad], angles within (-pi, pi]."""
     tree = equations.loops.tree
     return {
-        name: float(q.values[i, 0] if tree.slides[i] else wrap(q.values[i, 0]))
+        name: float(q.values[i, 0] if tree.slides[i] else wrapped(q.values[i, 0]))
         for name, i in tree.index_of.items()
     }
 

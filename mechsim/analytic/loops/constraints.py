@@ -22,10 +22,9 @@ from mechsim.analytic.loops.kinematics import (
     product,
 )
 from mechsim.analytic.loops.tree import Index, SpanningTree, as_slice, spanning_tree
-from mechsim.model.couplings import Coupling
 from mechsim.model.design_arrays import Sides
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
-from mechsim.model.joints import Joint
+from mechsim.model.joints import Coupling, Joint
 from mechsim.model.link_poses import rotated, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism

@@ -13,8 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
-from mechsim.analytic.loops.design_motion import SharedLoops, design_record, empty_motion, store
-from mechsim.analytic.loops.design_paths import Bools, Rows, assembled_designs
+from mechsim.analytic.loops.design_motion import (
+    Bools,
+    Rows,
+    SharedLoops,
+    assembled_designs,
+    design_record,
+    empty_motion,
+    store,
+)
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates
 from mechsim.analytic.loops.solver import NEARBY, LoopSolver

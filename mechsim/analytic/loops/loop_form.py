@@ -1,6 +1,6 @@
 """A mechanism solved by its loop equations."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -9,7 +9,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.loops.joint_ranges import JointRanges
 from mechsim.analytic.loops.motion import (
     driven_path,
     solve_along,
@@ -21,13 +20,93 @@ from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.model.forces import Forces
-from mechsim.model.limits import Ranges
+from mechsim.model.limits import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.newton import root
 from mechsim.units import WrittenUnits
+
+
+@dataclass(frozen=True, slots=True)
+class JointRanges:
+    """The ranges of a mechanism's joints.
+
+    Attributes:
+        mechanism: whose joints they are.
+        ranges: joint -> smallest and largest value, in [m] or [rad].
+        solve: path parameters (n,) -> motion there.
+        label: path parameter -> name of the instant in messages.
+    """
+
+    mechanism: Mechanism
+    ranges: Ranges
+    solve: Callable[[Array], Motion]
+    label: Callable[[float], str]
+
+    def require(self, motion: Motion) -> None:
+        """Raise AssemblyError for a motion in which a joint leaves its range, between instants too."""
+        if motion.speed.any() and np.ptp(motion.angle) > 0.0:
+            # instants at which the loops do not close are no part of what was requested
+            dense = None
+            with suppress(AssemblyError):
+                dense = self._with_extremes(check_instants(motion.angle.min(), motion.angle.max()))
+            if dense is not None:
+                self._require(*dense)
+        self._require(motion.angle, {name: joint.value for name, joint in motion.joints.items()})
+
+    def reach(self, start: float, end: float) -> float | None:
+        """Return how far the crank can go from a start towards an end, in [rad]; None if not at all."""
+        parameters, values = self._with_extremes(np.linspace(min(start, end), max(start, end), INSTANTS + 1))
+        if not values:
+            return end
+        if end < start:
+            parameters, values = parameters[::-1], {name: value[::-1] for name, value in values.items()}
+        excess = self._excess(values)
+        slack = ROUNDED * max(1.0, *(high - low for low, high in (self.ranges[name] for name in values)))
+        if not (excess > slack).any():
+            return end
+        first = int(np.argmax(excess > slack))
+        if first == 0:
+            return None
+        inside, outside = float(parameters[first - 1]), float(parameters[first])
+        if excess[first - 1] >= 0.0:
+            return inside
+        return root(
+            lambda angle: float(self._excess(self._values(np.array([angle])))[0]), *sorted((inside, outside))
+        )
+
+    def _excess(self, values: Mapping[str, Array]) -> Array:
+        """Return how far the joints are beyond their ranges at the most, (n,); negative within."""
+        limits = [(value, *self.ranges[name]) for name, value in values.items()]
+        return np.max([np.maximum(low - value, value - high) for value, low, high in limits], axis=0)
+
+    def _with_extremes(self, instants: Array) -> tuple[Array, dict[str, Array]]:
+        """Return path parameters (n,) with those of extremes between, and the values of joints there."""
+        values = self._values(instants)
+        between = extremes(instants, values.values())
+        if not len(between):
+            return instants, values
+        more = self._values(between)
+        order = np.argsort(parameters := np.concatenate([instants, between]), kind="stable")
+        return parameters[order], {name: np.concatenate([values[name], more[name]])[order] for name in values}
+
+    def _values(self, parameter: Array) -> dict[str, Array]:
+        joints = self.solve(parameter).joints
+        return {name: joints[name].value for name in self.ranges if name in joints}
+
+    def _require(self, parameter: Array, values: Mapping[str, Array]) -> None:
+        require_within(
+            self.mechanism.name,
+            self.ranges,
+            values,
+            {name: self.mechanism.unit(name) for name in self.ranges},
+            lambda index: self.label(float(parameter[index])),
+            "move the drivers less",
+        )
+
 
 # two crank angles nearer than this are one
 SAME_ANGLE = 1e-9

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.vector_method.rotations import cross, dot, skew, wrap
+from mechsim.analytic.vector_method.rotations import cross, dot, skew
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import COLUMN, KINDS
-from mechsim.model.joints import Joint, joint_coordinate
+from mechsim.model.joints import Coupling, Joint, joint_coordinate
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 
 
@@ -238,7 +238,7 @@ def equations(
     for name, target in (*mechanism.locked.items(), *prescribed.items()):
         gap = np.zeros(n) if target is None else value(name) - np.asarray(target)
         stack.weighted(
-            gap if mechanism.unit(name) == "m" else wrap(gap), np.zeros(n), [(np.ones(n), motion(name))]
+            gap if mechanism.unit(name) == "m" else wrapped(gap), np.zeros(n), [(np.ones(n), motion(name))]
         )
     return stack.rows()
 
@@ -269,7 +269,7 @@ def _add_law(
             target = mechanism.counted.get(name)
         if target is None or mechanism.unit(name) == "m":
             return current
-        return np.asarray(target) + wrap(current - np.asarray(target))
+        return np.asarray(target) + wrapped(current - np.asarray(target))
 
     def total(terms: Mapping[str, float]) -> Array:
         return sum((weight * counted(name) for name, weight in terms.items()), np.zeros(stack.n))
@@ -281,7 +281,7 @@ def _add_law(
     right_terms = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
     rate = sum((weight * motion(name).rate for name, weight in law.right_terms.items()), np.zeros(stack.n))
     stack.weighted(
-        wrap(residual) if angular else residual, -second_derivative * rate**2, [*left_terms, *right_terms]
+        wrapped(residual) if angular else residual, -second_derivative * rate**2, [*left_terms, *right_terms]
     )
 
 

@@ -1,4 +1,4 @@
-"""Vectors stored last, (..., 3), and rotation matrices, (..., 3, 3): products, angles, small turns."""
+"""Vectors stored last, (..., 3), and rotation matrices, (..., 3, 3): products and small turns."""
 
 import numpy as np
 
@@ -28,11 +28,6 @@ def cross(a: Array, b: Array) -> Array:
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
     return out
-
-
-def wrap(angle: Array) -> Array:
-    """Return angles brought within half a turn of zero, in [rad]."""
-    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
 def turned_by(rotation: Array, vector: Array) -> Array:

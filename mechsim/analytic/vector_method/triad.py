@@ -9,9 +9,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.vector_method.plane import cross
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import revalued, still
+from mechsim.numerics.jets import Jet, revalued, still
+
+
+def flat(point: Array) -> Any:
+    """Return (n, 3) points as complex numbers x + iy, (n,)."""
+    return point[..., 0] + 1j * point[..., 1]
+
+
+def xyz(point: Any) -> Any:
+    """Return points of the plane as (3, n) vectors."""
+    if isinstance(point, Jet):
+        return Jet(xyz(point.value), xyz(point.rate), xyz(point.second))
+    return np.stack([point.real, point.imag, np.zeros_like(point.real)])
+
+
+def dot(u: Any, v: Any) -> Any:
+    """Return the scalar product of plane vectors."""
+    return u.real * v.real + u.imag * v.imag
+
+
+def cross(u: Any, v: Any) -> Any:
+    """Return the vector product of plane vectors, its component across the plane."""
+    return u.real * v.imag - u.imag * v.real
+
 
 Complex = NDArray[np.complex128]
 

@@ -11,7 +11,7 @@ from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import join, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
-from mechsim.simulation import actuation, closing
+from mechsim.simulation import closing, recording
 from mechsim.simulation.dynamics.applied_forces import (
     Fields,
     coupling_forces,
@@ -28,8 +28,7 @@ from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_point_motion import NearRows, moved_away
-from mechsim.simulation.poses.change_points import ChangePoint, fit_weights
+from mechsim.simulation.poses.change_points import ChangePoint, NearRows, fit_weights, moved_away
 from mechsim.simulation.recording import CHUNK, States, closure_acceleration, link_motions
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_tendons
@@ -419,10 +418,10 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> No
     velocity-product term.
     """
     loops = loaded.loops
-    dofs = actuation.actuated_dofs(loops)[len(loops.driven_dofs) :]
+    dofs = recording.actuated_dofs(loops)[len(loops.driven_dofs) :]
     set_armature(model, dofs, loops.model.dof_armature[dofs])
     model.dof_invweight0[dofs] = compliance * loops.model.dof_invweight0[dofs]
-    model.eq_active0[[coupling.equality for coupling in actuation.followers(loops)]] = 1
+    model.eq_active0[[coupling.equality for coupling in recording.followers(loops)]] = 1
     model.eq_solref[[coupling.equality for coupling in loops.couplings if coupling.nonlinear]] = 0.0
     rescale_coupled_tendons(loops, model)
 

@@ -10,9 +10,9 @@ from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden
-from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.equality_constraints import TENDON
+from mechsim.simulation.settings import dense_rows
 
 # a gap that shows, in parts of the size or in [rad]
 VISIBLE_GAP = 1e-4

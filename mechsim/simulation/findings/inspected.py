@@ -16,13 +16,13 @@ from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
-from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, JOINT, TENDON, WELD
 from mechsim.simulation.mjcf_text.included_files import included_lines
 from mechsim.simulation.mobility import require_determined, residual_mobility
 from mechsim.simulation.poses.follow import follow
+from mechsim.simulation.settings import dense_rows
 from mechsim.simulation.source import at_initial_state, from_source, parameter_profile
 
 # what a finding may be about

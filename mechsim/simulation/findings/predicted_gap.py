@@ -12,9 +12,9 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, Swing
-from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints
+from mechsim.simulation.settings import dense_rows
 
 EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))

@@ -13,11 +13,11 @@ from mechsim.simulation.closed_configurations import CLOSED, StraightPath, drive
 from mechsim.simulation.findings import findings
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
 from mechsim.simulation.findings.inspected import EQUALITY
-from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_text.edited_text import EditedText, equality_elements, set_options
+from mechsim.simulation.settings import dense_rows
 
 Severity = Literal["error", "warning", "note"]
 Target = Literal["urdf"]

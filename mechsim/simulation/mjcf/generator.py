@@ -7,9 +7,8 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
+from mechsim.model.joints import Coupling, Joint
 from mechsim.model.link_poses import plane_normals, starts, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.masses import with_inertia

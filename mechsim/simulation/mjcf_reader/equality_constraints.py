@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.couplings import Coupling
-from mechsim.model.joints import End, Joint
+from mechsim.model.joints import Coupling, End, Joint
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.equality_rows import coincident_frames, tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import rank
-from mechsim.simulation.matrices import dense_rows
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
+from mechsim.simulation.settings import dense_rows
 from mechsim.simulation.state import matching_state
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import SceneRun, run_scene, step_times

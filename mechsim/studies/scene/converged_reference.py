@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import worst
-from mechsim.numerics.convergence import believed_order
-from mechsim.numerics.refinement import refine
+from mechsim.numerics.convergence import believed_order, refine
 from mechsim.simulation.divergence import stiffness_cause
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget

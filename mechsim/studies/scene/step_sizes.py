@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.model.limits import MAX_SCENE_STEPS
-from mechsim.numerics.refinement import refine
+from mechsim.numerics.convergence import refine
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene

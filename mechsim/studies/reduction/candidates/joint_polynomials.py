@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.refinement import refine
+from mechsim.numerics.convergence import refine
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
