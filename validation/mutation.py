@@ -82,7 +82,7 @@ KILLERS: dict[str, list[str]] = {
             "simulation/test_spherical_change_points.py",
             "studies/test_driven_efforts.py",
         ]
-        for name in ("model_loops", "loop_jacobian", "closing")
+        for name in ("model_loops", "loop_jacobian")
     },
     "simulation/mjcf/loop_cuts.py": ["simulation/test_loop_cuts.py"],
     "simulation/state.py": ["simulation/test_posed_bodies.py"],

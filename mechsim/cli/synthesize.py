@@ -12,7 +12,7 @@ from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, Sets, load_model
 from mechsim.cli.output import number, print_table
 from mechsim.errors import InputError
-from mechsim.theory.synthesis import Synthesis, synthesize_looper
+from mechsim.theory.coupler_line import Synthesis, synthesize_looper
 
 # significant digits of dimensions, which are to be built
 DIMENSION_DIGITS = 6

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import turn_of
-from mechsim.numerics.jets import Jet, chosen, still
+from mechsim.numerics.jets import Jet, chosen, still, turn_of
 
 Powers = tuple[float, ...]
 PLAIN: Powers = (0.0, 0.0, 0.0, 0.0)

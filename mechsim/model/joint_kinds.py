@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import turn_of
+from mechsim.numerics.jets import turn_of
 
 Axis = Literal["a", "b", "x", "y", "z"]
 KindName = Literal[

@@ -24,7 +24,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import change_of, stepped, turn_of
+from mechsim.numerics.jets import change_of, stepped, turn_of
 
 AXES = "xyz"
 TRANSMISSION = "transmission"

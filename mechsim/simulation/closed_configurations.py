@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE
-from mechsim.simulation.closing import LinearisedClosure, LoopEquations
+from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.state import HINGE, SCALAR, limited_joints, scalar_joints

@@ -14,7 +14,7 @@ from mechsim.model.motion_laws import CrankProfile
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closing
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
@@ -45,7 +45,7 @@ def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Arr
     positions = closed.point_positions(_solved_poses(closed, states))
     if closed.undetermined_points.any():
         try:
-            nearest = closed.point_positions(closing.close(closed.loops, states[: len(positions)]))
+            nearest = closed.point_positions(loop_jacobian.close(closed.loops, states[: len(positions)]))
             positions[:, closed.undetermined_points] = nearest[:, closed.undetermined_points]
         except AssemblyError:
             positions[:, closed.undetermined_points] = np.inf
@@ -91,7 +91,7 @@ def in_another_assembly(
     for i in tested:
         both = slice(i, i + 2)
         try:
-            nearest = closing.close(closed.loops, states[both])
+            nearest = loop_jacobian.close(closed.loops, states[both])
         except AssemblyError:
             continue
         if (
@@ -122,7 +122,7 @@ def _solved_poses(closed: ClosedModel, states: Array) -> Array:
         driven = states[: len(states_solved), loops.drivers.addresses]
         states_solved[:, loops.drivers.addresses] = driven
         locked = replace(loops, drivers=loops.drivers.locked_at(driven.T))
-        states_solved = closing.close(locked, states_solved)
+        states_solved = loop_jacobian.close(locked, states_solved)
     return states_solved
 
 
@@ -232,7 +232,7 @@ def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
     guess = start
     for _ in range(STEPS):
         try:
-            closed = closing.close(loops, guess[None])[0]
+            closed = loop_jacobian.close(loops, guess[None])[0]
         except AssemblyError:
             break
         states.append(closed)

@@ -9,7 +9,7 @@ from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.limits import check_instants, extremes, require_within
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import pseudo_inverse
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
@@ -188,7 +188,7 @@ def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
 def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Array | None:
     """Return the state moved along a null-space direction and closed; None where the loops prevent it."""
     nudged = _nudged(loops, state, direction)
-    closed = closing.close_if_possible(loops, nudged[None])
+    closed = loop_jacobian.close_if_possible(loops, nudged[None])
     if closed is None:
         return None
     remains = np.abs(closed[0] - nudged).max() < (1.0 - MIN_REMAINING) * np.abs(nudged - state).max()

@@ -16,7 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CrankProfile, MotionLaws
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closing
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.drivers import find_drivers, with_parameter_joint
 from mechsim.simulation.mjcf import compiled, generate, quiet
@@ -235,7 +235,7 @@ def _closed(loops: ModelLoops, guess: Array) -> Array:
         MobilityError: where redundant drivers prevent closure.
     """
     try:
-        return closing.close(loops, guess[None])[0]
+        return loop_jacobian.close(loops, guess[None])[0]
     except AssemblyError:
         locked = () if loops.drivers is None else immobile_drivers(loops, loops.linearise(guess[None])[1][0])
         if locked:
@@ -369,4 +369,4 @@ def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
     start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")
     driven = drivers.with_law(motion_laws.along_path, lambda angle: f"{angle / motion_laws.rate:.6g} s")
     loops = replace(loops, drivers=driven)
-    return replace(closed, loops=loops, qpos=closing.close(loops, start[None])[0])
+    return replace(closed, loops=loops, qpos=loop_jacobian.close(loops, start[None])[0])

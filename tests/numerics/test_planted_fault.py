@@ -10,7 +10,7 @@ from mechsim import catalog
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
 from mechsim.numerics import newton
-from mechsim.simulation import closing, simulate
+from mechsim.simulation import loop_jacobian, simulate
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import from_source
 
@@ -48,7 +48,7 @@ def test_both_sides_reject_configurations_that_have_not_converged(name, monkeypa
 def test_mujoco_states_are_judged_by_the_residual_of_the_state_that_is_returned(monkeypatch):
     closed = from_source(catalog.make("rssr").mechanism)
     loops = read_loops(closed.model)
-    assert loops.closure_error(loops.residual(closing.close(loops, closed.qpos[None]))) < 1e-13
+    assert loops.closure_error(loops.residual(loop_jacobian.close(loops, closed.qpos[None]))) < 1e-13
 
     def off(system, q, settings, solve=None):
         result = CORRECT(system, q, settings, solve)
@@ -57,4 +57,4 @@ def test_mujoco_states_are_judged_by_the_residual_of_the_state_that_is_returned(
 
     plant(monkeypatch, off)
     with pytest.raises(AssemblyError, match="do not close at crank angle"):
-        closing.close(loops, closed.qpos[None])
+        loop_jacobian.close(loops, closed.qpos[None])

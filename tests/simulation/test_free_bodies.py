@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import AssemblyError
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses.follow import point_positions
 from mechsim.simulation.state import hinge_entries, quaternion_addresses, quaternion_entries
@@ -102,7 +102,7 @@ def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
 
 
 def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
-    closed = closing.close(loops, states(loops, 4, 0.02))
+    closed = loop_jacobian.close(loops, states(loops, 4, 0.02))
     assert loops.closure_error(loops.residual(closed)).max() <= 1e-14
     _, jacobian = loops.linearise(closed)
     tangent = loop_jacobian.tangent(loops, jacobian)
@@ -158,4 +158,4 @@ def test_what_cannot_come_together_is_named(loops):
     loops.model.eq_data[1, 3:6] *= 100.0
     far = read_loops(loops.model)
     with pytest.raises(AssemblyError, match="flying: the loops do not close at crank angle"):
-        closing.close(far, lost)
+        loop_jacobian.close(far, lost)

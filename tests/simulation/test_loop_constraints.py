@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.equality_rows import CouplingConstraint, Sum, chained
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.recording import (
@@ -92,7 +92,7 @@ def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
     model, track = model_of(KINDS[kind])
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     loops = read_loops(model)
-    qpos = closing.close(loops, model.qpos0[None])
+    qpos = loop_jacobian.close(loops, model.qpos0[None])
     rates = loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = qpos[0], rates[0]

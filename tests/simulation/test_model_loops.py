@@ -9,7 +9,7 @@ from mechsim import catalog
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT, find_drivers
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses import follow
@@ -120,7 +120,7 @@ def test_rows_that_say_something_new_at_a_later_state_count_there() -> None:
 def test_loops_opened_by_a_little_close_again_with_the_crank_held(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     rough = near(loops, 20, 1e-2)
-    closed = closing.close(loops, rough)
+    closed = loop_jacobian.close(loops, rough)
     assert np.array_equal(closed[:, loops.crank_address], rough[:, loops.crank_address])
     # rounding of a Newton step, in units of the longest link
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
@@ -213,18 +213,18 @@ def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
     states = np.repeat(loops.model.qpos0[None], 2, 0)
     states[1, loops.crank_address] = np.pi
     with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a gap of"):
-        closing.close(loops, states)
+        loop_jacobian.close(loops, states)
 
 
 def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypatch) -> None:
     loops = loops_of(catalog.make("rssr").mechanism)
-    monkeypatch.setattr(closing, "NEWTON", replace(closing.NEWTON, tolerance=0.0))
+    monkeypatch.setattr(loop_jacobian, "NEWTON", replace(loop_jacobian.NEWTON, tolerance=0.0))
     steps: list[int] = []
     moved = loops.displaced
     monkeypatch.setattr(
         ModelLoops, "displaced", lambda _, qpos, step: steps.append(len(qpos)) or moved(qpos, step)
     )
-    closed = closing.close(loops, near(loops, 20, 1e-2))
+    closed = loop_jacobian.close(loops, near(loops, 20, 1e-2))
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     # from 1e-2 each step squares what is left: three to rounding, a few that find it there
     assert len(steps) < 7
@@ -301,7 +301,7 @@ def test_what_no_loop_holds_changes_no_determinant_and_has_no_part_in_it(monkeyp
         bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE)
     beside = read_loops(spec.compile())
     angles = np.linspace(0.0, 2.0, 9)
-    states = closing.close(
+    states = loop_jacobian.close(
         plain, follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_address] + angles)
     )
     swung = np.concatenate([states, np.random.default_rng(3).normal(size=(9, 5))], 1)
@@ -323,7 +323,7 @@ def test_loops_close_with_other_coordinates_locked_than_the_crank() -> None:
     locked = np.array([dof for dof in range(model.nv) if model.joint(model.dof_jntid[dof]).name == "rocker"])
     assert len(locked) == 1
     states = near(loops, 3, 0.02)
-    closed = closing.close(loops, states, locked)
+    closed = loop_jacobian.close(loops, states, locked)
     address = model.jnt_qposadr[model.dof_jntid[locked]]
     assert np.array_equal(closed[:, address], states[:, address])
     assert np.abs(closed[:, loops.crank_address] - states[:, loops.crank_address]).min() > 1e-6
@@ -331,4 +331,4 @@ def test_loops_close_with_other_coordinates_locked_than_the_crank() -> None:
     # no crank angle closes the loop with the rocker half a revolution away
     states[:, address] += np.pi
     with pytest.raises(AssemblyError, match="do not close"):
-        closing.close(loops, states, locked)
+        loop_jacobian.close(loops, states, locked)

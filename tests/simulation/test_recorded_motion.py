@@ -7,7 +7,7 @@ import pytest
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.recording import CHUNK, States, add_sensors, evaluate
 from mechsim.simulation.source import assembled
@@ -92,11 +92,11 @@ CASES = {
 def along(loops):
     """Nine instants of a crank that speeds up, the loops closed in places and speeds."""
     time = STEP * (np.arange(9) - MIDDLE)
-    start = closing.close(loops, loops.model.qpos0[None])
+    start = loop_jacobian.close(loops, loops.model.qpos0[None])
     _, jacobian = loops.linearise(start)
     turned = SPEED * time + 0.5 * ACCELERATION * time**2
     steps = turned[:, None] * loop_jacobian.tangent(loops, jacobian)
-    qpos = closing.close(loops, loops.displaced(np.repeat(start, 9, 0), steps))
+    qpos = loop_jacobian.close(loops, loops.displaced(np.repeat(start, 9, 0), steps))
     _, jacobian = loops.linearise(qpos)
     qvel = loop_jacobian.tangent(loops, jacobian) * (SPEED + ACCELERATION * time)[:, None]
     return States(time, qpos, qvel), np.full(9, ACCELERATION)

@@ -6,7 +6,7 @@ from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.simulation import closing
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.poses.trace import MAX_DISPLACEMENT, trace
 from mechsim.simulation.source import from_source, initial_guess
@@ -28,7 +28,7 @@ def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_le
     gears = (Gear("crank", "wheel", 20.0),)
     mechanism = Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
     loops, rough = initial_guess(with_closed_guess(mechanism), Scene(level="pose"))
-    start = closing.close(loops, rough[None])[0]
+    start = loop_jacobian.close(loops, rough[None])[0]
     states = np.array([start, *trace(loops, start, float(start[loops.crank_address]) + 0.4).states])
     assert np.abs(np.diff(states, axis=0)).max() < 1.5 * MAX_DISPLACEMENT
 

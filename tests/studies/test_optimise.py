@@ -8,7 +8,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.errors import InputError
-from mechsim.numerics.complex_step import change_of, stepped
+from mechsim.numerics.jets import change_of, stepped
 from mechsim.studies.optimise import Goal, Limit, MeasureLimit, largest, smallest
 from mechsim.studies.optimise.goals import goal_of, limit_of
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from mechsim.simulation import Settings, closing, loop_jacobian
+from mechsim.simulation import Settings, loop_jacobian
 from mechsim.simulation.model_loops import read_loops
 
 SPEED = 20.0 * np.pi
@@ -80,7 +80,7 @@ class Bare:
 
 def _start(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
     loops = read_loops(model)
-    qpos = closing.close(loops, model.qpos0[None])
+    qpos = loop_jacobian.close(loops, model.qpos0[None])
     return qpos, SPEED * loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
 
 

@@ -26,7 +26,7 @@ from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import richardson
-from mechsim.simulation import Settings, closing, loop_jacobian, mjcf
+from mechsim.simulation import Settings, loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recording import States, evaluate
@@ -104,12 +104,12 @@ def projected(subject: Subject) -> Point:
     """Close the loops of the states that a coarse run recorded."""
     settings = Settings(steps_per_turn=COARSE)
     loops, steps = subject.built.stepped(settings)
-    qpos = closing.close(loops, steps.states.qpos)
+    qpos = loop_jacobian.close(loops, steps.states.qpos)
 
     def again() -> float:
         _, steps = subject.built.stepped(settings)
         begin = time.process_time()
-        closing.close(read_loops(subject.built.closed.model), steps.states.qpos)
+        loop_jacobian.close(read_loops(subject.built.closed.model), steps.states.qpos)
         return steps.processor + time.process_time() - begin
 
     return Point("projected", COARSE, subject.errors(_at(subject, steps.states.time, qpos)), again)

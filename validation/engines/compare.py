@@ -25,7 +25,7 @@ from engines import Engine, installed
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
-from mechsim.simulation import closing, loop_jacobian, mjcf
+from mechsim.simulation import loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import assembled
 
@@ -45,7 +45,7 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     drive = catalog.make(name)
     model = mjcf.compiled(assembled(drive.mechanism, Scene(level="motion")))
     loops = read_loops(copy.copy(model))
-    qpos = closing.close(loops, model.qpos0[None])
+    qpos = loop_jacobian.close(loops, model.qpos0[None])
     qvel = SPEED * loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
     solref, solimp, integrator = SETTINGS[settings]
     model.eq_solref[:], model.eq_solimp[:] = solref, solimp

@@ -16,7 +16,7 @@ from scipy.optimize import differential_evolution
 
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import InputError
-from mechsim.theory.synthesis import Synthesis, synthesize_looper
+from mechsim.theory.coupler_line import Synthesis, synthesize_looper
 
 Array = NDArray[np.float64]
 

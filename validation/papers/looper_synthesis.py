@@ -16,7 +16,7 @@ import numpy as np
 from looper_search import straighter
 
 from mechsim.analytic.catalog.looper import Looper
-from mechsim.theory.synthesis import Synthesis, synthesize_looper
+from mechsim.theory.coupler_line import Synthesis, synthesize_looper
 
 # the line of papers.md section 4, from which the paper's linkage follows
 PAPER_LINE = ((12.8751e-3, 29.9574e-3), float(np.deg2rad(1.3905)), 4e-3)

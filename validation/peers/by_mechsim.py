@@ -14,7 +14,7 @@ from protocol import Setting, Solver
 
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
-from mechsim.simulation import Settings, closing, constant, loop_jacobian
+from mechsim.simulation import Settings, constant, loop_jacobian
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses import follow
@@ -76,7 +76,7 @@ class Poses:
     def __init__(self, problem: Problem, setting: Setting):
         self.problem = problem
         self.loops = read_loops(assembled(problem.mechanism, SCENE).compile())
-        self.begun = closing.close(self.loops, self.loops.model.qpos0[None])[0]
+        self.begun = loop_jacobian.close(self.loops, self.loops.model.qpos0[None])[0]
         self.angles = problem.angles(setting.samples)
         self.names = list(problem.mechanism.points)
 
@@ -100,7 +100,7 @@ class Steps:
         self.settings, self.stride = setting.settings, setting.steps // SAMPLES
         self.profile = constant(problem.speed, 1.0, problem.start)
         loops = read_loops(self.model)
-        begun = closing.close(loops, self.model.qpos0[None])
+        begun = loop_jacobian.close(loops, self.model.qpos0[None])
         rates = loop_jacobian.tangent(loops, loops.linearise(begun)[1]) * problem.speed
         self.start: tuple[Array, Array] = begun[0], rates[0]
         self.names = list(problem.mechanism.points)

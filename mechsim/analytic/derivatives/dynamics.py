@@ -16,7 +16,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import change_of, stepped
+from mechsim.numerics.jets import change_of, stepped
 
 
 @dataclass(frozen=True, slots=True)

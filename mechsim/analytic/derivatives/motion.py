@@ -34,7 +34,7 @@ from mechsim.model.link_poses import split
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import STEP, change_of, stepped
+from mechsim.numerics.jets import STEP, change_of, stepped
 
 # largest residual that a dimension may open in redundant loops, relative to the change of the loops
 TORN = 1e-6

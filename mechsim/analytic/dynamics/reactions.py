@@ -17,7 +17,7 @@ from mechsim.model.joints import Coupling, Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import Mesh, mesh_of, meshes_of, threads_of
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import least_norm, null_space
+from mechsim.numerics.jets import least_norm, null_space
 
 # part of a self-stress below which a joint takes no part in it
 DETERMINED = 1e-9

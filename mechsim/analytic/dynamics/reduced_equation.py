@@ -19,7 +19,7 @@ from mechsim.errors import AssemblyError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import size_of
+from mechsim.numerics.jets import size_of
 
 # points on an arc, the longest arc, and the shortest before the crank is said to be at a dead centre
 POINTS = 20

@@ -20,7 +20,7 @@ from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import least_norm, null_space
+from mechsim.numerics.jets import least_norm, null_space
 
 # parts of a link's size and inertia by which an idle link may miss being round about its line
 ROUND = 1e-9

@@ -16,7 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import unwrapped
+from mechsim.numerics.jets import unwrapped
 
 
 def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:

@@ -18,7 +18,7 @@ from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
-from mechsim.simulation import closing
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import dry_frictions, oppose
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
@@ -216,7 +216,7 @@ def _closed(
     """Return the nearest state with closed loops and some coordinates at given values."""
     moved = qpos.copy()
     moved[addresses] = values
-    (closed,), (gap,) = closing.close_each(loops, moved[None], np.array(dofs, dtype=np.int64))
+    (closed,), (gap,) = loop_jacobian.close_each(loops, moved[None], np.array(dofs, dtype=np.int64))
     if not gap <= CLOSED:
         raise AssemblyError(
             f"{model.mechanism.name}: MuJoCo's loops do not close at the initial values; "

@@ -11,7 +11,7 @@ from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import join, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
-from mechsim.simulation import closing, recording
+from mechsim.simulation import loop_jacobian, recording
 from mechsim.simulation.dynamics.applied_forces import (
     Fields,
     coupling_forces,
@@ -437,7 +437,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
         return states
     if loops.drivers is not None:
         loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
-    qpos = closing.close(loops, states.qpos)
+    qpos = loop_jacobian.close(loops, states.qpos)
     # the clock's share in the drivers' rates stands no more
     rows = loops.linearise(qpos)[1][:, : loops.driven_rows.start]
     opened = (rows @ states.qvel[..., None])[..., 0]

@@ -17,10 +17,10 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.closing import NEWTON
 from mechsim.simulation.dynamics.loaded_model import loaded_model
+from mechsim.simulation.loop_jacobian import NEWTON
 from mechsim.simulation.mjcf.force_elements import PLACEHOLDER, placeholder, principal
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.joints import (
@@ -274,7 +274,7 @@ def design_models(
     fields["qpos0"][:, address] += turns
     qpos[:, address] = start
     loops = shared.closed.loops.with_fields(fields)
-    qpos, first_error = closing.close_each(loops, qpos)
+    qpos, first_error = loop_jacobian.close_each(loops, qpos)
     # the reference configuration has the links' poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
     rest[:, address] += REVOLUTION * np.round((start - rest[:, address]) / REVOLUTION)
@@ -282,7 +282,7 @@ def design_models(
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}
     loops = shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest})
-    qpos, error = closing.close_each(loops, rest)
+    qpos, error = loop_jacobian.close_each(loops, rest)
     fields = with_constants(model, fields, rest)
     return DesignModels(
         shared,

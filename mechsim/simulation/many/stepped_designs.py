@@ -12,10 +12,10 @@ from mechsim.model.finding import POSITION_TOLERANCE
 from mechsim.model.motion import JointMotion, Motion, PointMotion, join
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closing, loop_jacobian
-from mechsim.simulation.closing import CLOSED, NEWTON
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.driven_run import MAX_DRIVE_ERROR
 from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
+from mechsim.simulation.loop_jacobian import CLOSED, NEWTON
 from mechsim.simulation.many.design_models import (
     Bools,
     DesignModels,
@@ -201,7 +201,7 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
                 tangent = loop_jacobian.tangent(loops, loops.linearise(qpos)[1])
                 predicted = loops.displaced(qpos, tangent * (REVOLUTION / TRACE_STEPS))
                 predicted[:, address] = first + angle
-                predicted, error = closing.close_each(loops, predicted)
+                predicted, error = loop_jacobian.close_each(loops, predicted)
             except np.linalg.LinAlgError:
                 break
             closed = error < NEWTON.rounding

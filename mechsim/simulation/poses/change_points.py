@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import States, Track, evaluate
 
@@ -178,7 +178,7 @@ class _Interpolant:
         knots = self.states[:, self.loops.crank_address]
         guess = lagrange_weights(knots, angles) @ self.states
         guess[:, self.loops.crank_address] = angles
-        states = closing.close_if_possible(self.loops, guess)
+        states = loop_jacobian.close_if_possible(self.loops, guess)
         if states is None:
             return None
         correction = np.abs(states - guess).max()

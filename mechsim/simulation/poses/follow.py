@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.path import AssemblyPath, PosePath, traced_path
@@ -104,7 +104,7 @@ MAX_RESIDUAL_CHANGE = 1e-9
 
 def revolution_gain(loops: ModelLoops, states: Array) -> Array | None:
     """Return the change of a state by a revolution of the crank, (nq,); None where it does not lead back."""
-    ends = closing.close(loops, states[[0, -1]])
+    ends = loop_jacobian.close(loops, states[[0, -1]])
     gain = np.where(quaternion_entries(loops.model), 0.0, ends[1] - ends[0])
     whole_turns = np.where(hinge_entries(loops.model), REVOLUTION * np.round(gain / REVOLUTION), 0.0)
     # a link with ball joints may have spun, but the points on its axis must return
@@ -230,7 +230,7 @@ def _traced_to(path: PosePath, angle: Array) -> Array:
     loops, nearest = path.pieces[0].loops, path.nearest_knot(angle)
     state = [nearest, *trace(loops, nearest, float(angle[0])).states][-1].copy()
     state[loops.crank_address] = angle[0]
-    return closing.close(loops, state[None])[0]
+    return loop_jacobian.close(loops, state[None])[0]
 
 
 def _explicit_path(loops: ModelLoops, start: Array, angles: Array) -> PosePath | None:

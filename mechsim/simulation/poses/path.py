@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import ChangePoint, closed_near, lagrange_weights
 from mechsim.simulation.state import quaternion_addresses
@@ -79,7 +79,7 @@ class AssemblyPath:
         return (-1.0) ** np.sum(passed, axis=0)
 
     def _closed(self, guess: Array, reduced: Array) -> tuple[Array, NDArray[np.bool_]]:
-        states = closing.close_if_possible(self.loops, guess)
+        states = loop_jacobian.close_if_possible(self.loops, guess)
         if states is None:
             return guess, np.zeros(len(guess), dtype=np.bool_)
         correction = np.abs(states - guess).max(1)
@@ -126,7 +126,7 @@ class AssemblyPath:
 
 def traced_path(loops: ModelLoops, knots: Array, change_points: Sequence[ChangePoint]) -> AssemblyPath:
     """Return the path through traced, nearly closed states by ascending crank angle, (k, nq)."""
-    path = AssemblyPath(loops, closing.close(loops, knots), 1.0, change_points=tuple(change_points))
+    path = AssemblyPath(loops, loop_jacobian.close(loops, knots), 1.0, change_points=tuple(change_points))
     # the majority of the knots: at a dead centre, where a path may start or end, the sign is rounding
     signs = loop_jacobian.determinant_sign(loops, loops.linearise(path.knots)[1]) * path.sign_changes(
         path.knots[:, loops.crank_address]

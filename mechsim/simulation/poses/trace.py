@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import closing, loop_jacobian
+from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses.change_points import (
     SINGULAR_RADIUS,
@@ -177,7 +177,7 @@ class _Tracer:
                 f"{self.loops.name}: the {_limit_text(self.loops, self.angle)} in this assembly; "
                 "stay on this side of the dead centre or change the dimensions"
             )
-        self.state = closing.close(self.loops, self.state)
+        self.state = loop_jacobian.close(self.loops, self.state)
         self.tangent = loop_jacobian.tangent(self.loops, self.loops.linearise(self.state)[1])
         self.curvature, self.step = np.zeros_like(self.tangent), step
 
@@ -191,7 +191,7 @@ def _limit_text(loops: ModelLoops, angle: float) -> str:
 def _change_point_before(loops: ModelLoops, state: Array, beyond: Array, angle: float) -> ChangePoint | None:
     """Return the change point between a closed state and a predicted one beyond it; None without one."""
     beyond[0, loops.crank_address] = angle
-    closed = closing.close_if_possible(loops, beyond)
+    closed = loop_jacobian.close_if_possible(loops, beyond)
     if closed is None or np.abs(closed - beyond).max() > MAX_CORRECTION * np.abs(state - beyond).max():
         return None
     return change_point_between(loops, state, closed[0])
@@ -202,7 +202,7 @@ def _state_near(loops: ModelLoops, change_point: ChangePoint, angle: float) -> A
     state = change_point.states_at(np.array([angle]))
     state[0, loops.crank_address] = angle
     singular = change_point.contains(np.array([angle]))[0]
-    return (closed_near(loops, state) if singular else closing.close(loops, state))[0]
+    return (closed_near(loops, state) if singular else loop_jacobian.close(loops, state))[0]
 
 
 def _corrected(loops: ModelLoops, previous: Array, guess: Array, sign: Array) -> tuple[Array, Array] | None:
@@ -308,7 +308,7 @@ def _other_branch(loops: ModelLoops, change_point: ChangePoint, direction: float
         beyond[:, loops.crank_address] = angle + direction * distance
         step = -a / b * direction * distance * free
         guess = loops.displaced(beyond, step[None])
-        solution = closing.close_if_possible(loops, guess)
+        solution = loop_jacobian.close_if_possible(loops, guess)
         if (
             solution is not None
             and np.abs(solution - guess).max() < MAX_PREDICTION_ERROR * np.abs(step).max()

@@ -1,6 +1,6 @@
 """Dimensions that make a goal smallest, by scipy's optimisers with exact derivatives."""
 
-from mechsim.numerics.complex_step import size_of
+from mechsim.numerics.jets import size_of
 from mechsim.studies.optimise.goals import Goal, Limit, MeasureLimit, Quantities, largest, smallest
 from mechsim.studies.optimise.search import Optimum, optimise
 

@@ -9,8 +9,8 @@ import numpy as np
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.complex_step import change_of, stepped
 from mechsim.numerics.inputs import numbers
+from mechsim.numerics.jets import change_of, stepped
 from mechsim.studies.optimise.goals import (
     Function,
     Goal,

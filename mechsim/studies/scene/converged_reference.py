@@ -13,7 +13,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import believed_order, refine
-from mechsim.simulation.divergence import stiffness_cause
+from mechsim.simulation.driven_run import stiffness_cause
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import By, cubic_interpolation, deviation

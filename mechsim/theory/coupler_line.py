@@ -18,7 +18,7 @@ from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
-from mechsim.theory.synthesis.passage import Passage, crank_pin, dyad, levers_on, passage, wedge
+from mechsim.theory.passage import Passage, crank_pin, dyad, levers_on, passage, wedge
 
 
 @dataclass(frozen=True, slots=True)
