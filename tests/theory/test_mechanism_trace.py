@@ -307,7 +307,7 @@ def test_a_screw_that_is_wound_for_ever_is_given_up_after_as_many_turns_as_are_s
 
 def test_random_starts_that_are_closed_a_few_at_a_time_find_the_same_curves(monkeypatch):
     whole, told = trace(SliderCrank(), starts=40), []
-    monkeypatch.setattr(random_starts, "CHUNK_BYTES", 4000.0)
+    monkeypatch.setattr(start, "CHUNK_BYTES", 4000.0)
     parts = trace(SliderCrank(), starts=40, progress=lambda *said: told.append(said))
     assert [curve.starts_ended for curve in parts.curves] == [curve.starts_ended for curve in whole.curves]
     done = [part for said, part in told if said.endswith("of 40 random starts")]
