@@ -12,6 +12,7 @@ from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
+from mechsim.analytic.loops import start
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
