@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mechsim import simulation, testing, units
     from mechsim.analytic import catalog, dynamics
     from mechsim.analytic import loops as closure
+    from mechsim.codegen.compiled import compile
     from mechsim.errors import AssemblyError, InputError, MechsimError
     from mechsim.model import load_profile as course
     from mechsim.model import masses as rods
@@ -88,6 +89,7 @@ _HOMES = _MODULES | {
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
     "check": "studies.check",
+    "compile": "codegen.compiled",
     "closed_qpos": "studies.closed_configurations",
     "crosscheck": "verdict.crosscheck",
     "export": "studies.export",
@@ -141,6 +143,7 @@ __all__ = [
     "check",
     "closed_qpos",
     "closure",
+    "compile",
     "course",
     "crosscheck",
     "dynamics",

@@ -46,6 +46,9 @@ GROUPS = {
         "fit": ("fit.fit", "Identify dimensions from measured motion."),
         "synthesize": ("synthesize.synthesize", "Find a looper whose coupler point follows a line."),
     },
+    "Code": {
+        "compile": ("compile.compile_solver", "Write a solver as a C header or JavaScript."),
+    },
     "Pictures": {
         "plot": ("plot.plot", "Plot motions, curves, errors, dynamics, studies."),
         "render": ("render.render", "Draw or animate a mechanism without a screen."),

@@ -48,6 +48,7 @@ check examples/own_model.xml --explain --target urdf
 sample examples/own_model.xml -n 4 -o {folder}/states.npz
 map four_bar --from crank=20deg:80deg --to rocker,B.x --degree 4 -o {folder}/map.npz
 view slider_crank -o {folder}/page.html
+compile slider_crank -o {folder}/solver.h --test {folder}/test.c
 """.strip().splitlines()
 # long runs, pictures, and what is JSON by itself
 ELSEWHERE = {"extremes", "reduce", "tune", "sweep", "render", "schema"}

@@ -1,0 +1,168 @@
+"""What code is generated from: the loops of one assembly, the rows that are solved, and its range."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.mobility import checked_start
+from mechsim.analytic.loops.motion import driven_path, instants_of_laws, with_locked_values
+from mechsim.analytic.loops.path_rates import closed_chunks
+from mechsim.analytic.loops.solver import LoopSolver, loop_solver
+from mechsim.analytic.loops.start import with_closed_guess
+from mechsim.analytic.solvers import KinematicSolver
+from mechsim.codegen.expressions import ROUNDING
+from mechsim.codegen.passive_spin import without_passive_spin
+from mechsim.model.joints import End
+from mechsim.model.links import Vector
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion_laws import interval_around
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import significant
+
+# configurations over the range at which rows are compared
+SAMPLES = 49
+# distance of samples from a singular end of the range, as a fraction of it
+INSET = 1e-3
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """One assembly of a mechanism, as code solves it.
+
+    Attributes:
+        source: the mechanism as it was given.
+        mechanism: the same with directions and lengths rounded, and links that would spin held from spinning.
+        solver: its loops about the start, and which rows are solved.
+        interval: crank angles in [rad] between which the loops close and no assemblies meet; None where the
+            crank turns fully, or no crank drives.
+        spinning: links whose spin nothing determines -> its axis in the link's frame, (3,).
+        samples: configurations over the range.
+    """
+
+    source: KinematicSolver
+    mechanism: Mechanism
+    solver: LoopSolver
+    interval: tuple[float, float] | None
+    spinning: dict[str, Array]
+    samples: Coordinates
+
+    @property
+    def loops(self) -> TreeLoops:
+        """Its loop equations."""
+        return self.solver.loops
+
+    @property
+    def start(self) -> Coordinates:
+        """The configuration from which it is followed."""
+        return self.solver.reference
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Names of the driven coordinates."""
+        return self.mechanism.drivers
+
+    @property
+    def driven(self) -> list[int]:
+        """Indices of the driven coordinates."""
+        return [*self.loops.driven][: len(self.drivers)]
+
+    @cached_property
+    def determinant_sign(self) -> float:
+        """Sign of the determinant of the solved rows in this assembly."""
+        return float(self.solver.at_reference.determinant_sign[0]) if len(self.loops.unknown) else 1.0
+
+
+def assembly(source: KinematicSolver) -> Assembly:
+    """Return the assembly of a mechanism that its guess selects.
+
+    Raises:
+        AssemblyError: where the loops do not close at the start.
+        MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
+        InputError: where a link is left to spin by joints for which no code is generated.
+    """
+    mechanism = _rounded(with_closed_guess(source.mechanism))
+    form = LoopForm(mechanism, motion_laws=source.motion_laws)
+    interval, parameters = _range(form)
+    q = _sampled(form, parameters)
+    first = checked_start(mechanism)
+    spinning: dict[str, Array] = {}
+    if first.nullity:
+        mechanism, spinning = without_passive_spin(first, link_poses(first.loops.tree, q))
+        q = _sampled(replace(form, mechanism=mechanism), parameters)
+        first = checked_start(mechanism)
+    return Assembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
+
+
+def _rounded(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism in which components of directions and points that are rounding are zero."""
+    length = ROUNDING * mechanism.size
+
+    def end(side: End) -> End:
+        assert side.mark is not None
+        axis, mark = (_rounded_vector(vector, ROUNDING) for vector in (side.axis, side.mark))
+        return End(side.link, _rounded_vector(side.point, length), axis, mark)
+
+    joints = [replace(joint, a=end(joint.a), b=end(joint.b)) for joint in mechanism.joints]
+    return replace(mechanism, joints=tuple(joints))
+
+
+def _rounded_vector(vector: Vector, tolerance: float) -> Vector:
+    x, y, z = (0.0 if abs(component) < tolerance else component for component in vector)
+    return x, y, z
+
+
+def _range(form: LoopForm) -> tuple[tuple[float, float] | None, Array]:
+    """Return the interval of the crank in one assembly, and path parameters over the range."""
+    start = form.mechanism.start
+    if not form.motion_laws.crank:
+        return None, np.linspace(0.0, form.motion_laws.length, SAMPLES)
+    if not form.mechanism.has_crank:
+        return None, np.zeros(0)
+    arcs, change_points = form.crank_range(), form.change_points()
+    if arcs.full and not change_points:
+        return None, np.linspace(start - np.pi, start + np.pi, SAMPLES)
+    low, high = (
+        (start - np.pi, start + np.pi) if arcs.full else interval_around(arcs, start) or (start, start)
+    )
+    for point in change_points:
+        for angle in point + 2.0 * np.pi * np.arange(-1, 2):
+            low, high = (max(low, angle), high) if angle < start else (low, min(high, angle))
+    inset = INSET * (high - low)
+    return (low, high), np.linspace(low + inset, high - inset, SAMPLES)
+
+
+def _sampled(form: LoopForm, parameters: Array) -> Coordinates:
+    """Return the coordinates of the tree at path parameters, in order of the chunks that solve them."""
+    if not len(parameters):
+        return checked_start(form.mechanism).reference
+    path = driven_path(form.mechanism, form.motion_laws)
+    rates = np.ones_like(parameters)
+    instants = instants_of_laws(form.motion_laws, parameters, rates, 0.0 * rates)
+    parts = [chunk.q for chunk in closed_chunks(path, with_locked_values(path.loops, instants))]
+    return Coordinates(
+        np.concatenate([part.values for part in parts], 1), np.concatenate([part.turns for part in parts], -1)
+    )
+
+
+def _with_best_rows(first: LoopSolver, q: Coordinates) -> LoopSolver:
+    """Return the solver with those independent rows that are best conditioned over the range."""
+    loops = first.loops
+    if not len(loops.unknown) or first.uses_all_rows:
+        return first
+    jacobian = loops.linearise(q)[1][:, loops.unknown]
+    candidates = {tuple(first.rows.tolist())}
+    for i in range(len(q)):
+        rows = loop_solver(loops, q, jacobian=loops.linearise(q.select(np.array([i])))[1]).rows
+        candidates.add(tuple(rows.tolist()))
+
+    def smallest(rows: tuple[int, ...]) -> float:
+        if len(rows) != len(first.rows):
+            return 0.0
+        values = np.linalg.svd(jacobian[list(rows)].transpose(2, 0, 1), compute_uv=False)
+        return float(values[:, -1].min()) if significant(values.max(0)).all() else 0.0
+
+    return replace(first, rows=np.array(max(sorted(candidates), key=smallest), dtype=np.intp))

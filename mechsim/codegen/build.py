@@ -1,0 +1,183 @@
+"""Generated C compiled by the system's compiler into a cache, and called through ctypes."""
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from mechsim.codegen.kinematics import LINK
+from mechsim.codegen.printing import c_header
+from mechsim.codegen.program import Program
+from mechsim.errors import MissingToolError
+from mechsim.numerics.arrays import Array
+
+COMPILERS = ("cc", "gcc", "clang")
+FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared")
+# numbers of a link's motion
+LINK_NUMBERS = sum(LINK.values())
+WRAPPER = """
+int solve_all(int n, const double *drivers, const double *rates, const double *accelerations, double *motion,
+              double *links, double *map, int *status) {
+  @state s;
+  @link link[@LINKS];
+  int k = 0;
+  *status = @start(&s);
+  for (; k < n && *status == @SOLVED; k++) {
+    const int d = k * @DRIVERS;
+    *status = @solve(&s, drivers + d, rates + d, accelerations + d);
+    if (*status != @SOLVED) { break; }
+    for (int i = 0; i < @COORDINATES; i++) {
+      double *row = motion + (size_t)k * 3 * @COORDINATES + i;
+      row[0] = s.coordinates[i];
+      row[@COORDINATES] = s.rates[i];
+      row[2 * @COORDINATES] = s.accelerations[i];
+    }
+    memcpy(map + (size_t)k * @COORDINATES * @DRIVERS, s.map, sizeof s.map);
+    @solve_links(&s, link);
+    memcpy(links + (size_t)k * sizeof link / sizeof(double), link, sizeof link);
+TORQUES
+  }
+  return k;
+}
+"""
+TORQUES = "    @solve_torques(&s, inertias, gravity, torques + d);"
+
+
+@dataclass(frozen=True, slots=True)
+class Configurations:
+    """Configurations that generated code solved.
+
+    Attributes:
+        count: how many were solved before one failed.
+        status: of the last call, an index of `program.STATUSES`.
+        motion: coordinates, rates and accelerations, (n, 3, coordinates).
+        links: numbers of `kinematics.LINK` of each link, (n, links, 24).
+        map: derivatives of the coordinates by the drivers, (n, coordinates, drivers).
+        torques: of the drivers, (n, drivers) in [N m] or [N]; empty where they are undetermined.
+    """
+
+    count: int
+    status: int
+    motion: Array
+    links: Array
+    map: Array
+    torques: Array
+
+
+def compiler() -> str:
+    """Return the C compiler: that of the variable CC, else the first that is installed.
+
+    Raises:
+        MissingToolError: where there is none.
+    """
+    named = os.environ.get("CC")
+    path = next(filter(None, map(shutil.which, [named] if named else COMPILERS)), None)
+    if path is None:
+        what = f"CC={named} is not found" if named else f"there is no C compiler ({', '.join(COMPILERS)})"
+        raise MissingToolError(
+            f"{what}; install gcc or clang, or write the code by `mechsim compile MODEL -o solver.h`"
+        )
+    return path
+
+
+def cache_folder() -> Path:
+    """Return the folder of compiled solvers: mechsim in the user's cache."""
+    base = os.environ.get("XDG_CACHE_HOME") or (
+        "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
+    )
+    return Path(base).expanduser() / "mechsim" / "compiled"
+
+
+def library(program: Program) -> Path:
+    """Return the shared library of a solver, compiled unless the cache has it.
+
+    Raises:
+        MissingToolError: without a C compiler, or where it fails.
+    """
+    torques = program.inertias is not None
+    wrapper = WRAPPER.replace("TORQUES", TORQUES if torques else "")
+    if torques:
+        wrapper = wrapper.replace(
+            "int *status)",
+            "int *status,\n              const double *inertias, const double *gravity, double *torques)",
+        )
+    code = (
+        "#include <stddef.h>\n#include <string.h>\n"
+        + c_header(program)
+        + wrapper.replace("@", program.prefix + "_")
+    )
+    command = compiler()
+    key = hashlib.sha256("\0".join((code, command, _version(command), *FLAGS)).encode()).hexdigest()[:24]
+    path = cache_folder() / f"{program.prefix[:60]}-{key}.so"
+    if not path.exists():
+        _compile(command, code, path)
+    return path
+
+
+@cache
+def _version(command: str) -> str:
+    return subprocess.run([command, "--version"], capture_output=True, text=True, check=False).stdout
+
+
+def _compile(command: str, code: str, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        source, built = Path(folder) / "solver.c", Path(folder) / "solver.so"
+        source.write_text(code, encoding="utf-8")
+        line = [command, *FLAGS, "-o", str(built), str(source), "-lm"]
+        result = subprocess.run(line, capture_output=True, text=True, check=False)
+        if result.returncode:
+            first = next(iter(result.stderr.strip().splitlines()), "no message")
+            raise MissingToolError(
+                f"the C compiler {command} fails: {first}; set CC to one that compiles C99"
+            )
+        # others that compile the same at once write the same
+        built.replace(path)
+
+
+@dataclass(frozen=True, slots=True)
+class Library:
+    """A compiled solver.
+
+    Attributes:
+        program: its code.
+        path: of the shared library.
+    """
+
+    program: Program
+    path: Path
+
+    def solve(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
+        """Return configurations at drivers and their rates, (n, drivers) each, in order from the start."""
+        sizes, n = self.program.sizes, len(drivers)
+        motion = np.empty((n, 3, sizes["COORDINATES"]))
+        links = np.empty((n, sizes["LINKS"], LINK_NUMBERS))
+        by_drivers = np.empty((n, sizes["COORDINATES"], sizes["DRIVERS"]))
+        has_torques = self.program.inertias is not None
+        torques = np.empty((n if has_torques else 0, sizes["DRIVERS"]))
+        status = ctypes.c_int()
+        inputs = [
+            np.ascontiguousarray(values, dtype=np.float64) for values in (drivers, rates, accelerations)
+        ]
+        arrays = [*inputs, motion, links, by_drivers]
+        extra = [self.program.inertias, self.program.gravity, torques] if has_torques else []
+        function = ctypes.CDLL(str(self.path)).solve_all
+        count = function(
+            n,
+            *(_pointer(values) for values in arrays),
+            ctypes.byref(status),
+            *(_pointer(v) for v in extra if v is not None),
+        )
+        return Configurations(count, status.value, motion, links, by_drivers, torques)
+
+
+def _pointer(values: Array) -> ctypes.c_void_p:
+    return values.ctypes.data_as(ctypes.c_void_p)

@@ -1,0 +1,201 @@
+"""A mechanism solved by generated C code: `mechsim.compile`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.analytic.loops.motion import instants_of_laws
+from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
+from mechsim.analytic.path_instants import path_instants
+from mechsim.analytic.solvers import KinematicSolver
+from mechsim.codegen.assembly import assembly
+from mechsim.codegen.build import Configurations, Library, library
+from mechsim.codegen.kinematics import LINK
+from mechsim.codegen.printing import c_header, javascript
+from mechsim.codegen.program import STATUSES, Program, program
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.motion import LinkMotion, Motion
+from mechsim.numerics.arrays import Array
+from mechsim.subjects.readers import load
+
+
+@dataclass(frozen=True)
+class CompiledSolver:
+    """A mechanism whose motion generated C code solves; made by `mechsim.compile`.
+
+    Attributes:
+        program: the code.
+        library: the same compiled.
+    """
+
+    program: Program
+    library: Library
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism."""
+        return self.program.assembly.mechanism.name
+
+    @cached_property
+    def header(self) -> str:
+        """The C99 header, as `mechsim compile MODEL -o solver.h` writes it."""
+        return c_header(self.program)
+
+    @cached_property
+    def javascript(self) -> str:
+        """The JavaScript file, as `mechsim compile MODEL -o solver.js` writes it."""
+        return javascript(self.program)
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Names of the driven coordinates."""
+        return self.program.assembly.drivers
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates of the tree; those of a ball joint are its three rotations."""
+        return tuple(self.program.formulas.coordinates)
+
+    def solve(
+        self,
+        angles: ArrayLike | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike = 0.0,
+        *,
+        t: ArrayLike | None = None,
+    ) -> Motion:
+        """Return the motion at crank angles, or at times of motion laws.
+
+        Args:
+            angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
+            speed: of the crank, scalar or (n,) in [rad/s] or text; None is 1 at crank angles.
+            acceleration: of the crank, scalar or (n,) in [rad/s2].
+            t: times, (n,) in [s].
+
+        Raises:
+            AssemblyError: at the first instant that cannot be reached in this assembly.
+
+        Accuracy: that of `LoopForm.solve`, whose equations the code has.
+        """
+        source = self.program.assembly.source
+        laws = source.motion_laws
+        at = path_instants(source.mechanism, laws, angles, speed, acceleration, t)
+        parameter = np.atleast_1d(np.asarray(at.parameter, dtype=np.float64))
+        rate, second = (
+            np.broadcast_to(np.asarray(x, dtype=np.float64), parameter.shape) for x in (at.rate, at.second)
+        )
+        instants = instants_of_laws(laws, parameter, rate, second)
+        solved = self.solve_drivers(instants.value.T, instants.rate.T, instants.second.T)
+        time = at.time if at.time is not None else None if laws.crank else laws.time(parameter)
+        return self._motion(solved, parameter, rate, second, time)
+
+    def solve_drivers(
+        self, values: ArrayLike, rates: ArrayLike = 0.0, accelerations: ArrayLike = 0.0
+    ) -> Configurations:
+        """Return configurations, maps and torques at values of the drivers, (n, drivers) each, in SI.
+
+        The first is reached from the start of the mechanism, each other from the one before.
+
+        Raises:
+            AssemblyError: at the first configuration that cannot be reached in this assembly.
+        """
+        drivers = np.atleast_2d(np.asarray(values, dtype=np.float64))
+        if drivers.shape[1] != len(self.drivers):
+            raise InputError(
+                f"{self.name}: values of drivers have {drivers.shape[1]} columns; give {len(self.drivers)}: "
+                f"{', '.join(self.drivers)}"
+            )
+        both = (
+            np.broadcast_to(np.asarray(x, dtype=np.float64), drivers.shape) for x in (rates, accelerations)
+        )
+        solved = self.library.solve(drivers, *both)
+        if solved.count < len(drivers):
+            raise AssemblyError(self._failure(drivers[solved.count], solved.status))
+        return solved
+
+    def _failure(self, drivers: Array, status: int) -> str:
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drivers, drivers, strict=True))
+        limits = self.program.assembly.interval
+        reasons = {
+            "OUT_OF_RANGE": "" if limits is None else f"outside {limits[0]:.6g} to {limits[1]:.6g} rad",
+            "SINGULAR": "beyond a singular configuration or another assembly",
+            "TOO_FAR": "not reached from the configuration before in small steps",
+        }
+        reason = reasons.get(STATUSES[status], STATUSES[status])
+        return (
+            f"{self.name}: the generated code does not solve {values}: {reason}; stay within the range of "
+            "this assembly"
+        )
+
+    def _motion(
+        self, solved: Configurations, angle: Array, speed: Array, second: Array, time: Array | None
+    ) -> Motion:
+        links: dict[str, LinkMotion] = {}
+        ends = np.cumsum([*LINK.values()])[:-1]
+        for k, name in enumerate(self.program.formulas.links):
+            position, rotation, velocity, spin, acceleration, spin_rate = np.split(
+                solved.links[:, k], ends, axis=1
+            )
+            links[name] = LinkMotion(
+                position, rotation.reshape(-1, 3, 3), velocity, spin, acceleration, spin_rate
+            )
+        build = self.program.assembly
+        tree, mechanism = build.loops.tree, build.source.mechanism
+        values = (solved.motion[:, i].T for i in range(3))
+        first, rate, acceleration_rows = values
+        joints = tree_joint_motions(tree, tree.original.joints, links, (first, rate, acceleration_rows))
+        known = {name for joint in mechanism.joints for name in joint.coordinates}
+        laws = build.source.motion_laws
+        return Motion(
+            source="loop equations",
+            angle=angle,
+            speed=np.array(speed),
+            acceleration=np.array(second),
+            points=tracked_points(mechanism, links),
+            links=links,
+            joints={name: joint for name, joint in joints.items() if name in known},
+            time=time,
+            spinning=frozenset(build.spinning),
+            drivers=() if laws.crank else laws.drivers,
+        )
+
+
+def solver_code(model: Any, *, set: Mapping[str, str | float] | None = None, **options: Any) -> Program:
+    """Return the code of a mechanism's solver.
+
+    Args:
+        model: what `load` takes, or a mechanism or solver.
+        set: parameter -> its value, as `load` takes it.
+        options: of `load`, as drive= and lock=.
+
+    Raises:
+        AssemblyError: where the loops do not close at the start.
+        MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
+        InputError: for what is no mechanism, or has no driver.
+    """
+    source: KinematicSolver = load(model, set=set, **options)
+    return program(assembly(source))
+
+
+def compile(model: Any, *, set: Mapping[str, str | float] | None = None, **options: Any) -> CompiledSolver:
+    """Return a mechanism whose motion generated C code solves, compiled by the system's C compiler.
+
+    The library is kept in the user's cache, so that the same mechanism is compiled once.
+
+    Args:
+        model: what `load` takes.
+        set: parameter -> its value, as `load` takes it.
+        options: of `load`, as drive= and lock=.
+
+    Raises:
+        MissingToolError: without a C compiler.
+        AssemblyError: where the loops do not close at the start.
+        MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
+        InputError: for what is no mechanism, or has no driver.
+    """
+    code = solver_code(model, set=set, **options)
+    return CompiledSolver(code, Library(code, library(code)))

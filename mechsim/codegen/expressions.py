@@ -1,0 +1,279 @@
+"""Symbolic expressions of sums and products, folded as they are made, and straight-line code for them."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Union
+
+# numbers nearer to 0, 1 or -1 are rounding of directions; lengths are rounded before they come here
+ROUNDING = 1e-15
+# characters of an expression beyond which its value gets a name
+MAX_TEXT = 60
+
+Operand = Union["Expression", float, int]
+
+
+class Expression:
+    """A number, a symbol, or a sum, difference, product or negative of expressions.
+
+    Equal expressions of one table are one object. numpy arrays of dtype object hold them, so that functions
+    on arrays yield their formulas.
+    """
+
+    __slots__ = ("args", "index", "op", "table")
+
+    def __init__(self, table: "Table", op: str, args: tuple["Expression | str | float", ...], index: int):
+        self.table, self.op, self.args, self.index = table, op, args, index
+
+    @property
+    def number(self) -> float | None:
+        """Its value; None where it is not a number."""
+        return float(self.args[0]) if self.op == "number" else None  # type: ignore[arg-type]
+
+    @property
+    def operands(self) -> tuple["Expression", ...]:
+        """The expressions that it is made of."""
+        return tuple(arg for arg in self.args if isinstance(arg, Expression))
+
+    def __add__(self, other: Operand) -> "Expression":
+        return self.table.sum(self, self.table.expression(other))
+
+    def __sub__(self, other: Operand) -> "Expression":
+        return self.table.difference(self, self.table.expression(other))
+
+    def __rsub__(self, other: Operand) -> "Expression":
+        return self.table.difference(self.table.expression(other), self)
+
+    def __mul__(self, other: Operand) -> "Expression":
+        return self.table.product(self, self.table.expression(other))
+
+    def __truediv__(self, other: float) -> "Expression":
+        return self * (1.0 / other)
+
+    def __pow__(self, exponent: int) -> "Expression":
+        return self if exponent == 1 else self * self ** (exponent - 1)
+
+    def __neg__(self) -> "Expression":
+        return self.table.negative(self)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def cos(self) -> "Expression":
+        """Return the cosine of an angle that is a symbol: a symbol too."""
+        return self.table.symbol(f"cos({self.args[0]})")
+
+    def sin(self) -> "Expression":
+        """Return the sine of an angle that is a symbol: a symbol too."""
+        return self.table.symbol(f"sin({self.args[0]})")
+
+
+@dataclass
+class Table:
+    """All expressions of a piece of code, each once.
+
+    Attributes:
+        entries: operation and operands -> expression.
+    """
+
+    entries: dict[tuple[object, ...], Expression] = field(default_factory=dict)
+
+    def _entry(self, op: str, *args: Expression | str | float) -> Expression:
+        key = (op, *(arg.index if isinstance(arg, Expression) else arg for arg in args))
+        if key not in self.entries:
+            self.entries[key] = Expression(self, op, args, len(self.entries))
+        return self.entries[key]
+
+    def symbol(self, name: str) -> Expression:
+        """Return a symbol, which code must define by this name."""
+        return self._entry("symbol", name)
+
+    def expression(self, value: Operand) -> Expression:
+        """Return a number as an expression, rounded to 0, 1 or -1 where it is one of them."""
+        if isinstance(value, Expression):
+            return value
+        number = float(value)
+        nearest = round(number) if abs(number) < 2.0 else number
+        return self._entry("number", float(nearest if abs(number - nearest) < ROUNDING else number) + 0.0)
+
+    def sum(self, a: Expression, b: Expression) -> Expression:
+        """Return a + b."""
+        if a.number is not None and b.number is not None:
+            return self.expression(a.number + b.number)
+        if a.number == 0.0:
+            return b
+        if b.number == 0.0:
+            return a
+        if b.op == "neg":
+            return self.difference(a, b.operands[0])
+        if a.op == "neg":
+            return self.difference(b, a.operands[0])
+        return self._entry("+", *sorted((a, b), key=_index))
+
+    def difference(self, a: Expression, b: Expression) -> Expression:
+        """Return a - b."""
+        if a is b:
+            return self.expression(0.0)
+        if a.number == 0.0:
+            return -b
+        if b.op == "neg":
+            return self.sum(a, b.operands[0])
+        if a.op == "neg":
+            return -self.sum(a.operands[0], b)
+        if b.number is not None:
+            return self.sum(a, self.expression(-b.number))
+        return self._entry("-", a, b)
+
+    def negative(self, a: Expression) -> Expression:
+        """Return -a."""
+        if a.number is not None:
+            return self.expression(-a.number)
+        if a.op == "neg":
+            return a.operands[0]
+        if a.op == "-":
+            return self._entry("-", *a.operands[::-1])
+        if a.op == "*" and a.operands[0].number is not None:
+            return self.product(self.expression(-a.operands[0].number), a.operands[1])
+        return self._entry("neg", a)
+
+    def product(self, a: Expression, b: Expression) -> Expression:
+        """Return a b, a number first."""
+        if b.number is not None:
+            a, b = b, a
+        if a.number is not None:
+            if a.number == 0.0 or b.number is not None:
+                return self.expression(a.number * b.number if b.number is not None else 0.0)
+            if abs(a.number) == 1.0:
+                return b if a.number == 1.0 else -b
+            if b.op == "*" and b.operands[0].number is not None:
+                return self.product(self.expression(a.number * b.operands[0].number), b.operands[1])
+            if b.op == "neg":
+                return self.product(self.expression(-a.number), b.operands[0])
+            return self._entry("*", a, b)
+        if a.op == "neg" or b.op == "neg":
+            positive = self.product(*(x.operands[0] if x.op == "neg" else x for x in (a, b)))
+            return positive if a.op == b.op else -positive
+        return self._entry("*", *sorted((a, b), key=_index))
+
+
+def _index(expression: Expression) -> int:
+    return expression.index
+
+
+@dataclass(frozen=True)
+class Block:
+    """Assignments under a comment.
+
+    Attributes:
+        comment: one line.
+        assignments: target, as `residual[0]` -> its expression.
+        names: whether the targets are names of values that other blocks use, and not results.
+    """
+
+    comment: str
+    assignments: Mapping[str, Expression]
+    names: bool = False
+
+
+def number_text(value: float) -> str:
+    """Return a number in C and JavaScript that is read as the same double; `R` makes it the code's type."""
+    return str(int(value)) if value == int(value) and abs(value) < 1e9 else f"R({value!r})"
+
+
+def statements(blocks: Sequence[Block], symbols: Mapping[str, str]) -> list[str]:
+    """Return straight-line code for blocks: what several expressions share is computed once.
+
+    Args:
+        blocks: in order.
+        symbols: symbol -> the code that reads it, which follows under `const real`.
+    """
+    return [*Emission(blocks, symbols).lines()]
+
+
+class Emission:
+    """The state of printing blocks: which expressions have names already."""
+
+    def __init__(self, blocks: Sequence[Block], symbols: Mapping[str, str]):
+        self.blocks, self.symbols = blocks, symbols
+        self.uses: dict[int, int] = {}
+        self.texts: dict[int, str] = {}
+        for block in blocks:
+            for root in () if block.names else block.assignments.values():
+                for expression in _new(root, self.uses):
+                    for operand in expression.operands:
+                        self.uses[operand.index] += 1
+                self.uses[root.index] += 1
+
+    def lines(self) -> Iterator[str]:
+        """Yield the statements."""
+        for block in self.blocks:
+            lines = [*(self._named(block) if block.names else self._assigned(block))]
+            if lines:
+                yield f"/* {block.comment} */"
+                yield from lines
+
+    def _assigned(self, block: Block) -> Iterator[str]:
+        for target, root in block.assignments.items():
+            yield from self._defined(root)
+            yield f"{target} = {_bare(self.texts[root.index])};"
+
+    def _named(self, block: Block) -> Iterator[str]:
+        for target, root in block.assignments.items():
+            if root.index in self.uses and root.index not in self.texts and root.op in "+-*":
+                yield from self._defined(root, target)
+
+    def _defined(self, root: Expression, name: str = "") -> Iterator[str]:
+        """Yield definitions of all that an expression needs, operands first; its own value gets a name."""
+        for expression in _new(root, self.texts, ""):
+            text = self._text(expression)
+            shared = self.uses[expression.index] > 1 or len(text) > MAX_TEXT
+            called = name if name and expression is root else ""
+            if expression.op == "symbol":
+                called = re.sub(r"\W+", "_", text).strip("_")
+                text = self.symbols[text]
+            elif expression.op in "+-*" and shared:
+                called = called or f"t{expression.index}"
+            if called:
+                yield f"const real {called} = {_bare(text)};"
+            self.texts[expression.index] = called or text
+
+    def _text(self, expression: Expression) -> str:
+        if expression.op == "symbol":
+            return str(expression.args[0])
+        if expression.number is not None:
+            return number_text(expression.number)
+        a, *rest = (self.texts[operand.index] for operand in expression.operands)
+        if expression.op == "neg":
+            return f"(-{a})"
+        (b,) = rest
+        return f"{a} * {b}" if expression.op == "*" else f"({a} {expression.op} {b})"
+
+
+def _new(
+    root: Expression, seen: dict[int, int] | dict[int, str], mark: int | str = 0
+) -> Iterable[Expression]:
+    """Return an expression and what it is made of that is not seen yet, operands first."""
+    order: list[Expression] = []
+    waiting = [root]
+    while waiting:
+        expression = waiting.pop()
+        if expression.index in seen:
+            continue
+        pending = [operand for operand in expression.operands if operand.index not in seen]
+        if pending:
+            waiting += [expression, *reversed(pending)]
+            continue
+        seen[expression.index] = mark  # type: ignore[assignment]
+        order.append(expression)
+    return order
+
+
+def _bare(text: str) -> str:
+    """Return an expression without parentheses around all of it."""
+    if not text.startswith("("):
+        return text
+    depth = 0
+    for i, character in enumerate(text):
+        depth += (character == "(") - (character == ")")
+        if depth == 0:
+            return text[1:-1] if i == len(text) - 1 else text
+    return text

@@ -1,0 +1,298 @@
+"""Straight-line code of a mechanism: its loop equations, motion and drive torques, traced symbolically.
+
+The functions of `analytic.loops` run on arrays of expressions, so that the code is their formula.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mechsim.analytic.loops.kinematics import (
+    Coordinates,
+    LinkPoses,
+    cross,
+    link_poses,
+    twists,
+    velocity_products,
+)
+from mechsim.codegen.assembly import Assembly
+from mechsim.codegen.expressions import Block, Expression, Table, statements
+from mechsim.model.links import GROUND
+from mechsim.numerics.arrays import Array
+
+# quantities of a point, of a link, and of a link's inertia, with the number of each
+POINT = {"position": 3, "velocity": 3, "acceleration": 3}
+LINK = {
+    "position": 3,
+    "rotation": 9,
+    "velocity": 3,
+    "angular_velocity": 3,
+    "acceleration": 3,
+    "angular_acceleration": 3,
+}
+# mass, centre of mass, and moments xx, yy, zz, xy, xz, yz about it, in the link's frame
+INERTIA_NUMBERS = 10
+# where each element of an inertia matrix lies among the moments
+MOMENTS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+
+
+def identifiers(names: Iterable[str]) -> dict[str, str]:
+    """Return for each name one that C and JavaScript accept as the end of a name, all different."""
+    out: dict[str, str] = {}
+    for name in names:
+        plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
+        plain = plain if plain[:1].isalpha() else f"n{plain}"
+        out[name] = plain if plain not in out.values() else f"{plain}_{len(out)}"
+    return out
+
+
+class Formulas:
+    """The formulas of an assembly in its coordinates.
+
+    Attributes:
+        assembly: it.
+        names: coordinate of the tree, by index, ready for identifiers.
+        symbols: symbol of an expression -> the code that reads it.
+    """
+
+    def __init__(self, assembly: Assembly):
+        self.assembly, self.tree, self.table = assembly, assembly.loops.tree, Table()
+        count = self.tree.count
+        names = {i: name for name, i in self.tree.index_of.items()}
+        for ball in self.tree.balls:
+            names |= {ball.first_angle + i: f"{ball.joint.name} {axis}" for i, axis in enumerate("xyz")}
+        self.coordinates = [names[i] for i in range(count)]
+        plain = identifiers(self.coordinates)
+        self.names = [plain[name] for name in self.coordinates]
+        self.links = [link.name for link in self.tree.original.links]
+        self.points = [name for name, (link, _) in self.tree.original.points.items() if link != GROUND]
+        self.symbols: dict[str, str] = {}
+        for i, name in enumerate(self.names):
+            self.symbols |= {
+                f"q_{name}": f"s->coordinates[{i}]",
+                f"cos(q_{name})": f"s->cosines[{i}]",
+                f"sin(q_{name})": f"s->sines[{i}]",
+                f"rate_{name}": f"rates[{i}]",
+                f"acceleration_{name}": f"s->accelerations[{i}]",
+            }
+        for k in range(len(self.tree.balls)):
+            self.symbols |= {f"ball{k}_{axis}": f"s->balls[{4 * k + i}]" for i, axis in enumerate("wxyz")}
+        for link in range(len(self.links)):
+            self.symbols |= {
+                f"inertia{link}_{i}": f"inertias[{link * INERTIA_NUMBERS + i}]"
+                for i in range(INERTIA_NUMBERS)
+            }
+        self.symbols |= {f"gravity{i}": f"gravity[{i}]" for i in range(3)}
+
+    @cached_property
+    def q(self) -> Coordinates:
+        """The coordinates as symbols."""
+        turns = np.empty((len(self.tree.balls), 3, 3, 1), dtype=object)
+        for k in range(len(turns)):
+            w, x, y, z = (self.table.symbol(f"ball{k}_{axis}") for axis in "wxyz")
+            turns[k, ..., 0] = [
+                [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+                [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+                [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+            ]
+        return Coordinates(self._symbols("q_"), turns)
+
+    def _symbols(self, prefix: str) -> Array:
+        return np.array([[self.table.symbol(prefix + name)] for name in self.names], dtype=object).reshape(
+            -1, 1
+        )
+
+    @cached_property
+    def linearised(self) -> tuple[Array, Array, LinkPoses]:
+        """Residuals of all rows (rows, 1), their Jacobian (rows, count, 1), and the links."""
+        return self.assembly.loops.linearise(self.q)
+
+    @cached_property
+    def poses(self) -> LinkPoses:
+        """Where the links are."""
+        return link_poses(self.tree, self.q)
+
+    @cached_property
+    def motion(self) -> tuple[Array, Array]:
+        """The links' twists and spatial accelerations at the ground's origin, (links, 6, 1) each."""
+        rates = self._symbols("rate_")
+        twist = twists(self.tree, self.poses, rates)
+        product = velocity_products(self.tree, self.poses, twist, rates)
+        return twist, product + twists(self.tree, self.poses, self._symbols("acceleration_"))
+
+    def equations(self) -> list[str]:
+        """Return the code of residuals and Jacobians by unknowns and by drivers."""
+        loops, rows = self.assembly.loops, self.assembly.solver.rows.tolist()
+        residual, jacobian, _ = self.linearised
+        unknown, driven = loops.unknown.tolist(), self.assembly.driven
+        blocks = self._link_blocks()
+        for comment, span in self._row_groups():
+            assignments: dict[str, Expression] = {}
+            for row in (row for row in rows if row in span):
+                k = rows.index(row)
+                assignments[f"residual[{k}]"] = self._expression(residual[row, 0])
+                for columns, count, matrix in (
+                    (unknown, len(unknown), "s->lu"),
+                    (driven, len(driven), "by_drivers"),
+                ):
+                    for j, column in enumerate(columns):
+                        entry = self._expression(jacobian[row, column, 0])
+                        if entry.number != 0.0:
+                            assignments[f"{matrix}[{k * count + j}]"] = entry
+            blocks.append(Block(comment, assignments))
+        return statements(blocks, self.symbols)
+
+    def velocity_products(self) -> list[str]:
+        """Return the code of the residuals' second rate at coordinate rates that do not change."""
+        rates = self._symbols("rate_")
+        twist = twists(self.tree, self.poses, rates)
+        product = velocity_products(self.tree, self.poses, twist, rates)
+        values = self.assembly.loops.velocity_products(self.q, self.poses, rates, twist, product)
+        rows = self.assembly.solver.rows.tolist()
+        blocks = [*self._link_blocks(), *self._twist_blocks(twist)]
+        for comment, span in self._row_groups():
+            block = {
+                f"out[{k}]": self._expression(values[row, 0]) for k, row in enumerate(rows) if row in span
+            }
+            blocks.append(Block(comment, block))
+        return statements(blocks, self.symbols)
+
+    def link_motions(self) -> list[str]:
+        """Return the code of the links' positions, rotations and rates."""
+        blocks = self._link_blocks()
+        for k, name in enumerate(self.links):
+            i = self.tree.links[name]
+            twist, spatial = (values[i, :, 0] for values in self.motion)
+            position = self.poses.position[i, :, 0]
+            velocity, acceleration = point_rates(twist, spatial, position)
+            values = (
+                position,
+                self.poses.rotation[i, ..., 0].ravel(),
+                velocity,
+                twist[3:],
+                acceleration,
+                spatial[3:],
+            )
+            blocks.append(self._record_block(f"link {name}", f"links[{k}]", LINK, values))
+        return statements(blocks, self.symbols)
+
+    def point_motions(self) -> list[str]:
+        """Return the code of the tracked points' positions and rates."""
+        blocks = self._link_blocks()
+        for k, name in enumerate(self.points):
+            link, local = self.tree.original.points[name]
+            i = self.tree.links[link]
+            position = self._point(i, np.array(local))
+            rates = point_rates(*(values[i, :, 0] for values in self.motion), position)
+            blocks.append(
+                self._record_block(f"point {name} of link {link}", f"points[{k}]", POINT, (position, *rates))
+            )
+        return statements(blocks, self.symbols)
+
+    def torques(self) -> list[str]:
+        """Return the code of the generalised forces on all coordinates that inertia and weight require."""
+        symbol = self.table.symbol
+        gravity = np.array([symbol(f"gravity{i}") for i in range(3)], dtype=object)
+        wrench = np.full((len(self.tree.branches), 6), self.table.expression(0.0), dtype=object)
+        for k, name in enumerate(self.links):
+            i = self.tree.links[name]
+            twist, spatial = (values[i, :, 0] for values in self.motion)
+            mass, *numbers = (symbol(f"inertia{k}_{j}") for j in range(INERTIA_NUMBERS))
+            rotation = self.poses.rotation[i, ..., 0]
+            centre = self._point(i, np.array(numbers[:3], dtype=object))
+            force = (point_rates(twist, spatial, centre)[1] - gravity) * mass
+            moments = np.array(numbers[3:], dtype=object)[MOMENTS]
+            # Euler's equation in the link's frame
+            angular, angular_rate = rotation.T @ twist[3:], rotation.T @ spatial[3:]
+            moment = rotation @ (moments @ angular_rate + cross(angular, moments @ angular))
+            wrench[i] = np.concatenate([force, moment + cross(centre, force)])
+        blocks = self._link_blocks()
+        unit_twists = self.poses.unit_twists[..., 0]
+        for j, name in enumerate(self.coordinates):
+            carried = np.flatnonzero(self.tree.moved_by[:, j])
+            total = wrench[carried].sum(0)
+            value = self._expression((unit_twists[j] * total).sum())
+            blocks.append(Block(f"along {name}", {f"forces[{j}]": value}))
+        return statements(blocks, self.symbols)
+
+    def _expression(self, value: Any) -> Expression:
+        return self.table.expression(value)
+
+    def _point(self, link: int, local: Array) -> Array:
+        return self.poses.position[link, :, 0] + self.poses.rotation[link, ..., 0] @ local
+
+    def _record_block(
+        self, comment: str, target: str, quantities: Mapping[str, int], values: Sequence[Array]
+    ) -> Block:
+        """Return a block that fills in a record."""
+        return Block(
+            comment,
+            {
+                f"{target}.{quantity}[{i}]": self._expression(vector[i])
+                for (quantity, count), vector in zip(quantities.items(), values, strict=True)
+                for i in range(count)
+            },
+        )
+
+    def _link_blocks(self) -> list[Block]:
+        """Return blocks that name rotations and origins of the links."""
+        blocks: list[Block] = []
+        plain = identifiers(self.tree.index)
+        for branch in self.tree.branches:
+            i = branch.child
+            name = next(link for link, index in self.tree.index.items() if index == i)
+            frame = [
+                (f"{row}{column}", self.poses.rotation[i, row, column, 0])
+                for row in range(3)
+                for column in range(3)
+            ]
+            origin = [(axis, self.poses.position[i, j, 0]) for j, axis in enumerate("xyz")]
+            values = {
+                f"{plain[name]}_{ending}": self._expression(value) for ending, value in (*frame, *origin)
+            }
+            blocks.append(Block(f"link {name} by joint {branch.joint.name}", values, names=True))
+        return blocks
+
+    def _twist_blocks(self, twist: Array) -> list[Block]:
+        plain = identifiers(self.tree.index)
+        return [
+            Block(
+                f"angular velocity of link {name}, and velocity of its point at the origin",
+                {
+                    f"{plain[name]}_{kind}{axis}": self._expression(twist[i, 3 * (kind == "w") + j, 0])
+                    for kind in "wv"
+                    for j, axis in enumerate("xyz")
+                },
+                names=True,
+            )
+            for name, i in self.tree.index.items()
+        ]
+
+    def _row_groups(self) -> list[tuple[str, range]]:
+        """Return a comment and the rows of each joint that closes a loop, and of each coupling."""
+        groups: list[tuple[str, range]] = []
+        first = 0
+        for cut in self.assembly.loops.cuts:
+            joint = cut.joint
+            text = f"{joint.kind} joint {joint.name} closes a loop: {joint.a.link} meets {joint.b.link}"
+            groups.append((text, range(first, first + cut.rows)))
+            first += cut.rows
+        for row in self.assembly.loops.couplings:
+            groups.append((f"coupling {row.coupling.label}", range(first, first + 1)))
+            first += 1
+        return groups
+
+
+def point_rates(twist: Array, spatial: Array, position: Array) -> tuple[Array, Array]:
+    """Return velocity and acceleration of a point of a link, (3,) each.
+
+    Args:
+        twist: velocity at the ground's origin and angular velocity of the link, (6,).
+        spatial: its spatial acceleration in the same order, (6,).
+        position: of the point, (3,).
+    """
+    velocity = twist[:3] + cross(twist[3:], position)
+    return velocity, spatial[:3] + cross(spatial[3:], position) + cross(twist[3:], velocity)

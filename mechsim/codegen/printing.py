@@ -1,0 +1,140 @@
+"""A solver as a C99 header or a JavaScript module."""
+
+import json
+import re
+import textwrap
+from collections.abc import Iterator, Sequence
+
+from mechsim._version import __version__
+from mechsim.codegen.kinematics import identifiers
+from mechsim.codegen.program import Program
+from mechsim.numerics.arrays import Array
+
+# numbers of a line in a constant array
+PER_LINE = 5
+C_HEAD = """
+#include <float.h>
+#include <tgmath.h>
+
+/* the type of all numbers: double, or as -DMECHSIM_REAL=float has it */
+#ifndef MECHSIM_REAL
+#define MECHSIM_REAL double
+#endif
+#ifndef MECHSIM_C
+#define MECHSIM_C(number) ((MECHSIM_REAL)(number))
+#endif
+
+typedef MECHSIM_REAL @real;
+""".strip()
+# common subset of C and JavaScript -> JavaScript
+TRANSLATION: Sequence[tuple[str, str]] = (
+    (r"^ *\(void\).*\n", ""),
+    (r"static inline \w+ ([\w@]+)\(([^)]*)\)", r"function \1(\2)"),
+    (r"(?<=[(,])( ?)(?:const )?(?:@?\w+) \*(\w+)(?=[,)])", r"\1\2"),
+    (r"(?:const )?(?:real|@state|@configuration) (\w+)\[([^\]]+)\];", r"const \1 = new Float64Array(\2);"),
+    (r"(@configuration) (\w+);", r"const \2 = \1();"),
+    (r"const (?:real|int) ", "const "),
+    (r"\b(?:real|int) (?=\w+ =)", "let "),
+    (r"->", "."),
+    (r"(?<=, )&(?=\w)", ""),
+    (r"\bR\(", "("),
+    (r"\((-?[\d.e-]+)\)", r"\1"),
+    (r"\bfabs\(", "Math.abs("),
+    (r"\b(sqrt|cos|sin)\(", r"Math.\1("),
+    (r"@EPSILON", "Number.EPSILON"),
+)
+
+
+def c_header(program: Program) -> str:
+    """Return the solver as one C99 header."""
+    prefix = program.prefix
+    lines = [f"#ifndef MECHSIM_{prefix}_H", f"#define MECHSIM_{prefix}_H", *_comment(program), C_HEAD, ""]
+    lines.append("#define @EPSILON ((@real)(sizeof(@real) < sizeof(double) ? FLT_EPSILON : DBL_EPSILON))")
+    sizes = ", ".join(f"@{name} = {value}" for name, value in program.sizes.items())
+    lines += ["", "/* numbers, limits and statuses */", *_wrapped(f"enum {{ {sizes} }};")]
+    for kind, names in program.names.items():
+        entries = [f"@{kind}_{plain} = {i}" for i, plain in enumerate(identifiers(names).values())]
+        if entries:
+            lines += [f"/* index of each {kind.lower()} */", *_wrapped(f"enum {{ {', '.join(entries)} }};")]
+    for name, (values, comment) in program.integers.items():
+        lines += _array("int", name, [str(value) for value in values], comment)
+    for name, (numbers, comment) in program.reals.items():
+        lines += _array("@real", name, _numbers(numbers), comment)
+    for name, record in program.records.items():
+        lines += ["", "typedef struct {"]
+        for field, count, comment in record:
+            lines.append(f"  @real {field}[{count}];" + (f" /* {comment} */" if comment else ""))
+        lines += [*(["  int pivots[@UNKNOWNS_OR_1];"] if name == "state" else []), f"}} @{name};"]
+    functions = re.sub(r"\breal\b", "@real", re.sub(r"\bR\(", "MECHSIM_C(", program.functions))
+    text = "\n".join([*lines, "", functions, "", "#endif", ""])
+    return text.replace("@", f"{prefix}_")
+
+
+def javascript(program: Program) -> str:
+    """Return the solver as a JavaScript file: a module of node, or a global name in a browser."""
+    prefix = program.prefix
+    lines = [*_comment(program), f"const {prefix}_solver = (() => {{", '"use strict";']
+    lines += [f"const @{name} = {value};" for name, value in program.sizes.items()]
+    for name, (values, comment) in program.integers.items():
+        lines.append(f"const @{name} = {json.dumps([*values])}; /* {comment} */")
+    for name, (numbers, comment) in program.reals.items():
+        lines.append(f"const @{name} = {json.dumps(numbers.tolist())}; /* {comment} */")
+    for name, record in program.records.items():
+        fields = [f"{field}: new Float64Array({count})" for field, count, _ in record]
+        fields += ["pivots: new Int32Array(@UNKNOWNS_OR_1)"] if name == "state" else []
+        lines.append(f"const @{name} = () => ({{ {', '.join(fields)} }});")
+    functions = program.functions
+    for pattern, replacement in TRANSLATION:
+        functions = re.sub(pattern, replacement, functions, flags=re.MULTILINE)
+    arrays = [f"{kind.lower()}s: {json.dumps([*names])}" for kind, names in program.names.items()]
+    exported = ["state", "start", "solve", "point", "link", "solve_links"]
+    exported += ["solve_points"] if program.sizes["POINTS"] else []
+    exported += ["solve_torques"] if program.inertias is not None else []
+    entries = [f"{name}: @{name}" for name in exported]
+    entries += [
+        f"{name}: @{name}"
+        for name in program.sizes
+        if name in ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
+    ]
+    entries += ["GRAVITY: @GRAVITY"] + (["INERTIAS: @INERTIAS"] if program.inertias is not None else [])
+    lines += [functions, f"return {{ {', '.join([*arrays, *entries])} }};", "})();"]
+    lines.append(f'if (typeof module !== "undefined") {{ module.exports = {prefix}_solver; }}')
+    return "\n".join([*lines, ""]).replace("@", "")
+
+
+def _comment(program: Program) -> Iterator[str]:
+    """Yield what the head of a file says."""
+    assembly = program.assembly
+    limits = assembly.interval
+    range_text = "any value" if limits is None else f"{limits[0]:.9g} to {limits[1]:.9g} rad"
+    spinning = ", ".join(sorted(assembly.spinning))
+    yield f"/* Solver of {comment_text(assembly.mechanism.name)}, generated by mechsim {__version__}."
+    yield f"   Drivers: {comment_text(', '.join(assembly.drivers))}; range: {range_text}."
+    yield "   SI units. Call start() once, then solve() at each configuration: it follows the assembly from"
+    yield "   the last one in steps. Where it cannot it stays there and returns a status other than SOLVED."
+    if spinning:
+        yield f"   Nothing determines the spin of {comment_text(spinning)} about its line: it has no meaning."
+    if program.inertias is None:
+        yield "   Torques are left out: the inertia of a link that spins is not round about its line."
+    yield "*/"
+
+
+def comment_text(name: str) -> str:
+    """Return a name that neither ends nor nests a comment."""
+    return name.replace("*/", "* /").replace("/*", "/ *")
+
+
+def _array(kind: str, name: str, values: Sequence[str], comment: str) -> Iterator[str]:
+    yield f"/* {comment} */"
+    yield f"static const {kind} @{name}[{len(values)}] = {{"
+    for i in range(0, len(values), PER_LINE):
+        yield f"  {', '.join(values[i : i + PER_LINE])},"
+    yield "};"
+
+
+def _numbers(values: Array) -> list[str]:
+    return [f"MECHSIM_C({value!r})" for value in values.tolist()]
+
+
+def _wrapped(text: str) -> Iterator[str]:
+    yield from textwrap.wrap(text, 110, subsequent_indent="  ", break_long_words=False)

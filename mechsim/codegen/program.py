@@ -1,0 +1,236 @@
+"""A generated solver before it is printed: names, sizes, constants, records and functions."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.analytic.dynamics.forward_dynamics import quaternion
+from mechsim.codegen import algorithm
+from mechsim.codegen.assembly import Assembly
+from mechsim.codegen.expressions import number_text
+from mechsim.codegen.kinematics import INERTIA_NUMBERS, LINK, POINT, Formulas, identifiers
+from mechsim.errors import InputError
+from mechsim.model.forces import Forces
+from mechsim.model.masses import with_inertia
+from mechsim.numerics.arrays import Array
+
+STATUSES = ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
+# misfit of the inertia of a spinning link, relative, within which it is round about its line
+ROUND = 1e-6
+
+
+@dataclass(frozen=True)
+class Program:
+    """All that is printed of a solver.
+
+    Attributes:
+        assembly: of which it is.
+        formulas: its straight-line code.
+        prefix: of all names.
+        sizes: name of an integer constant -> value.
+        reals: name of an array of numbers -> values, and a comment.
+        integers: likewise, of indices.
+        records: name of a record -> its fields: name, number of values as code, comment.
+        functions: code in the common subset of C and JavaScript, `@` for the prefix.
+        inertias: of the links, (links, 10); None where their torques are undetermined.
+        gravity: of the model, (3,) in [m/s2].
+    """
+
+    assembly: Assembly
+    formulas: Formulas
+    prefix: str
+    sizes: Mapping[str, int]
+    reals: Mapping[str, tuple[Array, str]]
+    integers: Mapping[str, tuple[Sequence[int], str]]
+    records: Mapping[str, Sequence[tuple[str, str, str]]]
+    functions: str
+    inertias: Array | None
+    gravity: Array
+
+    @property
+    def names(self) -> dict[str, Sequence[str]]:
+        """Kind -> names of what arrays hold, by index."""
+        return {
+            "DRIVER": self.assembly.drivers,
+            "COORDINATE": self.formulas.coordinates,
+            "LINK": self.formulas.links,
+            "POINT": self.formulas.points,
+        }
+
+
+def program(assembly: Assembly) -> Program:
+    """Return the solver of an assembly.
+
+    Raises:
+        InputError: for a mechanism without drivers.
+    """
+    if not assembly.drivers:
+        raise InputError(f"{assembly.mechanism.name}: nothing is driven; name a driver, as by drive=")
+    formulas = Formulas(assembly)
+    inertias = _inertias(assembly, formulas.links)
+    gravity = np.array((assembly.source.forces or Forces()).gravity)
+    integers, reals = _integers(assembly), _reals(assembly)
+    reals["GRAVITY"] = gravity, "of the model, m/s2"
+    if inertias is not None:
+        reals["INERTIAS"] = inertias.ravel(), "of the links, as solve_torques takes them; kg, m"
+    flags = {
+        "ANGLES": bool(integers["ANGLE"][0]),
+        "BALLS": bool(integers["BALL"][0]),
+        "POINTS": bool(formulas.points),
+        "ONE_DRIVER": len(assembly.drivers) == 1,
+        "LIMITED": assembly.interval is not None,
+        "TORQUES": inertias is not None,
+    }
+    return Program(
+        assembly,
+        formulas,
+        identifiers([assembly.mechanism.name])[assembly.mechanism.name],
+        _sizes(assembly, formulas),
+        {name: entry for name, entry in reals.items() if len(entry[0])},
+        {name: entry for name, entry in integers.items() if len(entry[0])},
+        _records(flags),
+        _functions(formulas, flags),
+        inertias,
+        gravity,
+    )
+
+
+def _sizes(assembly: Assembly, formulas: Formulas) -> dict[str, int]:
+    tree, unknowns = assembly.loops.tree, len(assembly.loops.unknown)
+    return {
+        "DRIVERS": len(assembly.drivers),
+        "COORDINATES": tree.count,
+        "UNKNOWNS": unknowns,
+        "UNKNOWNS_OR_1": max(1, unknowns),
+        "ANGLES": sum(len(branch.angles) for branch in tree.branches),
+        "BALLS": len(tree.balls),
+        "LINKS": len(formulas.links),
+        "POINTS": len(formulas.points),
+        "SIGN": int(assembly.determinant_sign),
+        "ATTEMPTS": algorithm.ATTEMPTS,
+        "ITERATIONS": algorithm.ITERATIONS,
+        **{status: i for i, status in enumerate(STATUSES)},
+    }
+
+
+def _integers(assembly: Assembly) -> dict[str, tuple[Sequence[int], str]]:
+    tree, unknown = assembly.loops.tree, assembly.loops.unknown
+    balls = [int(np.searchsorted(unknown, ball.first_angle)) for ball in tree.balls]
+    return {
+        "UNKNOWN": (unknown.tolist(), "coordinates that the loops determine"),
+        "DRIVEN": (assembly.driven, "coordinates that are driven"),
+        "ANGLE": (sorted(i for branch in tree.branches for i in branch.angles), "those that are angles"),
+        "BALL": (balls, "first of the three rotations of each ball among the unknowns"),
+    }
+
+
+def _reals(assembly: Assembly) -> dict[str, tuple[Array, str]]:
+    loops, start, units = assembly.loops, assembly.start, assembly.loops.units
+    driven, initial = assembly.driven, start.values[:, 0].copy()
+    initial[loops.tree.ball_indices] = 0.0
+    return {
+        "START": (initial, "coordinates at the start, rad and m"),
+        "UNIT": (units[loops.unknown], "one unit of each unknown in the equations"),
+        "DRIVER_UNIT": (units[driven], "likewise, of each driver"),
+        "STEP": (algorithm.STEP * units[driven], "largest step of each driver"),
+        "START_BALLS": (
+            np.array([quaternion(rotation[..., 0]) for rotation in start.turns]).ravel(),
+            "quaternions (w, x, y, z) of the balls at the start",
+        ),
+    }
+
+
+def _inertias(assembly: Assembly, links: Sequence[str]) -> Array | None:
+    """Return the numbers of the links' inertias; None where a link that spins is not round about its line."""
+    out: list[Array] = []
+    for link in with_inertia(assembly.mechanism).links:
+        if link.name not in links:
+            continue
+        inertia = link.inertia
+        assert inertia is not None
+        moments, centre = inertia.matrix, np.array(inertia.centre)
+        if link.name in assembly.spinning:
+            axis = assembly.spinning[link.name]
+            across = np.eye(3) - np.outer(axis, axis)
+            largest = float(np.abs(moments).max())
+            mean = 0.5 * float(np.trace(across @ moments))
+            axial = float(axis @ moments @ axis)
+            misfit = np.abs(moments - mean * across - axial * np.outer(axis, axis)).max() / largest
+            if not max(misfit, np.linalg.norm(across @ centre) / assembly.mechanism.size) < ROUND:
+                return None
+            # without spin there is no momentum about the line
+            moments = mean * across
+        x, y, z = moments
+        out.append(np.array([inertia.mass, *centre, x[0], y[1], z[2], x[1], x[2], y[2]]))
+    assert all(len(numbers) == INERTIA_NUMBERS for numbers in out)
+    return np.array(out)
+
+
+def _records(flags: Mapping[str, bool]) -> dict[str, list[tuple[str, str, str]]]:
+    configuration = [
+        ("drivers", "@DRIVERS", "rad or m"),
+        ("coordinates", "@COORDINATES", "of the joints of the tree, rad or m"),
+    ]
+    if flags["BALLS"]:
+        configuration.append(("balls", "4 * @BALLS", "quaternions (w, x, y, z), side b seen from side a"))
+    state = [
+        *configuration,
+        ("rates", "@COORDINATES", "per second; of a ball its angular velocity seen from side a"),
+        ("accelerations", "@COORDINATES", "per second squared"),
+        (
+            "map",
+            "@COORDINATES * @DRIVERS",
+            "derivatives of the coordinates by the drivers: the motor-joint map",
+        ),
+        ("cosines", "@COORDINATES", "of the coordinates that are angles"),
+        ("sines", "@COORDINATES", ""),
+        ("lu", "@UNKNOWNS_OR_1 * @UNKNOWNS_OR_1", "factors of the loop Jacobian"),
+        ("inverses", "@UNKNOWNS_OR_1", "of its pivots"),
+        ("second", "@UNKNOWNS_OR_1", "second derivative by a single driver, negative and free of units"),
+    ]
+    return {
+        "configuration": configuration,
+        "state": state,
+        "point": [(name, str(count), "") for name, count in POINT.items()],
+        "link": [(name, str(count), "") for name, count in LINK.items()],
+    }
+
+
+def _functions(formulas: Formulas, flags: Mapping[str, bool]) -> str:
+    code = {
+        "EQUATIONS": formulas.equations(),
+        "VELOCITY_PRODUCTS": formulas.velocity_products(),
+        "LINK_MOTIONS": formulas.link_motions(),
+        "POINT_MOTIONS": formulas.point_motions() if flags["POINTS"] else [],
+        "FORCES": formulas.torques() if flags["TORQUES"] else [],
+    }
+    text = chosen(algorithm.SOLVER.strip(), flags)
+    for name, lines in code.items():
+        if name != "VELOCITY_PRODUCTS":
+            lines = [line.replace(" = rates[", " = s->rates[") for line in lines]
+        text = text.replace(f"  {name}\n", "".join(f"  {line}\n" for line in lines))
+    for name in ("PIVOT", "CORRECTION", "CONTRACTION", "HALVED"):
+        text = text.replace(f"@{name}", number_text(getattr(algorithm, name)))
+    limits = formulas.assembly.interval
+    if limits is not None:
+        text = text.replace("@LOW", number_text(float(limits[0]))).replace(
+            "@HIGH", number_text(float(limits[1]))
+        )
+    return text
+
+
+def chosen(text: str, flags: Mapping[str, bool]) -> str:
+    """Return a text with those of its sections whose flags are set."""
+    lines: list[str] = []
+    active = [True]
+    for line in text.splitlines():
+        condition = re.fullmatch(r"#if (!?)(\w+)", line)
+        if condition:
+            active.append(active[-1] and flags[condition[2]] != bool(condition[1]))
+        elif line == "#endif":
+            active.pop()
+        elif active[-1]:
+            lines.append(line)
+    return "\n".join(lines)

@@ -1,0 +1,175 @@
+"""Compiled solvers against reference data known to 30 digits, and where they must not go."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.codegen import build
+from mechsim.errors import AssemblyError, InputError, MissingToolError
+from mechsim.subjects import reference_data
+
+# a spinning coupler, dyads, a ball in the tree, six drivers, redundant equations, gears, a limited range
+QUICK = (
+    "rssr",
+    "jansen",
+    "looper",
+    "stewart_gough",
+    "humanoid_ankle",
+    "bennett",
+    "parallel_gripper",
+    "bricard",
+)
+ALL = reference_data.names(reference_data.folder())
+# relative to the largest value; measured 7e-13 or less (`validation/speed/compiled_solver.py`)
+ALLOWED = 1e-12
+
+
+def errors(solver, name):
+    """Return the largest errors of points and drive torques relative to their largest values."""
+    table = reference_data.read(reference_data.folder(), name)
+    motion = solver.solve(table.first, table.speed) if table.speed else solver.solve(t=table.first)
+    out = {}
+    for quantity in ("position", "velocity", "acceleration"):
+        pairs = [
+            (getattr(motion.points[point], quantity), getattr(exact, quantity))
+            for point, exact in table.points.items()
+        ]
+        scale = max(np.abs(exact).max() for _, exact in pairs)
+        out[quantity] = max(np.abs(mine - exact).max() for mine, exact in pairs) / scale
+    drivers = np.stack([motion.joints[driver].value for driver in solver.drivers], 1)
+    rates = np.stack([motion.joints[driver].rate for driver in solver.drivers], 1)
+    seconds = np.stack([motion.joints[driver].acceleration for driver in solver.drivers], 1)
+    torques = solver.solve_drivers(drivers, rates, seconds).torques
+    scale = max(np.abs(exact).max() for exact in table.drive_forces.values())
+    out["torque"] = (
+        max(
+            np.abs(torques[:, solver.drivers.index(driver)] - exact).max()
+            for driver, exact in table.drive_forces.items()
+        )
+        / scale
+    )
+    return out
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ALL]
+)
+def test_compiled_code_agrees_with_reference_data(compiled, name):
+    assert all(error <= ALLOWED for error in errors(compiled(name), name).values()), errors(
+        compiled(name), name
+    )
+
+
+def test_wrong_dimensions_do_not_agree_with_reference_data(compiled):
+    table = reference_data.read(reference_data.folder(), "rssr")
+    wrong = ms.compile(table.mechanism, set={"coupler": "46.000001mm"})
+    assert errors(wrong, "rssr")["position"] > 1e-9
+
+
+@pytest.mark.parametrize("name", ["rssr", "jansen", "parallel_gripper", "slider_crank"])
+def test_record_equals_that_of_the_loop_equations(compiled, name):
+    solver = compiled(name)
+    source = solver.program.assembly.source
+    angles = np.linspace(*((0.0, 6.0) if source.period > 6.0 else (0.0, source.period)), 25)
+    form = LoopForm(source.mechanism, motion_laws=source.motion_laws)
+    if source.motion_laws.crank:
+        mine, exact = solver.solve(angles, 2.0, 3.0), form.solve(angles, 2.0, 3.0)
+    else:
+        mine, exact = solver.solve(t=[0.0, 0.2]), form.solve(t=[0.0, 0.2])
+    assert mine.joints.keys() == exact.joints.keys()
+    assert mine.spinning == exact.spinning
+    for joint, motion in exact.joints.items():
+        for quantity in ("value", "rate", "acceleration"):
+            difference = getattr(mine.joints[joint], quantity) - getattr(motion, quantity)
+            assert np.abs(difference).max() < 1e-10
+    for link, motion in exact.links.items():
+        if link not in exact.spinning:
+            assert np.abs(mine.links[link].rotation - motion.rotation).max() < 1e-12
+            difference = mine.links[link].angular_acceleration - motion.angular_acceleration
+            assert np.abs(difference).max() < 1e-10
+
+
+def test_map_is_the_derivative_of_the_configurations(compiled):
+    solver = compiled("stewart_gough")
+    start = solver.program.assembly.start.values[solver.program.assembly.driven, 0]
+    step = 1e-5
+    around = start + step * np.array([[0, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0], [-1, 0, 0, 0, 0, 0]])
+    solved = solver.solve_drivers(around)
+    slope = (solved.motion[1, 0] - solved.motion[2, 0]) / (2.0 * step)
+    balls = solver.program.assembly.loops.tree.ball_indices
+    numbers = np.delete(np.arange(len(slope)), balls)
+    assert np.abs(slope - solved.map[0, :, 0])[numbers].max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rssr", "jansen", "stephenson_six_bar"])
+def test_random_order_and_long_steps_stay_in_the_assembly(compiled, name):
+    solver, rng = compiled(name), np.random.default_rng(5)
+    angles = rng.uniform(-np.pi, np.pi, 60)
+    exact = LoopForm(solver.program.assembly.source.mechanism).solve(np.sort(angles))
+    mine = solver.solve(angles)
+    order = np.argsort(angles)
+    for point, motion in exact.points.items():
+        assert np.abs(mine.points[point].position[order] - motion.position).max() < 1e-11
+
+
+def test_near_a_change_point_no_configuration_is_of_another_assembly(compiled):
+    # nearly a parallelogram: two assemblies come near each other at 0 and 180 deg
+    rng = np.random.default_rng(6)
+    for miss in 10.0 ** rng.uniform(-6.0, -1.0, 8):
+        four_bar = ms.catalog.make(
+            "four_bar", ground=0.1, crank=0.04, coupler=0.1 * (1.0 + miss), rocker=0.04 * (1.0 + miss)
+        )
+        solver, form = ms.compile(four_bar), LoopForm(four_bar.mechanism)
+        for angle in rng.uniform(-np.pi, np.pi, 12):
+            try:
+                mine = solver.solve([angle]).points["B"].position
+            except AssemblyError:
+                continue
+            assert np.abs(mine - form.solve([angle]).points["B"].position).max() < 1e-7
+
+
+def test_outside_the_range_nothing_is_solved(compiled):
+    solver = compiled("bricard")
+    low, high = solver.program.assembly.interval
+    with pytest.raises(AssemblyError, match=r"does not solve crank = 3\.7.*outside -0\.52"):
+        solver.solve([1.0, high + 0.1])
+    with pytest.raises(AssemblyError, match="outside"):
+        solver.solve([low - 1e-6])
+    solver.solve([high - 1e-3])
+    for bad in (np.nan, np.inf, 1e9):
+        with pytest.raises(AssemblyError):
+            solver.solve_drivers([[bad]])
+        with pytest.raises(AssemblyError, match="not reached"):
+            compiled("rssr").solve_drivers([[bad]])
+
+
+def test_beyond_the_workspace_of_several_drivers_a_status_says_so(compiled):
+    solver = compiled("stewart_gough")
+    start = solver.program.assembly.start.values[solver.program.assembly.driven, 0]
+    with pytest.raises(AssemblyError, match=r"beyond a singular|not reached"):
+        solver.solve_drivers(start + np.array([3.0, 0, 0, 0, 0, 0]))
+
+
+def test_a_library_is_compiled_once(compiled, monkeypatch):
+    program = compiled("rssr").program
+    path = build.library(program)
+    monkeypatch.setattr(build, "_compile", lambda *_: pytest.fail("compiled again"))
+    assert build.library(program) == path
+
+
+def test_without_a_compiler_one_sentence_says_so(monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(MissingToolError, match="CC=no-such-compiler is not found; install gcc or clang"):
+        ms.compile("rssr")
+    monkeypatch.delenv("CC")
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(MissingToolError, match="there is no C compiler"):
+        ms.compile("rssr")
+
+
+def test_invalid_input_is_one_sentence(compiled):
+    with pytest.raises(InputError, match="columns; give 6: l1"):
+        compiled("stewart_gough").solve_drivers([[0.0, 1.0]])
+    with pytest.raises(InputError, match="no instants"):
+        compiled("rssr").solve()

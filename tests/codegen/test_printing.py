@@ -1,0 +1,149 @@
+"""The header under two compilers, warnings as errors, sanitizers and floats; the same in JavaScript."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from mechsim.cli import main
+from mechsim.codegen.self_test import c_test, javascript_test
+
+REFERENCE = Path(__file__).parents[2] / "reference" / "mechanisms"
+WARNINGS = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
+# a spinning coupler, planar dyads with points, balls and six drivers, a limited range, gears
+NAMES = ("rssr", "jansen", "stewart_gough", "bricard", "planetary_gear")
+
+
+def written(solver, folder, name="solver.h"):
+    (folder / "solver.h").write_text(solver.header)
+    (folder / "test.c").write_text(c_test(solver.program, name))
+    return folder / "test.c"
+
+
+def run(*command):
+    return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+
+
+def built(compiler, source, *flags):
+    program = source.with_suffix(".out")
+    result = run(compiler, *WARNINGS, *flags, source, "-o", program, "-lm")
+    assert result.returncode == 0, result.stderr
+    return program
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gcc_and_clang_have_nothing_to_say_and_the_test_passes(compiled, tmp_path, name):
+    source = written(compiled(name), tmp_path)
+    for compiler in ("gcc", "clang"):
+        if not shutil.which(compiler) and compiler == "clang":
+            continue  # gcc is required, clang only where it is installed
+        result = run(built(compiler, source, "-O2"))
+        assert result.returncode == 0, result.stdout
+        assert "us a configuration" in result.stdout
+
+
+@pytest.mark.parametrize("name", ["rssr", "bricard", "stewart_gough"])
+def test_sanitizers_find_no_undefined_behaviour(compiled, tmp_path, name):
+    source = written(compiled(name), tmp_path)
+    result = run(
+        built("gcc", source, "-O1", "-g", "-fsanitize=undefined,address", "-fno-sanitize-recover=all")
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_a_float_solver_agrees_to_its_digits(compiled, tmp_path):
+    source = written(compiled("jansen"), tmp_path)
+    result = run(built("gcc", source, "-O2", "-DMECHSIM_REAL=float"))
+    assert result.returncode == 0, result.stdout
+    assert 1e-8 < float(result.stdout.split("error ")[1].split(",")[0]) < 1e-4
+
+
+def test_the_test_rejects_a_changed_solver(compiled, tmp_path):
+    solver = compiled("rssr")
+    source = written(solver, tmp_path)
+    right = "MECHSIM_C(-0.046)"
+    assert right in solver.header
+    (tmp_path / "solver.h").write_text(solver.header.replace(right, "MECHSIM_C(-0.0460000001)"))
+    assert run(built("gcc", source)).returncode == 1
+
+
+def test_the_test_rejects_a_solver_that_leaves_its_range(compiled, tmp_path):
+    solver = compiled("bricard")
+    source = written(solver, tmp_path)
+    (tmp_path / "solver.h").write_text(
+        solver.header.replace("return bricard_OUT_OF_RANGE;", "return bricard_SOLVED;")
+    )
+    result = run(built("gcc", source))
+    assert result.returncode == 1
+    assert "outside the range is not rejected" in result.stdout
+
+
+def test_names_of_joints_and_links_are_in_the_code(compiled):
+    header = compiled("jansen").header
+    assert "/* revolute joint knee_c closes a loop: rod_c meets shank */" in header
+    assert "/* link rod_j by joint pin_j */" in header
+    assert "const real cos_q_crank".replace("real", "jansen_real") in header
+    for word in ("malloc", "printf", "stdio"):
+        assert word not in header
+
+
+def node(*arguments):
+    program = shutil.which("node")
+    assert program, "JavaScript is tested by node; apt-get install nodejs brings it"
+    return run(program, *arguments)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_javascript_passes_its_test(compiled, tmp_path, name):
+    solver = compiled(name)
+    (tmp_path / "solver.js").write_text(solver.javascript)
+    (tmp_path / "test.js").write_text(javascript_test(solver.program, "solver.js"))
+    result = node(tmp_path / "test.js")
+    assert result.returncode == 0, result.stdout + result.stderr
+    sign = solver.program.sizes["SIGN"]
+    (tmp_path / "solver.js").write_text(solver.javascript.replace(f"_SIGN = {sign};", f"_SIGN = {-sign};"))
+    assert node(tmp_path / "test.js").returncode == 1
+
+
+def command(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["mechsim", "compile", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    captured = capsys.readouterr()
+    return ended.value.code or 0, captured.out, captured.err
+
+
+def test_the_command_writes_solver_and_test(tmp_path, monkeypatch, capsys):
+    header, test = tmp_path / "leg.h", tmp_path / "leg.c"
+    code, out, _ = command(
+        monkeypatch, capsys, REFERENCE / "bricard.toml", "-o", header, "--test", test, "--json"
+    )
+    data = json.loads(out)
+    assert code == 0
+    assert data["drivers"] == ["crank"]
+    assert data["range"][0] == pytest.approx(-0.5235988)
+    assert run(built("gcc", test, "-O2")).returncode == 0
+    code, out, _ = command(
+        monkeypatch, capsys, "slider_crank", "-o", tmp_path / "a.js", "--test", tmp_path / "b.js"
+    )
+    assert code == 0
+    assert "slider_crank_solve from crank (any value)" in out
+    assert node(tmp_path / "b.js").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["rssr", "-o", "solver.txt"], "ends in .txt; known are .h, .js"),
+        (["rssr", "-o", "solver.h", "--test", "test.js"], "known are .c"),
+        (["no_such_model", "-o", "solver.h"], "no_such_model"),
+    ],
+)
+def test_invalid_input_ends_with_2(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = command(monkeypatch, capsys, *arguments)
+    assert code == 2
+    assert message in err
+    assert not [*tmp_path.iterdir()]
