@@ -9,8 +9,8 @@ from mechsim.cli.command import Result, command
 from mechsim.cli.options import File, ModelOptions, writable
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.printing import c_header, javascript
-from mechsim.codegen.program import program
 from mechsim.codegen.self_test import c_test, javascript_test
+from mechsim.codegen.solver_code import solver_code
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 
@@ -50,7 +50,7 @@ def compile_solver(
     test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
-    code = program(assembly(options.load()))
+    code = solver_code(assembly(options.load()))
     in_c = path.suffix.lower() == ".h"
     text = c_header(code) if in_c else javascript(code)
     _write(path, text)

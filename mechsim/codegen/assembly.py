@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mechsim.analytic.dynamics.state_quantities import joined
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -30,7 +31,7 @@ INSET = 1e-3
 
 
 @dataclass(frozen=True)
-class Assembly:
+class SolvedAssembly:
     """One assembly of a mechanism, as code solves it.
 
     Attributes:
@@ -76,7 +77,7 @@ class Assembly:
         return float(self.solver.at_reference.determinant_sign[0]) if len(self.loops.unknown) else 1.0
 
 
-def assembly(source: KinematicSolver) -> Assembly:
+def assembly(source: KinematicSolver) -> SolvedAssembly:
     """Return the assembly of a mechanism that its guess selects.
 
     Raises:
@@ -85,26 +86,26 @@ def assembly(source: KinematicSolver) -> Assembly:
         InputError: where a link is left to spin by joints for which no code is generated.
     """
     mechanism = _rounded(with_closed_guess(source.mechanism))
-    form = LoopForm(mechanism, motion_laws=source.motion_laws)
-    interval, parameters = _range(form)
-    q = _sampled(form, parameters)
+    solver = LoopForm(mechanism, motion_laws=source.motion_laws)
+    interval, parameters = _range(solver)
+    q = _sampled(solver, parameters)
     first = checked_start(mechanism)
     spinning: dict[str, Array] = {}
     if first.nullity:
         mechanism, spinning = without_passive_spin(first, link_poses(first.loops.tree, q))
-        q = _sampled(replace(form, mechanism=mechanism), parameters)
+        q = _sampled(replace(solver, mechanism=mechanism), parameters)
         first = checked_start(mechanism)
-    return Assembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
+    return SolvedAssembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
 
 
 def _rounded(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism in which components of directions and points that are rounding are zero."""
-    length = ROUNDING * mechanism.size
+    length = ROUNDING * mechanism.characteristic_length
 
     def end(side: End) -> End:
-        assert side.mark is not None
-        axis, mark = (_rounded_vector(vector, ROUNDING) for vector in (side.axis, side.mark))
-        return End(side.link, _rounded_vector(side.point, length), axis, mark)
+        assert side.reference is not None
+        axis, reference = (_rounded_vector(vector, ROUNDING) for vector in (side.axis, side.reference))
+        return End(side.link, _rounded_vector(side.point, length), axis, reference)
 
     joints = [replace(joint, a=end(joint.a), b=end(joint.b)) for joint in mechanism.joints]
     return replace(mechanism, joints=tuple(joints))
@@ -115,14 +116,14 @@ def _rounded_vector(vector: Vector, tolerance: float) -> Vector:
     return x, y, z
 
 
-def _range(form: LoopForm) -> tuple[tuple[float, float] | None, Array]:
+def _range(solver: LoopForm) -> tuple[tuple[float, float] | None, Array]:
     """Return the interval of the crank in one assembly, and path parameters over the range."""
-    start = form.mechanism.start
-    if not form.motion_laws.crank:
-        return None, np.linspace(0.0, form.motion_laws.length, SAMPLES)
-    if not form.mechanism.has_crank:
+    start = solver.mechanism.start
+    if not solver.motion_laws.crank:
+        return None, np.linspace(0.0, solver.motion_laws.length, SAMPLES)
+    if not solver.mechanism.has_crank:
         return None, np.zeros(0)
-    arcs, change_points = form.crank_range(), form.change_points()
+    arcs, change_points = solver.crank_range(), solver.change_points()
     if arcs.full and not change_points:
         return None, np.linspace(start - np.pi, start + np.pi, SAMPLES)
     low, high = (
@@ -135,17 +136,14 @@ def _range(form: LoopForm) -> tuple[tuple[float, float] | None, Array]:
     return (low, high), np.linspace(low + inset, high - inset, SAMPLES)
 
 
-def _sampled(form: LoopForm, parameters: Array) -> Coordinates:
+def _sampled(solver: LoopForm, parameters: Array) -> Coordinates:
     """Return the coordinates of the tree at path parameters, in order of the chunks that solve them."""
     if not len(parameters):
-        return checked_start(form.mechanism).reference
-    path = driven_path(form.mechanism, form.motion_laws)
+        return checked_start(solver.mechanism).reference
+    path = driven_path(solver.mechanism, solver.motion_laws)
     rates = np.ones_like(parameters)
-    instants = instants_of_laws(form.motion_laws, parameters, rates, 0.0 * rates)
-    parts = [chunk.q for chunk in closed_chunks(path, with_locked_values(path.loops, instants))]
-    return Coordinates(
-        np.concatenate([part.values for part in parts], 1), np.concatenate([part.turns for part in parts], -1)
-    )
+    instants = instants_of_laws(solver.motion_laws, parameters, rates, 0.0 * rates)
+    return joined([chunk.q for chunk in closed_chunks(path, with_locked_values(path.loops, instants))])
 
 
 def _with_best_rows(first: LoopSolver, q: Coordinates) -> LoopSolver:

@@ -15,7 +15,7 @@ import numpy as np
 
 from mechsim.codegen.kinematics import LINK
 from mechsim.codegen.printing import c_header
-from mechsim.codegen.program import Program
+from mechsim.codegen.solver_code import SolverCode
 from mechsim.errors import MissingToolError
 from mechsim.numerics.arrays import Array
 
@@ -53,11 +53,11 @@ TORQUES = "    @solve_torques(&s, inertias, gravity, torques + d);"
 
 @dataclass(frozen=True, slots=True)
 class Configurations:
-    """Configurations that generated code solved.
+    """Configurations that generated text solved.
 
     Attributes:
         count: how many were solved before one failed.
-        status: of the last call, an index of `program.STATUSES`.
+        status: of the last call, an index of `solver_code.STATUSES`.
         motion: coordinates, rates and accelerations, (n, 3, coordinates).
         links: numbers of `kinematics.LINK` of each link, (n, links, 24).
         map: derivatives of the coordinates by the drivers, (n, coordinates, drivers).
@@ -83,7 +83,7 @@ def compiler() -> str:
     if path is None:
         what = f"CC={named} is not found" if named else f"there is no C compiler ({', '.join(COMPILERS)})"
         raise MissingToolError(
-            f"{what}; install gcc or clang, or write the code by `mechsim compile MODEL -o solver.h`"
+            f"{what}; install gcc or clang, or write the text by `mechsim compile MODEL -o solver.h`"
         )
     return path
 
@@ -96,29 +96,29 @@ def cache_folder() -> Path:
     return Path(base).expanduser() / "mechsim" / "compiled"
 
 
-def library(program: Program) -> Path:
+def library(code: SolverCode) -> Path:
     """Return the shared library of a solver, compiled unless the cache has it.
 
     Raises:
         MissingToolError: without a C compiler, or where it fails.
     """
-    torques = program.inertias is not None
+    torques = code.inertias is not None
     wrapper = WRAPPER.replace("TORQUES", TORQUES if torques else "")
     if torques:
         wrapper = wrapper.replace(
             "int *status)",
             "int *status,\n              const double *inertias, const double *gravity, double *torques)",
         )
-    code = (
+    text = (
         "#include <stddef.h>\n#include <string.h>\n"
-        + c_header(program)
-        + wrapper.replace("@", program.prefix + "_")
+        + c_header(code)
+        + wrapper.replace("@", code.prefix + "_")
     )
     command = compiler()
-    key = hashlib.sha256("\0".join((code, command, _version(command), *FLAGS)).encode()).hexdigest()[:24]
-    path = cache_folder() / f"{program.prefix[:60]}-{key}.so"
+    key = hashlib.sha256("\0".join((text, command, _version(command), *FLAGS)).encode()).hexdigest()[:24]
+    path = cache_folder() / f"{code.prefix[:60]}-{key}.so"
     if not path.exists():
-        _compile(command, code, path)
+        compile_library(command, text, path)
     return path
 
 
@@ -127,11 +127,16 @@ def _version(command: str) -> str:
     return subprocess.run([command, "--version"], capture_output=True, text=True, check=False).stdout
 
 
-def _compile(command: str, code: str, path: Path) -> None:
+def compile_library(command: str, text: str, path: Path) -> None:
+    """Compile C code into a shared library.
+
+    Raises:
+        MissingToolError: where the compiler fails.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         source, built = Path(folder) / "solver.c", Path(folder) / "solver.so"
-        source.write_text(code, encoding="utf-8")
+        source.write_text(text, encoding="utf-8")
         line = [command, *FLAGS, "-o", str(built), str(source), "-lm"]
         result = subprocess.run(line, capture_output=True, text=True, check=False)
         if result.returncode:
@@ -148,27 +153,27 @@ class Library:
     """A compiled solver.
 
     Attributes:
-        program: its code.
+        code: what is compiled.
         path: of the shared library.
     """
 
-    program: Program
+    code: SolverCode
     path: Path
 
     def solve(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
         """Return configurations at drivers and their rates, (n, drivers) each, in order from the start."""
-        sizes, n = self.program.sizes, len(drivers)
+        sizes, n = self.code.sizes, len(drivers)
         motion = np.empty((n, 3, sizes["COORDINATES"]))
         links = np.empty((n, sizes["LINKS"], LINK_NUMBERS))
         by_drivers = np.empty((n, sizes["COORDINATES"], sizes["DRIVERS"]))
-        has_torques = self.program.inertias is not None
+        has_torques = self.code.inertias is not None
         torques = np.empty((n if has_torques else 0, sizes["DRIVERS"]))
         status = ctypes.c_int()
         inputs = [
             np.ascontiguousarray(values, dtype=np.float64) for values in (drivers, rates, accelerations)
         ]
         arrays = [*inputs, motion, links, by_drivers]
-        extra = [self.program.inertias, self.program.gravity, torques] if has_torques else []
+        extra = [self.code.inertias, self.code.gravity, torques] if has_torques else []
         function = ctypes.CDLL(str(self.path)).solve_all
         count = function(
             n,

@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.loops.motion import instants_of_laws
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.path_instants import path_instants
-from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.build import Configurations, Library, library
 from mechsim.codegen.kinematics import LINK
 from mechsim.codegen.printing import c_header, javascript
-from mechsim.codegen.program import STATUSES, Program, program
+from mechsim.codegen.solver_code import STATUSES, SolverCode, solver_code
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.numerics.arrays import Array
@@ -28,37 +27,37 @@ class CompiledSolver:
     """A mechanism whose motion generated C code solves; made by `mechsim.compile`.
 
     Attributes:
-        program: the code.
+        code: the code.
         library: the same compiled.
     """
 
-    program: Program
+    code: SolverCode
     library: Library
 
     @property
     def name(self) -> str:
         """Name of the mechanism."""
-        return self.program.assembly.mechanism.name
+        return self.code.assembly.mechanism.name
 
     @cached_property
     def header(self) -> str:
         """The C99 header, as `mechsim compile MODEL -o solver.h` writes it."""
-        return c_header(self.program)
+        return c_header(self.code)
 
     @cached_property
     def javascript(self) -> str:
         """The JavaScript file, as `mechsim compile MODEL -o solver.js` writes it."""
-        return javascript(self.program)
+        return javascript(self.code)
 
     @property
     def drivers(self) -> tuple[str, ...]:
         """Names of the driven coordinates."""
-        return self.program.assembly.drivers
+        return self.code.assembly.drivers
 
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the coordinates of the tree; those of a ball joint are its three rotations."""
-        return tuple(self.program.formulas.coordinates)
+        return tuple(self.code.formulas.coordinates)
 
     def solve(
         self,
@@ -81,16 +80,17 @@ class CompiledSolver:
 
         Accuracy: that of `LoopForm.solve`, whose equations the code has.
         """
-        source = self.program.assembly.source
+        source = self.code.assembly.source
         laws = source.motion_laws
-        at = path_instants(source.mechanism, laws, angles, speed, acceleration, t)
-        parameter = np.atleast_1d(np.asarray(at.parameter, dtype=np.float64))
+        instants = path_instants(source.mechanism, laws, angles, speed, acceleration, t)
+        parameter = np.atleast_1d(np.asarray(instants.parameter, dtype=np.float64))
         rate, second = (
-            np.broadcast_to(np.asarray(x, dtype=np.float64), parameter.shape) for x in (at.rate, at.second)
+            np.broadcast_to(np.asarray(x, dtype=np.float64), parameter.shape)
+            for x in (instants.rate, instants.second)
         )
-        instants = instants_of_laws(laws, parameter, rate, second)
-        solved = self.solve_drivers(instants.value.T, instants.rate.T, instants.second.T)
-        time = at.time if at.time is not None else None if laws.crank else laws.time(parameter)
+        drivers = instants_of_laws(laws, parameter, rate, second)
+        solved = self.solve_drivers(drivers.value.T, drivers.rate.T, drivers.second.T)
+        time = instants.time if instants.time is not None else None if laws.crank else laws.time(parameter)
         return self._motion(solved, parameter, rate, second, time)
 
     def solve_drivers(
@@ -119,7 +119,7 @@ class CompiledSolver:
 
     def _failure(self, drivers: Array, status: int) -> str:
         values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drivers, drivers, strict=True))
-        limits = self.program.assembly.interval
+        limits = self.code.assembly.interval
         reasons = {
             "OUT_OF_RANGE": "" if limits is None else f"outside {limits[0]:.6g} to {limits[1]:.6g} rad",
             "SINGULAR": "beyond a singular configuration or another assembly",
@@ -136,19 +136,19 @@ class CompiledSolver:
     ) -> Motion:
         links: dict[str, LinkMotion] = {}
         ends = np.cumsum([*LINK.values()])[:-1]
-        for k, name in enumerate(self.program.formulas.links):
+        for k, name in enumerate(self.code.formulas.links):
             position, rotation, velocity, spin, acceleration, spin_rate = np.split(
                 solved.links[:, k], ends, axis=1
             )
             links[name] = LinkMotion(
                 position, rotation.reshape(-1, 3, 3), velocity, spin, acceleration, spin_rate
             )
-        build = self.program.assembly
+        build = self.code.assembly
         tree, mechanism = build.loops.tree, build.source.mechanism
         values = (solved.motion[:, i].T for i in range(3))
         first, rate, acceleration_rows = values
         joints = tree_joint_motions(tree, tree.original.joints, links, (first, rate, acceleration_rows))
-        known = {name for joint in mechanism.joints for name in joint.coordinates}
+        names = {name for joint in mechanism.joints for name in joint.coordinates}
         laws = build.source.motion_laws
         return Motion(
             source="loop equations",
@@ -157,28 +157,11 @@ class CompiledSolver:
             acceleration=np.array(second),
             points=tracked_points(mechanism, links),
             links=links,
-            joints={name: joint for name, joint in joints.items() if name in known},
+            joints={name: joint for name, joint in joints.items() if name in names},
             time=time,
             spinning=frozenset(build.spinning),
             drivers=() if laws.crank else laws.drivers,
         )
-
-
-def solver_code(model: Any, *, set: Mapping[str, str | float] | None = None, **options: Any) -> Program:
-    """Return the code of a mechanism's solver.
-
-    Args:
-        model: what `load` takes, or a mechanism or solver.
-        set: parameter -> its value, as `load` takes it.
-        options: of `load`, as drive= and lock=.
-
-    Raises:
-        AssemblyError: where the loops do not close at the start.
-        MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
-        InputError: for what is no mechanism, or has no driver.
-    """
-    source: KinematicSolver = load(model, set=set, **options)
-    return program(assembly(source))
 
 
 def compile(model: Any, *, set: Mapping[str, str | float] | None = None, **options: Any) -> CompiledSolver:
@@ -197,5 +180,5 @@ def compile(model: Any, *, set: Mapping[str, str | float] | None = None, **optio
         MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
         InputError: for what is no mechanism, or has no driver.
     """
-    code = solver_code(model, set=set, **options)
+    code = solver_code(assembly(load(model, set=set, **options)))
     return CompiledSolver(code, Library(code, library(code)))

@@ -10,10 +10,10 @@ ROUNDING = 1e-15
 # characters of an expression beyond which its value gets a name
 MAX_TEXT = 60
 
-Operand = Union["Expression", float, int]
+Operand = Union["SymbolicExpression", float, int]
 
 
-class Expression:
+class SymbolicExpression:
     """A number, a symbol, or a sum, difference, product or negative of expressions.
 
     Equal expressions of one table are one object. numpy arrays of dtype object hold them, so that functions
@@ -22,7 +22,13 @@ class Expression:
 
     __slots__ = ("args", "index", "op", "table")
 
-    def __init__(self, table: "Table", op: str, args: tuple["Expression | str | float", ...], index: int):
+    def __init__(
+        self,
+        table: "ExpressionTable",
+        op: str,
+        args: tuple["SymbolicExpression | str | float", ...],
+        index: int,
+    ):
         self.table, self.op, self.args, self.index = table, op, args, index
 
     @property
@@ -31,71 +37,71 @@ class Expression:
         return float(self.args[0]) if self.op == "number" else None  # type: ignore[arg-type]
 
     @property
-    def operands(self) -> tuple["Expression", ...]:
+    def operands(self) -> tuple["SymbolicExpression", ...]:
         """The expressions that it is made of."""
-        return tuple(arg for arg in self.args if isinstance(arg, Expression))
+        return tuple(arg for arg in self.args if isinstance(arg, SymbolicExpression))
 
-    def __add__(self, other: Operand) -> "Expression":
+    def __add__(self, other: Operand) -> "SymbolicExpression":
         return self.table.sum(self, self.table.expression(other))
 
-    def __sub__(self, other: Operand) -> "Expression":
+    def __sub__(self, other: Operand) -> "SymbolicExpression":
         return self.table.difference(self, self.table.expression(other))
 
-    def __rsub__(self, other: Operand) -> "Expression":
+    def __rsub__(self, other: Operand) -> "SymbolicExpression":
         return self.table.difference(self.table.expression(other), self)
 
-    def __mul__(self, other: Operand) -> "Expression":
+    def __mul__(self, other: Operand) -> "SymbolicExpression":
         return self.table.product(self, self.table.expression(other))
 
-    def __truediv__(self, other: float) -> "Expression":
+    def __truediv__(self, other: float) -> "SymbolicExpression":
         return self * (1.0 / other)
 
-    def __pow__(self, exponent: int) -> "Expression":
+    def __pow__(self, exponent: int) -> "SymbolicExpression":
         return self if exponent == 1 else self * self ** (exponent - 1)
 
-    def __neg__(self) -> "Expression":
+    def __neg__(self) -> "SymbolicExpression":
         return self.table.negative(self)
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def cos(self) -> "Expression":
+    def cos(self) -> "SymbolicExpression":
         """Return the cosine of an angle that is a symbol: a symbol too."""
         return self.table.symbol(f"cos({self.args[0]})")
 
-    def sin(self) -> "Expression":
+    def sin(self) -> "SymbolicExpression":
         """Return the sine of an angle that is a symbol: a symbol too."""
         return self.table.symbol(f"sin({self.args[0]})")
 
 
 @dataclass
-class Table:
+class ExpressionTable:
     """All expressions of a piece of code, each once.
 
     Attributes:
         entries: operation and operands -> expression.
     """
 
-    entries: dict[tuple[object, ...], Expression] = field(default_factory=dict)
+    entries: dict[tuple[object, ...], SymbolicExpression] = field(default_factory=dict)
 
-    def _entry(self, op: str, *args: Expression | str | float) -> Expression:
-        key = (op, *(arg.index if isinstance(arg, Expression) else arg for arg in args))
+    def _entry(self, op: str, *args: SymbolicExpression | str | float) -> SymbolicExpression:
+        key = (op, *(arg.index if isinstance(arg, SymbolicExpression) else arg for arg in args))
         if key not in self.entries:
-            self.entries[key] = Expression(self, op, args, len(self.entries))
+            self.entries[key] = SymbolicExpression(self, op, args, len(self.entries))
         return self.entries[key]
 
-    def symbol(self, name: str) -> Expression:
+    def symbol(self, name: str) -> SymbolicExpression:
         """Return a symbol, which code must define by this name."""
         return self._entry("symbol", name)
 
-    def expression(self, value: Operand) -> Expression:
+    def expression(self, value: Operand) -> SymbolicExpression:
         """Return a number as an expression, rounded to 0, 1 or -1 where it is one of them."""
-        if isinstance(value, Expression):
+        if isinstance(value, SymbolicExpression):
             return value
         number = float(value)
         nearest = round(number) if abs(number) < 2.0 else number
         return self._entry("number", float(nearest if abs(number - nearest) < ROUNDING else number) + 0.0)
 
-    def sum(self, a: Expression, b: Expression) -> Expression:
+    def sum(self, a: SymbolicExpression, b: SymbolicExpression) -> SymbolicExpression:
         """Return a + b."""
         if a.number is not None and b.number is not None:
             return self.expression(a.number + b.number)
@@ -109,7 +115,7 @@ class Table:
             return self.difference(b, a.operands[0])
         return self._entry("+", *sorted((a, b), key=_index))
 
-    def difference(self, a: Expression, b: Expression) -> Expression:
+    def difference(self, a: SymbolicExpression, b: SymbolicExpression) -> SymbolicExpression:
         """Return a - b."""
         if a is b:
             return self.expression(0.0)
@@ -123,7 +129,7 @@ class Table:
             return self.sum(a, self.expression(-b.number))
         return self._entry("-", a, b)
 
-    def negative(self, a: Expression) -> Expression:
+    def negative(self, a: SymbolicExpression) -> SymbolicExpression:
         """Return -a."""
         if a.number is not None:
             return self.expression(-a.number)
@@ -135,7 +141,7 @@ class Table:
             return self.product(self.expression(-a.operands[0].number), a.operands[1])
         return self._entry("neg", a)
 
-    def product(self, a: Expression, b: Expression) -> Expression:
+    def product(self, a: SymbolicExpression, b: SymbolicExpression) -> SymbolicExpression:
         """Return a b, a number first."""
         if b.number is not None:
             a, b = b, a
@@ -155,7 +161,7 @@ class Table:
         return self._entry("*", *sorted((a, b), key=_index))
 
 
-def _index(expression: Expression) -> int:
+def _index(expression: SymbolicExpression) -> int:
     return expression.index
 
 
@@ -170,7 +176,7 @@ class Block:
     """
 
     comment: str
-    assignments: Mapping[str, Expression]
+    assignments: Mapping[str, SymbolicExpression]
     names: bool = False
 
 
@@ -221,7 +227,7 @@ class Emission:
             if root.index in self.uses and root.index not in self.texts and root.op in "+-*":
                 yield from self._defined(root, target)
 
-    def _defined(self, root: Expression, name: str = "") -> Iterator[str]:
+    def _defined(self, root: SymbolicExpression, name: str = "") -> Iterator[str]:
         """Yield definitions of all that an expression needs, operands first; its own value gets a name."""
         for expression in _new(root, self.texts, ""):
             text = self._text(expression)
@@ -236,7 +242,7 @@ class Emission:
                 yield f"const real {called} = {_bare(text)};"
             self.texts[expression.index] = called or text
 
-    def _text(self, expression: Expression) -> str:
+    def _text(self, expression: SymbolicExpression) -> str:
         if expression.op == "symbol":
             return str(expression.args[0])
         if expression.number is not None:
@@ -249,20 +255,20 @@ class Emission:
 
 
 def _new(
-    root: Expression, seen: dict[int, int] | dict[int, str], mark: int | str = 0
-) -> Iterable[Expression]:
-    """Return an expression and what it is made of that is not seen yet, operands first."""
-    order: list[Expression] = []
+    root: SymbolicExpression, visited: dict[int, int] | dict[int, str], initial: int | str = 0
+) -> Iterable[SymbolicExpression]:
+    """Return an expression and what it is made of that is not visited yet, operands first."""
+    order: list[SymbolicExpression] = []
     waiting = [root]
     while waiting:
         expression = waiting.pop()
-        if expression.index in seen:
+        if expression.index in visited:
             continue
-        pending = [operand for operand in expression.operands if operand.index not in seen]
+        pending = [operand for operand in expression.operands if operand.index not in visited]
         if pending:
             waiting += [expression, *reversed(pending)]
             continue
-        seen[expression.index] = mark  # type: ignore[assignment]
+        visited[expression.index] = initial  # type: ignore[assignment]
         order.append(expression)
     return order
 

@@ -18,8 +18,8 @@ from mechsim.analytic.loops.kinematics import (
     twists,
     velocity_products,
 )
-from mechsim.codegen.assembly import Assembly
-from mechsim.codegen.expressions import Block, Expression, Table, statements
+from mechsim.codegen.assembly import SolvedAssembly
+from mechsim.codegen.expressions import Block, ExpressionTable, SymbolicExpression, statements
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
 
@@ -49,7 +49,7 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     return out
 
 
-class Formulas:
+class SolverFormulas:
     """The formulas of an assembly in its coordinates.
 
     Attributes:
@@ -58,8 +58,8 @@ class Formulas:
         symbols: symbol of an expression -> the code that reads it.
     """
 
-    def __init__(self, assembly: Assembly):
-        self.assembly, self.tree, self.table = assembly, assembly.loops.tree, Table()
+    def __init__(self, assembly: SolvedAssembly):
+        self.assembly, self.tree, self.table = assembly, assembly.loops.tree, ExpressionTable()
         count = self.tree.count
         names = {i: name for name, i in self.tree.index_of.items()}
         for ball in self.tree.balls:
@@ -130,7 +130,7 @@ class Formulas:
         unknown, driven = loops.unknown.tolist(), self.assembly.driven
         blocks = self._link_blocks()
         for comment, span in self._row_groups():
-            assignments: dict[str, Expression] = {}
+            assignments: dict[str, SymbolicExpression] = {}
             for row in (row for row in rows if row in span):
                 k = rows.index(row)
                 assignments[f"residual[{k}]"] = self._expression(residual[row, 0])
@@ -186,7 +186,8 @@ class Formulas:
             link, local = self.tree.original.points[name]
             i = self.tree.links[link]
             position = self._point(i, np.array(local))
-            rates = point_rates(*(values[i, :, 0] for values in self.motion), position)
+            twist, spatial = (values[i, :, 0] for values in self.motion)
+            rates = point_rates(twist, spatial, position)
             blocks.append(
                 self._record_block(f"point {name} of link {link}", f"points[{k}]", POINT, (position, *rates))
             )
@@ -218,7 +219,7 @@ class Formulas:
             blocks.append(Block(f"along {name}", {f"forces[{j}]": value}))
         return statements(blocks, self.symbols)
 
-    def _expression(self, value: Any) -> Expression:
+    def _expression(self, value: Any) -> SymbolicExpression:
         return self.table.expression(value)
 
     def _point(self, link: int, local: Array) -> Array:

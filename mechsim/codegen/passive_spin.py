@@ -99,8 +99,8 @@ def _as_universal(
     at_start = solver.at_reference.poses.rotation[..., 0]
     in_ground = fixed if other.link == GROUND else at_start[index[other.link]] @ fixed
     across = at_start[index[spinner.link]].T @ np.cross(in_ground, axes[spinner.link])
-    first = replace(other, axis=_vector(fixed), mark=None)
-    second = replace(spinner, axis=_vector(across), mark=None)
+    first = replace(other, axis=_vector(fixed), reference=None)
+    second = replace(spinner, axis=_vector(across), reference=None)
     a, b = (first, second) if spinner is joint.b else (second, first)
     return Joint(joint.name, "universal", a, b)
 

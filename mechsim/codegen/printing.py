@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from mechsim._version import __version__
 from mechsim.codegen.kinematics import identifiers
-from mechsim.codegen.program import Program
+from mechsim.codegen.solver_code import SolverCode
 from mechsim.numerics.arrays import Array
 
 # numbers of a line in a constant array
@@ -45,66 +45,64 @@ TRANSLATION: Sequence[tuple[str, str]] = (
 )
 
 
-def c_header(program: Program) -> str:
+def c_header(code: SolverCode) -> str:
     """Return the solver as one C99 header."""
-    prefix = program.prefix
-    lines = [f"#ifndef MECHSIM_{prefix}_H", f"#define MECHSIM_{prefix}_H", *_comment(program), C_HEAD, ""]
+    prefix = code.prefix
+    lines = [f"#ifndef MECHSIM_{prefix}_H", f"#define MECHSIM_{prefix}_H", *_comment(code), C_HEAD, ""]
     lines.append("#define @EPSILON ((@real)(sizeof(@real) < sizeof(double) ? FLT_EPSILON : DBL_EPSILON))")
-    sizes = ", ".join(f"@{name} = {value}" for name, value in program.sizes.items())
+    sizes = ", ".join(f"@{name} = {value}" for name, value in code.sizes.items())
     lines += ["", "/* numbers, limits and statuses */", *_wrapped(f"enum {{ {sizes} }};")]
-    for kind, names in program.names.items():
+    for kind, names in code.names.items():
         entries = [f"@{kind}_{plain} = {i}" for i, plain in enumerate(identifiers(names).values())]
         if entries:
             lines += [f"/* index of each {kind.lower()} */", *_wrapped(f"enum {{ {', '.join(entries)} }};")]
-    for name, (values, comment) in program.integers.items():
+    for name, (values, comment) in code.integers.items():
         lines += _array("int", name, [str(value) for value in values], comment)
-    for name, (numbers, comment) in program.reals.items():
+    for name, (numbers, comment) in code.reals.items():
         lines += _array("@real", name, _numbers(numbers), comment)
-    for name, record in program.records.items():
+    for name, record in code.records.items():
         lines += ["", "typedef struct {"]
         for field, count, comment in record:
             lines.append(f"  @real {field}[{count}];" + (f" /* {comment} */" if comment else ""))
         lines += [*(["  int pivots[@UNKNOWNS_OR_1];"] if name == "state" else []), f"}} @{name};"]
-    functions = re.sub(r"\breal\b", "@real", re.sub(r"\bR\(", "MECHSIM_C(", program.functions))
+    functions = re.sub(r"\breal\b", "@real", re.sub(r"\bR\(", "MECHSIM_C(", code.functions))
     text = "\n".join([*lines, "", functions, "", "#endif", ""])
     return text.replace("@", f"{prefix}_")
 
 
-def javascript(program: Program) -> str:
+def javascript(code: SolverCode) -> str:
     """Return the solver as a JavaScript file: a module of node, or a global name in a browser."""
-    prefix = program.prefix
-    lines = [*_comment(program), f"const {prefix}_solver = (() => {{", '"use strict";']
-    lines += [f"const @{name} = {value};" for name, value in program.sizes.items()]
-    for name, (values, comment) in program.integers.items():
+    prefix = code.prefix
+    lines = [*_comment(code), f"const {prefix}_solver = (() => {{", '"use strict";']
+    lines += [f"const @{name} = {value};" for name, value in code.sizes.items()]
+    for name, (values, comment) in code.integers.items():
         lines.append(f"const @{name} = {json.dumps([*values])}; /* {comment} */")
-    for name, (numbers, comment) in program.reals.items():
+    for name, (numbers, comment) in code.reals.items():
         lines.append(f"const @{name} = {json.dumps(numbers.tolist())}; /* {comment} */")
-    for name, record in program.records.items():
+    for name, record in code.records.items():
         fields = [f"{field}: new Float64Array({count})" for field, count, _ in record]
         fields += ["pivots: new Int32Array(@UNKNOWNS_OR_1)"] if name == "state" else []
         lines.append(f"const @{name} = () => ({{ {', '.join(fields)} }});")
-    functions = program.functions
+    functions = code.functions
     for pattern, replacement in TRANSLATION:
         functions = re.sub(pattern, replacement, functions, flags=re.MULTILINE)
-    arrays = [f"{kind.lower()}s: {json.dumps([*names])}" for kind, names in program.names.items()]
+    arrays = [f"{kind.lower()}s: {json.dumps([*names])}" for kind, names in code.names.items()]
     exported = ["state", "start", "solve", "point", "link", "solve_links"]
-    exported += ["solve_points"] if program.sizes["POINTS"] else []
-    exported += ["solve_torques"] if program.inertias is not None else []
+    exported += ["solve_points"] if code.sizes["POINTS"] else []
+    exported += ["solve_torques"] if code.inertias is not None else []
     entries = [f"{name}: @{name}" for name in exported]
     entries += [
-        f"{name}: @{name}"
-        for name in program.sizes
-        if name in ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
+        f"{name}: @{name}" for name in code.sizes if name in ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
     ]
-    entries += ["GRAVITY: @GRAVITY"] + (["INERTIAS: @INERTIAS"] if program.inertias is not None else [])
+    entries += ["GRAVITY: @GRAVITY"] + (["INERTIAS: @INERTIAS"] if code.inertias is not None else [])
     lines += [functions, f"return {{ {', '.join([*arrays, *entries])} }};", "})();"]
     lines.append(f'if (typeof module !== "undefined") {{ module.exports = {prefix}_solver; }}')
     return "\n".join([*lines, ""]).replace("@", "")
 
 
-def _comment(program: Program) -> Iterator[str]:
+def _comment(code: SolverCode) -> Iterator[str]:
     """Yield what the head of a file says."""
-    assembly = program.assembly
+    assembly = code.assembly
     limits = assembly.interval
     range_text = "any value" if limits is None else f"{limits[0]:.9g} to {limits[1]:.9g} rad"
     spinning = ", ".join(sorted(assembly.spinning))
@@ -114,7 +112,7 @@ def _comment(program: Program) -> Iterator[str]:
     yield "   the last one in steps. Where it cannot it stays there and returns a status other than SOLVED."
     if spinning:
         yield f"   Nothing determines the spin of {comment_text(spinning)} about its line: it has no meaning."
-    if program.inertias is None:
+    if code.inertias is None:
         yield "   Torques are left out: the inertia of a link that spins is not round about its line."
     yield "*/"
 

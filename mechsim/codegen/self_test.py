@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.analytic.loops.motion import instants_of_laws
 from mechsim.codegen.expressions import number_text
-from mechsim.codegen.program import Program, chosen
+from mechsim.codegen.solver_code import SolverCode, chosen
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -87,9 +87,9 @@ const s = solver.state();
 const values = solver.KINDs.map(() => solver.KIND());
 const at = (list, k) => list.slice(k * solver.drivers.length, (k + 1) * solver.drivers.length);
 const solve = (k) => solver.solve(s, at(drivers, k), at(rates, k), at(accelerations, k));
-let worst = solver.start(s) === solver.SOLVED ? 0 : NaN;
+let worst = solver.start(s) === solver.SOLVED ? 0 : Infinity;
 for (let k = 0; k < COUNT; k++) {
-  if (solve(k) !== solver.SOLVED) { worst = NaN; break; }
+  if (solve(k) !== solver.SOLVED) { worst = Infinity; break; }
   solver.solve_KINDs(s, values);
   for (let i = 0; i < COMPARED; i++) {
     ["position", "velocity", "acceleration"].forEach((quantity, e) => {
@@ -102,7 +102,7 @@ for (let k = 0; k < COUNT; k++) {
   }
 }
 #if LIMITED
-if (solver.solve(s, [@HIGH + 1], [0], [0]) === solver.SOLVED) { worst = NaN; }
+if (solver.solve(s, [@HIGH + 1], [0], [0]) === solver.SOLVED) { worst = Infinity; }
 #endif
 const begin = process.hrtime.bigint();
 let solved = 0;
@@ -136,13 +136,13 @@ class ReferenceConfigurations:
     tolerance: float
 
 
-def reference_configurations(program: Program) -> ReferenceConfigurations:
+def reference_configurations(code: SolverCode) -> ReferenceConfigurations:
     """Return configurations over the range by the analytic solution.
 
     Raises:
         InputError: for several drivers without motion laws.
     """
-    assembly = program.assembly
+    assembly = code.assembly
     source, laws, start = assembly.source, assembly.source.motion_laws, assembly.mechanism.start
     if not laws.crank:
         parameter = np.linspace(0.0, laws.length, CONFIGURATIONS)
@@ -157,21 +157,21 @@ def reference_configurations(program: Program) -> ReferenceConfigurations:
         inset = INSET * (high - low)
         parameter = np.linspace(low + inset, high - inset, CONFIGURATIONS)
         motion = source.solve_along(parameter, SPEED, ACCELERATION)
-    ones = np.ones_like(parameter)
-    rate, second = (laws.rate * ones, 0.0 * ones) if not laws.crank else (SPEED * ones, ACCELERATION * ones)
+    unit = np.ones_like(parameter)
+    rate, second = (laws.rate * unit, 0.0 * unit) if not laws.crank else (SPEED * unit, ACCELERATION * unit)
     instants = instants_of_laws(laws, parameter, rate, second)
-    kind, names = ("point", program.formulas.points) if motion.points else ("link", program.formulas.links)
-    known = [name for name in names if name in motion.points or (kind == "link" and name in motion.links)]
-    values = np.stack([_motion_of(motion, kind, name) for name in known], 1)
+    kind, names = ("point", code.formulas.points) if motion.points else ("link", code.formulas.links)
+    compared = [name for name in names if name in motion.points or (kind == "link" and name in motion.links)]
+    values = np.stack([_motion_of(motion, kind, name) for name in compared], 1)
     scales = np.abs(values.reshape(CONFIGURATIONS, -1, 3, 3)).max((0, 1, 3))
-    scales[0] = max(scales[0], assembly.mechanism.size)
+    scales[0] = max(scales[0], assembly.mechanism.characteristic_length)
     return ReferenceConfigurations(
         kind,
-        tuple(names.index(name) for name in known),
+        tuple(names.index(name) for name in compared),
         np.stack([instants.value.T, instants.rate.T, instants.second.T]),
         values,
         np.where(scales > 0.0, scales, 1.0),
-        _tolerance(program),
+        _tolerance(code),
     )
 
 
@@ -180,30 +180,30 @@ def _motion_of(motion: Motion, kind: str, name: str) -> Array:
     return np.concatenate([record.position, record.velocity, record.acceleration], 1)
 
 
-def _tolerance(program: Program) -> float:
-    solver, q = program.assembly.solver, program.assembly.samples
-    if not len(program.assembly.loops.unknown):
+def _tolerance(code: SolverCode) -> float:
+    solver, q = code.assembly.solver, code.assembly.samples
+    if not len(code.assembly.loops.unknown):
         return TOLERANCE
     smallest = float(solver.linearise(q).singular_values[:, -1].min())
     return TOLERANCE * max(1.0, (WELL_CONDITIONED / smallest) ** 2)
 
 
-def c_test(program: Program, header: str) -> str:
+def c_test(code: SolverCode, header: str) -> str:
     """Return a C99 program that checks and times a solver whose header has this file name."""
-    return _test(program, header, C_TEST, _c_array).replace("@", program.prefix + "_")
+    return _test(code, header, C_TEST, _c_array).replace("@", code.prefix + "_")
 
 
-def javascript_test(program: Program, file: str) -> str:
+def javascript_test(code: SolverCode, file: str) -> str:
     """Return a script for node that checks and times a solver whose file has this name."""
 
     def array(name: str, values: Array) -> Iterator[str]:
         yield f"const {name} = {json.dumps(values.ravel().tolist())};"
 
-    return _test(program, file, JS_TEST, array)
+    return _test(code, file, JS_TEST, array)
 
 
-def _test(program: Program, file: str, template: str, array: object) -> str:
-    reference = reference_configurations(program)
+def _test(code: SolverCode, file: str, template: str, array: object) -> str:
+    reference = reference_configurations(code)
     arrays = {
         "drivers": reference.drivers[0],
         "rates": reference.drivers[1],
@@ -213,17 +213,17 @@ def _test(program: Program, file: str, template: str, array: object) -> str:
         "scales": reference.scales,
     }
     data = "\n".join(line for name, values in arrays.items() for line in array(name, values))  # type: ignore[operator]
-    limits = program.assembly.interval
+    limits = code.assembly.interval
     text = chosen(template.strip(), {"LIMITED": limits is not None})
     replaced = {
         "HEADER": file,
         "DATA": data,
         "KIND": reference.kind,
-        "NAMES": str(program.sizes[f"{reference.kind.upper()}S"]),
+        "NAMES": str(code.sizes[f"{reference.kind.upper()}S"]),
         "COUNT": str(len(reference.values)),
         "COMPARED": str(len(reference.index)),
         "TOLERANCE": f"{reference.tolerance:.3g}",
-        "NAME": program.prefix,
+        "NAME": code.prefix,
         "@HIGH": number_text(float(limits[1]))[1:] if limits else "",
     }
     for name, value in replaced.items():

@@ -70,7 +70,7 @@ def test_wrong_dimensions_do_not_agree_with_reference_data(compiled):
 @pytest.mark.parametrize("name", ["rssr", "jansen", "parallel_gripper", "slider_crank"])
 def test_record_equals_that_of_the_loop_equations(compiled, name):
     solver = compiled(name)
-    source = solver.program.assembly.source
+    source = solver.code.assembly.source
     angles = np.linspace(*((0.0, 6.0) if source.period > 6.0 else (0.0, source.period)), 25)
     form = LoopForm(source.mechanism, motion_laws=source.motion_laws)
     if source.motion_laws.crank:
@@ -92,12 +92,12 @@ def test_record_equals_that_of_the_loop_equations(compiled, name):
 
 def test_map_is_the_derivative_of_the_configurations(compiled):
     solver = compiled("stewart_gough")
-    start = solver.program.assembly.start.values[solver.program.assembly.driven, 0]
+    start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]
     step = 1e-5
     around = start + step * np.array([[0, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0], [-1, 0, 0, 0, 0, 0]])
     solved = solver.solve_drivers(around)
     slope = (solved.motion[1, 0] - solved.motion[2, 0]) / (2.0 * step)
-    balls = solver.program.assembly.loops.tree.ball_indices
+    balls = solver.code.assembly.loops.tree.ball_indices
     numbers = np.delete(np.arange(len(slope)), balls)
     assert np.abs(slope - solved.map[0, :, 0])[numbers].max() < 1e-6
 
@@ -106,7 +106,7 @@ def test_map_is_the_derivative_of_the_configurations(compiled):
 def test_random_order_and_long_steps_stay_in_the_assembly(compiled, name):
     solver, rng = compiled(name), np.random.default_rng(5)
     angles = rng.uniform(-np.pi, np.pi, 60)
-    exact = LoopForm(solver.program.assembly.source.mechanism).solve(np.sort(angles))
+    exact = LoopForm(solver.code.assembly.source.mechanism).solve(np.sort(angles))
     mine = solver.solve(angles)
     order = np.argsort(angles)
     for point, motion in exact.points.items():
@@ -131,7 +131,7 @@ def test_near_a_change_point_no_configuration_is_of_another_assembly(compiled):
 
 def test_outside_the_range_nothing_is_solved(compiled):
     solver = compiled("bricard")
-    low, high = solver.program.assembly.interval
+    low, high = solver.code.assembly.interval
     with pytest.raises(AssemblyError, match=r"does not solve crank = 3\.7.*outside -0\.52"):
         solver.solve([1.0, high + 0.1])
     with pytest.raises(AssemblyError, match="outside"):
@@ -146,16 +146,16 @@ def test_outside_the_range_nothing_is_solved(compiled):
 
 def test_beyond_the_workspace_of_several_drivers_a_status_says_so(compiled):
     solver = compiled("stewart_gough")
-    start = solver.program.assembly.start.values[solver.program.assembly.driven, 0]
+    start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]
     with pytest.raises(AssemblyError, match=r"beyond a singular|not reached"):
         solver.solve_drivers(start + np.array([3.0, 0, 0, 0, 0, 0]))
 
 
 def test_a_library_is_compiled_once(compiled, monkeypatch):
-    program = compiled("rssr").program
-    path = build.library(program)
-    monkeypatch.setattr(build, "_compile", lambda *_: pytest.fail("compiled again"))
-    assert build.library(program) == path
+    code = compiled("rssr").code
+    path = build.library(code)
+    monkeypatch.setattr(build, "compile_library", lambda *_: pytest.fail("compiled again"))
+    assert build.library(code) == path
 
 
 def test_without_a_compiler_one_sentence_says_so(monkeypatch):

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 
-from mechsim.codegen.expressions import Block, Table, number_text, statements
+from mechsim.codegen.expressions import Block, ExpressionTable, number_text, statements
 
 
 def run(lines, values):
@@ -18,7 +18,7 @@ def run(lines, values):
 
 
 def test_zeros_ones_and_numbers_disappear():
-    table = Table()
+    table = ExpressionTable()
     x, y = table.symbol("x"), table.symbol("y")
     assert x + 0.0 is x
     assert 0.0 + x is x
@@ -36,7 +36,7 @@ def test_zeros_ones_and_numbers_disappear():
 
 
 def test_equal_expressions_are_one_and_computed_once():
-    table = Table()
+    table = ExpressionTable()
     x, y = table.symbol("x"), table.symbol("y")
     assert x * y + 1.0 is 1.0 + y * x
     shared = x * y
@@ -45,7 +45,7 @@ def test_equal_expressions_are_one_and_computed_once():
 
 
 def test_code_has_the_value_of_the_expression():
-    rng, table = np.random.default_rng(3), Table()
+    rng, table = np.random.default_rng(3), ExpressionTable()
     names = [f"v{i}" for i in range(4)]
     values = dict(zip(names, rng.uniform(-2.0, 2.0, 4).tolist(), strict=True))
     pool = [(table.symbol(name), values[name]) for name in names]
@@ -69,7 +69,7 @@ def test_code_has_the_value_of_the_expression():
 
 
 def test_arrays_of_expressions_multiply_as_numbers_do():
-    rng, table = np.random.default_rng(4), Table()
+    rng, table = np.random.default_rng(4), ExpressionTable()
     matrix, vector = rng.standard_normal((3, 3)), rng.standard_normal(3)
     symbols = np.array([table.symbol(f"v{i}") for i in range(3)], dtype=object)
     blocks = [Block("product", {f"out[{i}]": row for i, row in enumerate(matrix @ symbols)})]

@@ -18,7 +18,7 @@ NAMES = ("rssr", "jansen", "stewart_gough", "bricard", "planetary_gear")
 
 def written(solver, folder, name="solver.h"):
     (folder / "solver.h").write_text(solver.header)
-    (folder / "test.c").write_text(c_test(solver.program, name))
+    (folder / "test.c").write_text(c_test(solver.code, name))
     return folder / "test.c"
 
 
@@ -27,10 +27,10 @@ def run(*command):
 
 
 def built(compiler, source, *flags):
-    program = source.with_suffix(".out")
-    result = run(compiler, *WARNINGS, *flags, source, "-o", program, "-lm")
+    output = source.with_suffix(".out")
+    result = run(compiler, *WARNINGS, *flags, source, "-o", output, "-lm")
     assert result.returncode == 0, result.stderr
-    return program
+    return output
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -90,20 +90,22 @@ def test_names_of_joints_and_links_are_in_the_code(compiled):
 
 
 def node(*arguments):
-    program = shutil.which("node")
-    assert program, "JavaScript is tested by node; apt-get install nodejs brings it"
-    return run(program, *arguments)
+    path = shutil.which("node")
+    assert path, "JavaScript is tested by node; apt-get install nodejs brings it"
+    return run(path, *arguments)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_javascript_passes_its_test(compiled, tmp_path, name):
     solver = compiled(name)
     (tmp_path / "solver.js").write_text(solver.javascript)
-    (tmp_path / "test.js").write_text(javascript_test(solver.program, "solver.js"))
+    (tmp_path / "test.js").write_text(javascript_test(solver.code, "solver.js"))
     result = node(tmp_path / "test.js")
     assert result.returncode == 0, result.stdout + result.stderr
-    sign = solver.program.sizes["SIGN"]
-    (tmp_path / "solver.js").write_text(solver.javascript.replace(f"_SIGN = {sign};", f"_SIGN = {-sign};"))
+    sign = solver.code.sizes["SIGN"]
+    (tmp_path / "solver.js").write_text(
+        solver.javascript.replace(f"const SIGN = {sign};", f"const SIGN = {-sign};")
+    )
     assert node(tmp_path / "test.js").returncode == 1
 
 

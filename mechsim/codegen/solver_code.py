@@ -8,9 +8,9 @@ import numpy as np
 
 from mechsim.analytic.dynamics.forward_dynamics import quaternion
 from mechsim.codegen import algorithm
-from mechsim.codegen.assembly import Assembly
+from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
-from mechsim.codegen.kinematics import INERTIA_NUMBERS, LINK, POINT, Formulas, identifiers
+from mechsim.codegen.kinematics import INERTIA_NUMBERS, LINK, POINT, SolverFormulas, identifiers
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.masses import with_inertia
@@ -22,7 +22,7 @@ ROUND = 1e-6
 
 
 @dataclass(frozen=True)
-class Program:
+class SolverCode:
     """All that is printed of a solver.
 
     Attributes:
@@ -38,8 +38,8 @@ class Program:
         gravity: of the model, (3,) in [m/s2].
     """
 
-    assembly: Assembly
-    formulas: Formulas
+    assembly: SolvedAssembly
+    formulas: SolverFormulas
     prefix: str
     sizes: Mapping[str, int]
     reals: Mapping[str, tuple[Array, str]]
@@ -60,7 +60,7 @@ class Program:
         }
 
 
-def program(assembly: Assembly) -> Program:
+def solver_code(assembly: SolvedAssembly) -> SolverCode:
     """Return the solver of an assembly.
 
     Raises:
@@ -68,7 +68,7 @@ def program(assembly: Assembly) -> Program:
     """
     if not assembly.drivers:
         raise InputError(f"{assembly.mechanism.name}: nothing is driven; name a driver, as by drive=")
-    formulas = Formulas(assembly)
+    formulas = SolverFormulas(assembly)
     inertias = _inertias(assembly, formulas.links)
     gravity = np.array((assembly.source.forces or Forces()).gravity)
     integers, reals = _integers(assembly), _reals(assembly)
@@ -83,7 +83,7 @@ def program(assembly: Assembly) -> Program:
         "LIMITED": assembly.interval is not None,
         "TORQUES": inertias is not None,
     }
-    return Program(
+    return SolverCode(
         assembly,
         formulas,
         identifiers([assembly.mechanism.name])[assembly.mechanism.name],
@@ -97,7 +97,7 @@ def program(assembly: Assembly) -> Program:
     )
 
 
-def _sizes(assembly: Assembly, formulas: Formulas) -> dict[str, int]:
+def _sizes(assembly: SolvedAssembly, formulas: SolverFormulas) -> dict[str, int]:
     tree, unknowns = assembly.loops.tree, len(assembly.loops.unknown)
     return {
         "DRIVERS": len(assembly.drivers),
@@ -115,7 +115,7 @@ def _sizes(assembly: Assembly, formulas: Formulas) -> dict[str, int]:
     }
 
 
-def _integers(assembly: Assembly) -> dict[str, tuple[Sequence[int], str]]:
+def _integers(assembly: SolvedAssembly) -> dict[str, tuple[Sequence[int], str]]:
     tree, unknown = assembly.loops.tree, assembly.loops.unknown
     balls = [int(np.searchsorted(unknown, ball.first_angle)) for ball in tree.balls]
     return {
@@ -126,7 +126,7 @@ def _integers(assembly: Assembly) -> dict[str, tuple[Sequence[int], str]]:
     }
 
 
-def _reals(assembly: Assembly) -> dict[str, tuple[Array, str]]:
+def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
     loops, start, units = assembly.loops, assembly.start, assembly.loops.units
     driven, initial = assembly.driven, start.values[:, 0].copy()
     initial[loops.tree.ball_indices] = 0.0
@@ -142,7 +142,7 @@ def _reals(assembly: Assembly) -> dict[str, tuple[Array, str]]:
     }
 
 
-def _inertias(assembly: Assembly, links: Sequence[str]) -> Array | None:
+def _inertias(assembly: SolvedAssembly, links: Sequence[str]) -> Array | None:
     """Return the numbers of the links' inertias; None where a link that spins is not round about its line."""
     out: list[Array] = []
     for link in with_inertia(assembly.mechanism).links:
@@ -158,7 +158,10 @@ def _inertias(assembly: Assembly, links: Sequence[str]) -> Array | None:
             mean = 0.5 * float(np.trace(across @ moments))
             axial = float(axis @ moments @ axis)
             misfit = np.abs(moments - mean * across - axial * np.outer(axis, axis)).max() / largest
-            if not max(misfit, np.linalg.norm(across @ centre) / assembly.mechanism.size) < ROUND:
+            if (
+                not max(misfit, np.linalg.norm(across @ centre) / assembly.mechanism.characteristic_length)
+                < ROUND
+            ):
                 return None
             # without spin there is no momentum about the line
             moments = mean * across
@@ -198,7 +201,7 @@ def _records(flags: Mapping[str, bool]) -> dict[str, list[tuple[str, str, str]]]
     }
 
 
-def _functions(formulas: Formulas, flags: Mapping[str, bool]) -> str:
+def _functions(formulas: SolverFormulas, flags: Mapping[str, bool]) -> str:
     code = {
         "EQUATIONS": formulas.equations(),
         "VELOCITY_PRODUCTS": formulas.velocity_products(),
