@@ -11,7 +11,6 @@ from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, significant
-from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 
 # closure error, in characteristic lengths or [rad], that counts as rounding: a few times what Newton's method
@@ -106,7 +105,7 @@ def close_each(
 
 
 def _crank_locked_step(loops: ModelLoops, jacobian: Array, scaled_residual: Array) -> Array:
-    return -loop_jacobian.newton_step(loops, scaled_residual / loops.scale, jacobian)[0]
+    return -newton_step(loops, scaled_residual / loops.scale, jacobian)[0]
 
 
 def _least_step(loops: ModelLoops, free: NDArray[np.int64], jacobian: Array, scaled_residual: Array) -> Array:

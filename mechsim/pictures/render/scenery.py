@@ -13,7 +13,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
-from mechsim.pictures.render import scenery
 from mechsim.shapes import Rgba, Shape, TriangleMesh, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, travels
@@ -349,12 +348,12 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, RESOLUTION)
     grid_step, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
     wall = backdrop(mechanism, camera, up, low, high, grid_step)
-    scenery.prepare(spec, camera, middle)
-    scenery.add_light(spec, camera, middle, wall.normal, shadow=True)
-    scenery.add_grid(spec, "grid", wall, grid_step, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))
-    scenery.add_camera(spec, CAMERA, camera)
+    prepare(spec, camera, middle)
+    add_light(spec, camera, middle, wall.normal, shadow=True)
+    add_grid(spec, "grid", wall, grid_step, emission=0.25 * (1.0 - float(wall.normal @ camera.back)))
+    add_camera(spec, CAMERA, camera)
     for link, body in bodies.items():
         for shape in shapes[link]:
-            scenery.add_shape(spec, body, shape)
+            add_shape(spec, body, shape)
     for site in spec.sites:
         site.group, site.size = SITE_GROUP, [0.5 * radius] * 3
