@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from mechsim.subjects.listing import list
     from mechsim.subjects.readers import load
     from mechsim.subjects.simulate_by_name import simulate
-    from mechsim.theory.continuation import trace
+    from mechsim.theory.continuation.mechanism_trace import trace
     from mechsim.verdict.checks import Check, Verdict
     from mechsim.verdict.crosscheck import crosscheck
     from mechsim.verdict.tolerances import Tolerance
@@ -106,7 +106,7 @@ _HOMES = _MODULES | {
     "simulate": "subjects.simulate_by_name",
     "sweep": "studies.sweep.sweeping",
     "tolerance_study": "studies.sensitivity.tolerance_analysis",
-    "trace": "theory.continuation",
+    "trace": "theory.continuation.mechanism_trace",
     "tune": "studies.scene.tune_model",
     "validate": "studies.agreement.agreement",
     "view": "report.notebook",

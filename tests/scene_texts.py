@@ -1,6 +1,6 @@
 """Small scenes in MJCF, as users have them: a gripper's finger under a servo, its loop closed softly."""
 
-from mechsim.studies.scene import scene_of
+from mechsim.studies.scene.scene import scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.readers import load
 

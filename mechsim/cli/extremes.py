@@ -12,7 +12,7 @@ from mechsim.cli.progress import progress
 from mechsim.files import write_json
 
 if TYPE_CHECKING:
-    from mechsim.studies.extremes import StabilityMap
+    from mechsim.studies.extremes.stability_map import StabilityMap
 
 
 class BorderJson(TypedDict):

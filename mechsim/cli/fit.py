@@ -15,7 +15,7 @@ from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.studies.calibration import Fit, fit_dimensions
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
-from mechsim.studies.sensitivity import Loading, MovedFamily
+from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily
 from mechsim.units import crank_speed, option
 
 # significant digits of an identified dimension

@@ -24,7 +24,7 @@ from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
 
 if TYPE_CHECKING:
-    from mechsim.studies.scene import UserScene
+    from mechsim.studies.scene.scene import UserScene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,8 +10,8 @@ from mechsim.cli.load_options import ControlOptions
 from mechsim.cli.options import DriveOptions, File, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.studies.reduction import Reduction
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model
+from mechsim.studies.reduction.search import Reduction
 from mechsim.studies.scene.open_scene import require_mjcf
 
 

@@ -242,7 +242,8 @@ def _assembly_curve(
 ) -> int | None:
     """Draw the curve of assemblies once; return the number of frames of an animation, None of a picture."""
     # imported where it is used: other pictures do not need it
-    from mechsim.theory.continuation import crank_path_length, even_motion, trace
+    from mechsim.theory.continuation.assembly_curve import crank_path_length, even_motion
+    from mechsim.theory.continuation.mechanism_trace import trace
 
     curve = trace(solver, starts=0).curves[0]
     per_turn = animation.frames_per_turn or 72

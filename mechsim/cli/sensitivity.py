@@ -16,20 +16,21 @@ from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError
 from mechsim.model.quantities import quantity_names
 from mechsim.pictures import plots
-from mechsim.studies.sensitivity import (
-    Loading,
-    MovedFamily,
-    Sensitivity,
+from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily, spread_instants
+from mechsim.studies.sensitivity.sensitivity import Sensitivity, derivative_table
+from mechsim.studies.sensitivity.tolerance_analysis import (
+    SAMPLES,
+    SEED,
     ToleranceStudy,
-    derivative_table,
-    parsed_tolerances,
     path_bands,
-    spread_instants,
     tolerance_study,
+)
+from mechsim.studies.sensitivity.tolerances import (
+    CLEARANCE,
+    DISTRIBUTIONS,
+    parsed_tolerances,
     written_tolerances,
 )
-from mechsim.studies.sensitivity.tolerance_analysis import SAMPLES, SEED
-from mechsim.studies.sensitivity.tolerances import CLEARANCE, DISTRIBUTIONS
 from mechsim.units import crank_speed, option
 
 MOST_SAMPLES = 10_000_000

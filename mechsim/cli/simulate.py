@@ -41,8 +41,9 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
 from mechsim.studies.motion_source import driven_as
-from mechsim.studies.scene import SceneRun, UserScene, start_error
-from mechsim.studies.scene.errors import divergence_reason
+from mechsim.studies.scene.errors import divergence_reason, start_error
+from mechsim.studies.scene.run import SceneRun
+from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import plain_settings
 from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path

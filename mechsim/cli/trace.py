@@ -23,9 +23,9 @@ from mechsim.report.assemblies import (
     trace_record,
     usual_columns,
 )
-from mechsim.theory.continuation import AssemblyCurve, AssemblyTrace
-from mechsim.theory.continuation import trace as trace_assemblies
-from mechsim.theory.continuation.mechanism_trace import SEED, STARTS
+from mechsim.theory.continuation.assembly_curve import AssemblyCurve
+from mechsim.theory.continuation.mechanism_trace import SEED, STARTS, AssemblyTrace
+from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
 from mechsim.units import parse_names
 
 # rows of a table for each curve

@@ -17,23 +17,14 @@ from mechsim.cli.progress import progress
 from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
 from mechsim.pictures import plots
-from mechsim.studies.budget import BEYOND
+from mechsim.studies.budget import BEYOND, Budget
 from mechsim.studies.plots import work_precision
 from mechsim.studies.reduction.scene_costs import scene_costs
-from mechsim.studies.scene import spec_of
-from mechsim.studies.tradeoff import (
-    BOUNDS,
-    COMPARED,
-    DEFAULTS,
-    Budget,
-    Subject,
-    Tradeoff,
-    measure_tradeoff,
-    subject_of,
-    subject_of_model,
-    write_csv,
-)
-from mechsim.studies.tradeoff.work_precision import advice
+from mechsim.studies.scene.scene import spec_of
+from mechsim.studies.tradeoff.methods import DEFAULTS
+from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
+from mechsim.studies.tradeoff.trials import measure_tradeoff
+from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, advice, write_csv
 from mechsim.units import crank_speed
 
 # [s] of the budget that are reserved for the table, and for a plot

@@ -20,7 +20,7 @@ from mechsim.model.mechanism import require_axis
 from mechsim.units import crank_speed
 
 if TYPE_CHECKING:
-    from mechsim.pictures.view import View
+    from mechsim.pictures.view.pose_grid import View
 
 
 class ViewJson(Written):
@@ -50,7 +50,7 @@ def view(
     mechsim view gripper.xml -o gripper.html
     mechsim view four_bar --mode 1 --initial crank.q=-95deg
     """
-    from mechsim.pictures.view import page
+    from mechsim.pictures.view.offline_page import page
 
     require_axis("--up", up)
     path = None if output is None else writable(output, ".html")

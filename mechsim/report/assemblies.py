@@ -11,8 +11,8 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.plots import AssemblyTable
-from mechsim.theory.continuation import AssemblyTrace
 from mechsim.theory.continuation.assembly_curve import joint_columns
+from mechsim.theory.continuation.mechanism_trace import AssemblyTrace
 
 # intervals of a curve that a table and a plot have
 SAMPLES = 360

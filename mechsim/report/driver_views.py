@@ -23,7 +23,7 @@ from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces, rank
 from mechsim.pictures.render.drawn_model import drawn_as
-from mechsim.pictures.view import (
+from mechsim.pictures.view.pose_grid import (
     POSE_COORDINATES,
     PlatformDrive,
     PoseGrid,

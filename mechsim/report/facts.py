@@ -33,7 +33,8 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
         angle: crank angle at which assemblies are listed, in [rad]; None takes where assembly starts.
         driver: link that drives, for the Assur groups; None takes the crank.
     """
-    from mechsim.theory import structure
+    from mechsim.theory.structure.assur import assur_groups
+    from mechsim.theory.structure.mobility_count import mobility
 
     record = _described(solver)
     if isinstance(solver, LoopForm):
@@ -48,22 +49,22 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     arcs = solver.crank_range()
     listed_angle = arcs.start() if angle is None else angle
     ranges = [list(arc) for arc in arcs.arcs]
-    mobility = structure.mobility(mechanism)
+    count = mobility(mechanism)
     groups: list[dict[str, Any]] = []
     explained: list[str] = []
     # racks and polynomial couplings belong to no Assur group
-    if (mobility.planar and not mechanism.couplings) or driver is not None:
+    if (count.planar and not mechanism.couplings) or driver is not None:
         try:
-            apart = structure.assur_groups(mechanism, driver)
+            apart = assur_groups(mechanism, driver)
             groups, explained = apart.as_dicts(), apart.lines()
         except MechsimError as error:  # holds, and links that repeat others, leave no groups
             if driver is not None:
                 raise
             explained = [f"no Assur groups: {error}"]
     return {
-        "mobility": mobility.actual,
+        "mobility": count.actual,
         **record,
-        "mobility_explained": mobility.lines(),
+        "mobility_explained": count.lines(),
         "crank_range": "full turn" if arcs.full else ranges[0] if len(ranges) == 1 else ranges,
         "crank_ranges": ranges,
         "dead_centres": list(solver.dead_centres()),

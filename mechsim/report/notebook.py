@@ -120,7 +120,7 @@ def view(
     """
     from mechsim.files import atomic_path
     from mechsim.model.mechanism import require_axis
-    from mechsim.pictures.view import page
+    from mechsim.pictures.view.offline_page import page
     from mechsim.report.views import model_view
     from mechsim.subjects.readers import load
     from mechsim.units import si

@@ -27,8 +27,9 @@ from mechsim.studies.extremes import stability_map
 from mechsim.studies.motion_source import drawn_motion, profile_of, simulated_forces, weighing
 from mechsim.studies.plots import extremes_map, work_precision
 from mechsim.studies.release import Release
-from mechsim.studies.tradeoff import measure_tradeoff, subject_of
-from mechsim.theory.continuation import trace
+from mechsim.studies.tradeoff.subject import subject_of
+from mechsim.studies.tradeoff.trials import measure_tradeoff
+from mechsim.theory.continuation.mechanism_trace import trace
 from mechsim.theory.velocity_plan import velocity_plan
 from mechsim.units import option, parse_names
 

@@ -16,7 +16,7 @@ from mechsim.files import atomic_path, stem_of
 from mechsim.model.motion import Motion
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
-from mechsim.pictures.view import page, three_js
+from mechsim.pictures.view.offline_page import page, three_js
 from mechsim.report.facts import facts
 from mechsim.report.page import Section, studies_in, write_report
 from mechsim.report.plot_table import PLOTS, PlotSource

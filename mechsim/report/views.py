@@ -18,7 +18,7 @@ from mechsim.model.motion_laws import constant, interval_around, within_range
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.drawn_model import drawn_as
-from mechsim.pictures.view import (
+from mechsim.pictures.view.pose_grid import (
     GhostTrack,
     Landmark,
     PoseGrid,
@@ -32,7 +32,8 @@ from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid, pla
 from mechsim.studies.motion_source import simulated
 from mechsim.studies.validate import Case
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.theory.continuation import AssemblyCurve, even_motion, trace
+from mechsim.theory.continuation.assembly_curve import AssemblyCurve, even_motion
+from mechsim.theory.continuation.mechanism_trace import trace
 
 # intervals of a turn, and of an arc that the crank swings over
 SAMPLES = 360

@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import Pose
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
-from mechsim.theory import structure
+from mechsim.theory.structure.mobility_count import mobility
 
 ANGLES = (np.arange(24) + 0.37) * 4.0 * np.pi / 24 - 5.0
 
@@ -89,7 +89,7 @@ def test_assembly_sign_tells_it_from_the_links_twisted_the_other_way(drive):
 
 
 def test_mobility_names_three_redundant_constraints_and_why():
-    freedom = structure.mobility(Bennett().mechanism)
+    freedom = mobility(Bennett().mechanism)
     assert freedom.actual == 1
     assert freedom.somov_malyshev == -2
     assert freedom.redundant == 3

@@ -20,7 +20,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import LONGEST_NAME, Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures import plots
-from mechsim.pictures.view import page
+from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 from mechsim.simulation import mjcf
 from mechsim.simulation.source import assembled

@@ -15,7 +15,7 @@ from mechsim.model.forces import Forces
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.report import plot_table
 from mechsim.studies.extremes import axes, stability_map
-from mechsim.theory.continuation import trace
+from mechsim.theory.continuation.mechanism_trace import trace
 
 SMALL = ("--size", "96x72")
 

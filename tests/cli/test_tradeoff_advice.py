@@ -9,8 +9,8 @@ import pytest
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings
 from mechsim.simulation.source import assembled, from_mechanism
-from mechsim.studies.tradeoff import Build, Point, SteppingMethod
-from mechsim.studies.tradeoff.work_precision import command, exporting
+from mechsim.studies.tradeoff.methods import Build, SteppingMethod
+from mechsim.studies.tradeoff.work_precision import Point, command, exporting
 from mechsim.subjects.readers import load
 
 SPEED = 20.0

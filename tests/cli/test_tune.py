@@ -11,7 +11,7 @@ import pytest
 from scene_texts import FINGER, FLOATING, scene
 
 from mechsim import files
-from mechsim.studies.scene import run_scene
+from mechsim.studies.scene.run import run_scene
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ import pytest
 from mechsim import catalog, crosscheck, dynamics, simulate
 from mechsim.errors import MissingToolError
 from mechsim.files import read, write
-from mechsim.theory.continuation import trace
+from mechsim.theory.continuation.mechanism_trace import trace
 
 DRIVE = catalog.make("rssr")
 

@@ -10,8 +10,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.shapes import link_shapes
-from mechsim.shapes.joints import DRAW
+from mechsim.shapes.joints import DRAW, link_shapes
 from mechsim.simulation.mjcf import compiled, generate
 from mechsim.simulation.mjcf.joints import part_names
 

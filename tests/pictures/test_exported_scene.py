@@ -10,7 +10,7 @@ from mechsim.model.scene import Scene
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.scenery import CAMERA, exported
-from mechsim.shapes import link_colours
+from mechsim.shapes.body import link_colours
 from mechsim.simulation import Settings, mjcf, simulate
 from mechsim.simulation.source import assembled
 

@@ -11,9 +11,9 @@ from mechsim.pictures.render.drawing import Shadow, Source, named
 from mechsim.pictures.render.drawn_model import drawn_as, file_bodies
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import PAPER
-from mechsim.pictures.view import page
+from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
-from mechsim.shapes import TriangleMesh
+from mechsim.shapes.shape import TriangleMesh
 
 SCENE = """
 <mujoco model="arm">

@@ -22,7 +22,9 @@ from mechsim.pictures.render import gl_backend, scenery, video
 from mechsim.pictures.render.drawn_model import DrawnModel
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
-from mechsim.shapes import PALETTE, camera, link_colours
+from mechsim.shapes import camera
+from mechsim.shapes.body import link_colours
+from mechsim.shapes.shape import PALETTE
 
 NAMES = list(catalog.DRIVES)
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)

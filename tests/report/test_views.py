@@ -5,7 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.loops.start import start_poses
-from mechsim.pictures.view import interpolated, quaternions
+from mechsim.pictures.view.pose_grid import interpolated, quaternions
 from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid
 from mechsim.report.views import case_view, mechanism_view
 from mechsim.studies.validate import case_of

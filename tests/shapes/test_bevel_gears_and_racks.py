@@ -10,7 +10,7 @@ from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism
-from mechsim.shapes import link_shapes
+from mechsim.shapes.joints import link_shapes
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 AXES = np.array([[0.2, 0.1, 1.0], [1.0, 0.3, -0.4]])

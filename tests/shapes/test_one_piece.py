@@ -9,8 +9,9 @@ from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism, unit_vector
 from mechsim.pictures.render import scenery
-from mechsim.shapes import camera, link_shapes, planar_normals, rod_radius
-from mechsim.shapes.body import edges
+from mechsim.shapes import camera
+from mechsim.shapes.body import edges, planar_normals, rod_radius
+from mechsim.shapes.joints import link_shapes
 from mechsim.subjects import gallery
 
 

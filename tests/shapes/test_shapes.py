@@ -9,16 +9,10 @@ from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism, unit_vector
-from mechsim.shapes import (
-    PALETTE,
-    Shape,
-    camera,
-    free_sides,
-    link_colours,
-    link_shapes,
-    planar_normals,
-    rod_radius,
-)
+from mechsim.shapes import camera
+from mechsim.shapes.body import free_sides, link_colours, planar_normals, rod_radius
+from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.shape import PALETTE, Shape
 
 NAMES = list(catalog.DRIVES)
 TURN = np.linspace(0.0, 2.0 * np.pi, 73)

@@ -5,7 +5,6 @@ from scene_texts import FINGER
 
 from mechsim.errors import InputError
 from mechsim.studies.reduction import fit_parameters as refitting
-from mechsim.studies.reduction import reduce_scene, with_comment
 from mechsim.studies.reduction.candidates import bodies, stepping
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
@@ -23,7 +22,9 @@ from mechsim.studies.reduction.reduced_scene import (
     observe,
     second_motion,
 )
-from mechsim.studies.scene import run, scene_of
+from mechsim.studies.reduction.search import reduce_scene, with_comment
+from mechsim.studies.scene import run
+from mechsim.studies.scene.scene import scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.readers import load
 

@@ -6,9 +6,9 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.scene import compute_reference, errors_of, run_scene, step_times
-from mechsim.studies.scene.converged_reference import hardened
-from mechsim.studies.scene.errors import cubic_interpolation
+from mechsim.studies.scene.converged_reference import compute_reference, hardened
+from mechsim.studies.scene.errors import cubic_interpolation, errors_of
+from mechsim.studies.scene.run import run_scene, step_times
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 

@@ -16,25 +16,21 @@ from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation.mjcf.alternatives import rod_of
 from mechsim.simulation.settings import INTEGRATORS, Settings
 from mechsim.simulation.source import from_spec
-from mechsim.studies.budget import TrialTimes
-from mechsim.studies.tradeoff import (
-    BOUNDS,
-    COMPARED,
+from mechsim.studies.budget import Budget, TrialTimes
+from mechsim.studies.tradeoff import trials
+from mechsim.studies.tradeoff.methods import (
     DEFAULTS,
+    HARD,
     STEPS,
-    Budget,
     Build,
     BuiltModel,
-    Subject,
-    Tradeoff,
     build_model,
-    measure_tradeoff,
+    possible_cuts,
     stepping_methods,
-    subject_of,
-    subject_of_model,
-    trials,
 )
-from mechsim.studies.tradeoff.methods import HARD, possible_cuts
+from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
+from mechsim.studies.tradeoff.trials import measure_tradeoff
+from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from mechsim.simulation import Settings
-from mechsim.studies.tradeoff import Build, Point, SteppingMethod, build_model
-from mechsim.studies.tradeoff.work_precision import advice, fragment, snippet
+from mechsim.studies.tradeoff.methods import Build, SteppingMethod, build_model
+from mechsim.studies.tradeoff.work_precision import Point, advice, fragment, snippet
 from mechsim.subjects.readers import load
 
 SPEED = 20.0

@@ -7,7 +7,8 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import InputError
-from mechsim.studies.scene import errors_of, run_scene
+from mechsim.studies.scene.errors import errors_of
+from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.settings import PlainSettings, settings_of
 from mechsim.studies.scene.step_sizes import disabled, shortest_time_constant, steps_of
 from mechsim.studies.scene.tune import AIM, tuned

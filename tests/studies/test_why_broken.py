@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from scene_texts import FINGER, scene
 
-from mechsim.studies.scene import run_scene
 from mechsim.studies.scene.errors import divergence_reason
+from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import finer
 

@@ -10,7 +10,7 @@ from mechsim.analytic import catalog
 from mechsim.cli import main
 from mechsim.errors import InputError
 from mechsim.model.mechanism import against
-from mechsim.pictures.view import page
+from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 from mechsim.shapes import camera
 from mechsim.subjects.readers import load

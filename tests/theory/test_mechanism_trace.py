@@ -19,13 +19,9 @@ from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.newton import root
 from mechsim.studies.extremes.special_designs import special_designs
-from mechsim.theory.continuation import (
-    crank_path_length,
-    even_motion,
-    mechanism_trace,
-    segments,
-    trace,
-)
+from mechsim.theory.continuation import mechanism_trace, segments
+from mechsim.theory.continuation.assembly_curve import crank_path_length, even_motion
+from mechsim.theory.continuation.mechanism_trace import trace
 
 TURN = 2.0 * np.pi
 FORMS = {name: catalog.make(name) for name in catalog.DRIVES}

@@ -17,7 +17,9 @@ from mechsim.errors import InputError
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.theory.structure import assur_groups, mobility, plane_normal
+from mechsim.theory.structure.assur import assur_groups
+from mechsim.theory.structure.mobility_count import mobility
+from mechsim.theory.structure.planar import plane_normal
 
 Places = Mapping[str, tuple[str, str, tuple[float, float]]]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mechsim import catalog
-from mechsim.studies.tradeoff import subject_of
+from mechsim.studies.tradeoff.subject import subject_of
 
 FOLDER = Path(__file__).parents[2] / "validation" / "choices"
 

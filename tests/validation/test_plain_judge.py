@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from scene_texts import scene
 
-from mechsim.studies.scene import compute_reference, errors_of, run_scene
-from mechsim.studies.scene.converged_reference import HARDEST
+from mechsim.studies.scene.converged_reference import HARDEST, compute_reference
+from mechsim.studies.scene.errors import errors_of
+from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 

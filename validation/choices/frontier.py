@@ -30,8 +30,8 @@ from mechsim.simulation import Settings, loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recording import States, evaluate
-from mechsim.studies.tradeoff import Subject, build_model, stepping_methods, subject_of
-from mechsim.studies.tradeoff.methods import SAMPLES
+from mechsim.studies.tradeoff.methods import SAMPLES, build_model, stepping_methods
+from mechsim.studies.tradeoff.subject import Subject, subject_of
 
 SPEED = 20.0 * np.pi
 STEPS = (72, 144, 288, 720, 1440, 2880, 5760, 11520, 23040)

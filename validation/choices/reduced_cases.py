@@ -11,7 +11,7 @@ from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.studies.scene import UserScene, scene_of
+from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.readers import load
 

@@ -26,9 +26,9 @@ from reduced_cases import Case, prepared
 
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.studies.reduction import reduce_scene
 from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator, other_motion
-from mechsim.studies.scene import UserScene
+from mechsim.studies.reduction.search import reduce_scene
+from mechsim.studies.scene.scene import UserScene
 
 Array = NDArray[np.float64]
 PART, FASTER = 1e-4, 2.0

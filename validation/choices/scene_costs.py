@@ -28,7 +28,7 @@ from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.recording import add_sensors
 from mechsim.simulation.source import assembled
 from mechsim.studies.reduction.scene_costs import scene_costs
-from mechsim.studies.scene import scene_of
+from mechsim.studies.scene.scene import scene_of
 from mechsim.subjects.readers import load
 
 STEPS, ROUNDS = 720, 41

@@ -24,7 +24,8 @@ from mechsim import simulation, units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.motion_laws import constant
 from mechsim.simulation import Settings, driven_run, mjcf
-from mechsim.studies.tradeoff import STEPS, BuiltModel, Subject, build_model, stepping_methods, subject_of
+from mechsim.studies.tradeoff.methods import STEPS, BuiltModel, build_model, stepping_methods
+from mechsim.studies.tradeoff.subject import Subject, subject_of
 
 TURNS = 10.0
 RPM, PART = (1.0, 20_000.0), (1e-3, 1e-8)

@@ -11,8 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.studies.scene import SceneRun, UserScene, errors_of, run_scene, step_times
 from mechsim.studies.scene.converged_reference import HARDEST
+from mechsim.studies.scene.errors import errors_of
+from mechsim.studies.scene.run import SceneRun, run_scene, step_times
+from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import shortest_time_constant
 

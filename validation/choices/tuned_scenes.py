@@ -28,13 +28,10 @@ from mechsim.cli.load_options import user_scene
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.budget import Budget
-from mechsim.studies.scene import (
-    UserScene,
-    start_error,
-    step_times,
-    with_assembled_start,
-)
+from mechsim.studies.scene.errors import start_error
 from mechsim.studies.scene.open_scene import python_laws
+from mechsim.studies.scene.run import step_times
+from mechsim.studies.scene.scene import UserScene, with_assembled_start
 from mechsim.studies.scene.tune import AIM, SECONDS, SceneTrial, Tuned, tuned
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 

@@ -21,8 +21,8 @@ import sheet
 from engines import Engine, installed
 
 from mechsim.simulation import mjcf
-from mechsim.studies.scene import UserScene, scene_of
 from mechsim.studies.scene.run import SceneRun
+from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.readers import load
 

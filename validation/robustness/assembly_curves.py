@@ -28,7 +28,8 @@ from mechsim.report.assemblies import assembly_table, curve_tables
 from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import load
-from mechsim.theory.continuation import AssemblyCurve, CurvePoses, trace
+from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses
+from mechsim.theory.continuation.mechanism_trace import trace
 
 WRONG, CLEAR, SAMPLES = 1e-10, 1e-3, 24
 

@@ -15,7 +15,7 @@ from mechsim.files import atomic_path
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
-from mechsim.shapes import PALETTE
+from mechsim.shapes.shape import PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -28,8 +28,7 @@ from mechsim.pictures.plots.figure import (
     locator,
     styled,
 )
-from mechsim.shapes import point_colours, span
-from mechsim.shapes.body import edges, stations, travels
+from mechsim.shapes.body import edges, point_colours, span, stations, travels
 from mechsim.shapes.camera import clearest_pose, directions, nice, upright
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from mechsim.pictures.render.frame_poses import (
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.scenery import DECOR, Chain, chain
-from mechsim.shapes import point_colours
+from mechsim.shapes.body import point_colours
 from mechsim.shapes.camera import clearest_pose
 
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)

@@ -20,11 +20,11 @@ from mechsim.pictures.render.frame_poses import FramePoses, Ghost, far_paths
 from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import Arrows, arrows
-from mechsim.shapes import Kind, Rgba, Shape, TriangleMesh, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import extent, travels
+from mechsim.shapes.body import extent, free_sides, rod_radius, travels
 from mechsim.shapes.camera import Wall, backdrop, corner, lowered, stands
-from mechsim.shapes.shape import vector
+from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, shifted

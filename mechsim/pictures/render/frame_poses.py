@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
-from mechsim.shapes import span
+from mechsim.shapes.body import span
 
 # how far the ghost may stand off, in units of the mechanism's size, and how far it may be turned in [rad]
 FARTHEST, WIDEST = 0.06, 0.25

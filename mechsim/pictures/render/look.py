@@ -6,8 +6,8 @@ from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism, Up, require_axis
-from mechsim.shapes import Shape
 from mechsim.shapes.camera import PRESETS
+from mechsim.shapes.shape import Shape
 from mechsim.units import option, parse_names
 
 Paths = Literal["grow", "tail", "whole"]

@@ -13,10 +13,11 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
-from mechsim.shapes import Rgba, Shape, TriangleMesh, free_sides, link_shapes, rod_radius
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import extent, travels
+from mechsim.shapes.body import extent, free_sides, rod_radius, travels
 from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, nice, stands
+from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.shape import Rgba, Shape, TriangleMesh
 from mechsim.simulation.configurations import swept
 from mechsim.simulation.source import assembled
 from mechsim.simulation.state import quaternion

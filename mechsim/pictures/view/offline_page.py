@@ -19,10 +19,11 @@ from mechsim.model.mechanism import Mechanism, Up
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, platform_data, quaternions
-from mechsim.shapes import Shape, free_sides, link_shapes, point_colours, rod_radius
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import extent, travels
+from mechsim.shapes.body import extent, free_sides, point_colours, rod_radius, travels
 from mechsim.shapes.camera import stands
+from mechsim.shapes.joints import link_shapes
+from mechsim.shapes.shape import Shape
 
 TEMPLATES = Path(__file__).parent / "templates"
 LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"

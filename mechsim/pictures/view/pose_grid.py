@@ -14,7 +14,7 @@ from mechsim.model.mechanism import Mechanism, Up
 from mechsim.model.motion import JointMotion, Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import comes_round, errors, factor
-from mechsim.shapes import Shape
+from mechsim.shapes.shape import Shape
 
 # coordinates of a platform, named as drivers are: of its reference point in [m], and Cardan angles in [rad]
 POSE_COORDINATES = ("x", "y", "z", "rx", "ry", "rz")

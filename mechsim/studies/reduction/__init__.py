@@ -1,6 +1,3 @@
 """Model reduction: elements of a scene that its tracked points do not need, removed one after the other."""
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
-from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduce_scene, with_comment
-
-__all__ = ["By", "LeftOut", "Reduction", "reduce_scene", "with_comment"]

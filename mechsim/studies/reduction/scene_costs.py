@@ -18,7 +18,8 @@ from mechsim.studies.reduction.candidates.bodies import (
     with_candidate,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence, ReducedSceneEvaluator, observe
-from mechsim.studies.scene import UserScene, step_times
+from mechsim.studies.scene.run import step_times
+from mechsim.studies.scene.scene import UserScene
 
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 INTEGRATORS = ("EULER", "IMPLICITFAST", "IMPLICIT", "RK4")

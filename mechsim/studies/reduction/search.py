@@ -23,8 +23,8 @@ from mechsim.studies.reduction.reduced_scene import (
     second_motion,
     time_ratios,
 )
-from mechsim.studies.scene import SceneErrors, UserScene
-from mechsim.studies.scene.errors import DIVERGED
+from mechsim.studies.scene.errors import DIVERGED, SceneErrors
+from mechsim.studies.scene.scene import UserScene
 
 By = Literal["trajectory", "torque"]
 # fraction of the tolerance that the reduced scene may use on the user's motion

@@ -259,7 +259,7 @@ def snippet(point: Point, model: str, speed: float) -> str:
     custom, variants = model.endswith(".xml"), ""
     lines = ["import pathlib", ""] if custom else ["import mechsim as ms"]
     lines += ["from mechsim.simulation import Settings"]
-    lines += ["from mechsim.studies.tradeoff import Build, build_model", ""]
+    lines += ["from mechsim.studies.tradeoff.methods import Build, build_model", ""]
     if not custom:
         lines.append(f"source = ms.load({model!r})")
         if own.variant is not None:

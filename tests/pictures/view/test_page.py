@@ -10,7 +10,7 @@ from browser import PROGRAM, Browser
 
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.pictures.view import page
+from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 
 DRIVE = ms.catalog.make("four_bar")

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.motion_laws import make_motion_laws, steady
-from mechsim.pictures.view import View, motion_grid, page
+from mechsim.pictures.view.offline_page import page
+from mechsim.pictures.view.pose_grid import View, motion_grid
 from mechsim.report.driver_views import platform_of
 from mechsim.report.views import mechanism_view
 

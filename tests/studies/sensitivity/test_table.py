@@ -6,7 +6,8 @@ import pytest
 from mechsim.analytic import catalog
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
-from mechsim.studies.sensitivity import MovedFamily, derivative_table, spread_instants
+from mechsim.studies.sensitivity.moved_family import MovedFamily, spread_instants
+from mechsim.studies.sensitivity.sensitivity import derivative_table
 from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 4.1])

@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.studies.sensitivity import (
-    MovedFamily,
-    derivative_table,
-    parsed_tolerances,
-    path_bands,
-    tolerance_study,
-    written_tolerances,
-)
 from mechsim.studies.sensitivity.monte_carlo import Solved, formula_samples
+from mechsim.studies.sensitivity.moved_family import MovedFamily
+from mechsim.studies.sensitivity.sensitivity import derivative_table
+from mechsim.studies.sensitivity.tolerance_analysis import path_bands, tolerance_study
+from mechsim.studies.sensitivity.tolerances import parsed_tolerances, written_tolerances
 from mechsim.subjects.readers import parametric_model
 
 ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
