@@ -15,11 +15,11 @@ from mechsim.model.masses import summary
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.verdict.checks import Check, Verdict, check_table
 
 if TYPE_CHECKING:
     from mechsim.studies.agreement.agreement import Agreement
     from mechsim.studies.validate import Case
+    from mechsim.verdict.checks import Check, Verdict
 
 
 def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
@@ -86,15 +86,17 @@ DURATION_WIDTH = 6
 RELATIVE_CHANGE = re.compile(r" \([-+]\S+ %\)")
 
 
-def print_verdict(title: str, verdict: Verdict, *, reasons: bool = True) -> None:
+def print_verdict(title: str, verdict: "Verdict", *, reasons: bool = True) -> None:
     """Print a verdict and a table of all its checks, with the reason for each tolerance."""
+    from mechsim.verdict.checks import check_table
+
     head, rows = check_table(verdict.checks)
     columns = slice(None if reasons else -1)
     print_text(f"{title}: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else ""))
     print_table("", head[columns], [row[columns] for row in rows])
 
 
-def print_verdicts(verdicts: Mapping[str, Verdict], *, verbose: bool) -> None:
+def print_verdicts(verdicts: "Mapping[str, Verdict]", *, verbose: bool) -> None:
     """Print a line for each verdict, failures with what is off first; all checks if verbose."""
     for name, verdict in verdicts.items():
         if verbose:
@@ -109,7 +111,7 @@ def _echo(lines: Sequence[str]) -> None:
         typer.echo(line)
 
 
-def summary_lines(verdicts: Mapping[str, Verdict]) -> list[str]:
+def summary_lines(verdicts: "Mapping[str, Verdict]") -> list[str]:
     """Return a line for each verdict: how many checks, PASS or FAIL, the largest error."""
     longest = max(map(len, verdicts), default=0)
     return [
@@ -128,7 +130,7 @@ def headline(title: str, passed: bool, seconds: float | None = None) -> str:
     return f"{title:<{columns}}  {pass_or_fail(passed)}  {duration}".rstrip()
 
 
-def method_lines(checks: Sequence[Check], labels: Mapping[str, str]) -> list[str]:
+def method_lines(checks: "Sequence[Check]", labels: Mapping[str, str]) -> list[str]:
     """Return a line for each method: how many checks, and the one nearest to its tolerance."""
     groups: dict[str, list[Check]] = {}
     for check in checks:
@@ -160,7 +162,7 @@ def _aligned(texts: Sequence[str], *, right: bool = False) -> list[str]:
     return [text.rjust(longest) if right else text.ljust(longest) for text in texts]
 
 
-def failure_lines(checks: Sequence[Check], findings: Sequence[Finding], reason: str = "") -> list[str]:
+def failure_lines(checks: "Sequence[Check]", findings: Sequence[Finding], reason: str = "") -> list[str]:
     """Return what is off and by how much, and the likely cause."""
     failed = sorted((check for check in checks if not check.passed), key=_severity, reverse=True)
     shown = failed[:MOST_FAILED]
@@ -187,7 +189,7 @@ def causes(findings: Sequence[Finding]) -> list[tuple[str, str]]:
     return [("possible cause", _explained(finding)) for finding in named]
 
 
-def percentage(checks: Sequence[Check]) -> str:
+def percentage(checks: "Sequence[Check]") -> str:
     """Return the largest error as a percentage of its tolerance."""
     return _fraction(max(checks, key=_severity)) if checks else ""
 
@@ -199,12 +201,12 @@ def _explained(finding: Finding) -> str:
     return f"{RELATIVE_CHANGE.sub('', cause)}, explains {100.0 * finding.explains:.0f} % of the error"
 
 
-def _name(check: Check) -> str:
+def _name(check: "Check") -> str:
     quantity = check.quantity.removeprefix(f"{check.variant}, ")
     return "loop closure" if quantity == "loop residual" else quantity
 
 
-def _severity(check: Check) -> float:
+def _severity(check: "Check") -> float:
     """Return by which fraction of its tolerance a check errs; NaN counts as the largest."""
     if math.isnan(check.worst):
         return math.inf
@@ -217,7 +219,7 @@ def _severity(check: Check) -> float:
     )
 
 
-def _fraction(check: Check) -> str:
+def _fraction(check: "Check") -> str:
     fraction = _severity(check)
     if not math.isfinite(fraction):
         return "inf"
@@ -226,14 +228,14 @@ def _fraction(check: Check) -> str:
     return f"{100.0 * fraction:.1f} %" if fraction >= 1e-3 else "<0.1 %" if fraction > 0.0 else "0 %"
 
 
-def _off_by(check: Check) -> str:
+def _off_by(check: "Check") -> str:
     if math.isnan(check.worst):
         return f"not a number at {_instant(check)}"
     tolerance = readable(check.tolerance, check.unit)
     return f"off by {readable(check.worst, check.unit)} at {_instant(check)}   (tolerance {tolerance})"
 
 
-def _instant(check: Check) -> str:
+def _instant(check: "Check") -> str:
     if check.at_unit == "rad":
         return f"{math.degrees(check.instant) % 360.0:.4g}°"
     return f"row {check.instant:g}" if check.at_unit == "row" else f"t = {check.instant:.4g} s"
@@ -258,6 +260,8 @@ def print_agreement(name: str, agreement: "Agreement", *, verbose: bool) -> None
     lines += [*wrapped(agreement.noise_report), *wrapped(summary(agreement.masses))]
     _echo([*lines, *(attribution_lines(agreement) if verbose else ())])
     if verbose:
+        from mechsim.verdict.checks import Verdict
+
         print_verdict(name, Verdict(agreement.outcome, agreement.checks, agreement.reason))
 
 
