@@ -281,8 +281,8 @@ def dynamics(
                 "--statics, --modes and --response"
             )
         model = released_model(source, loads)
-        output = Output(source.duration, options.samples, options.method, options.csv, options.plot, verbose)
-        result = forward_dynamics(model, forward, output)
+        output = Output(options.samples, options.method, options.csv, options.plot, verbose)
+        result = forward_dynamics(model, forward, source, output)
         return _with_masses(model, result, verbose)
     model = loads.dynamic_model(source.load_moving(by_motors=True))
     shown = output_units(units, model.solver) or SI_UNITS

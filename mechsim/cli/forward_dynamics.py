@@ -20,7 +20,7 @@ from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.mode_motion import mode_motions
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
-from mechsim.cli.load_options import InitialOptions
+from mechsim.cli.load_options import InitialOptions, ModelOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.schema import CheckJson
 from mechsim.cli.verdict_text import print_verdicts
@@ -34,7 +34,7 @@ from mechsim.model.quantities import (
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import crosscheck_forward
-from mechsim.studies.release import frequency_response
+from mechsim.studies.release import Release, frequency_response
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
 
@@ -164,9 +164,8 @@ class ForwardOptions(InitialOptions):
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Duration and instants of a run, MuJoCo's method, files to write, and whether all checks are listed."""
+    """Instants of a run, MuJoCo's method, files to write, and whether all checks are listed."""
 
-    duration: float | None
     samples: int
     method: str | None
     csv: str | None
@@ -174,9 +173,13 @@ class Output:
     verbose: bool
 
 
-def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Output) -> Result[Any]:
+def forward_dynamics(
+    model: DynamicModel, forward: ForwardOptions, source: ModelOptions, output: Output
+) -> Result[Any]:
     """Return a run from an initial state, equilibria, modes or a frequency response."""
     analysis = forward.statics or forward.modes or forward.response
+    if source.drive and analysis:
+        raise InputError("--drive prescribes a run; drop it, or --statics, --modes, --response")
     if forward.quantities and analysis:
         raise InputError("--of is of a run from an initial state; drop it, or --statics, --modes, --response")
     if output.csv is not None and (forward.statics or forward.modes):
@@ -190,7 +193,7 @@ def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Outpu
         return _modes(model, initial, output.plot)
     if forward.response is not None:
         return _response(model, forward.response, initial, output)
-    release = forward.release(model, output.duration)
+    release = forward.release(model, source)
     result = release.run(output.samples)
     values = release.values(result, forward.quantities)
     if output.csv is not None:
@@ -199,7 +202,7 @@ def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Outpu
     if output.plot is not None:
         shown = {f"{quantity.name} [{quantity.unit}]": column for quantity, column in values.items()}
         plots.write(output.plot, plots.history_plot(result, shown))
-    verdict = _verdict(model, result, initial, output.method)
+    verdict = _verdict(release, result, output.method)
     extents = {
         quantity.name: QuantityJson(**_extent(column), unit=quantity.unit)
         for quantity, column in values.items()
@@ -207,13 +210,11 @@ def forward_dynamics(model: DynamicModel, forward: ForwardOptions, output: Outpu
     return _run(model, result, extents, verdict, output.verbose)
 
 
-def _verdict(
-    model: DynamicModel, result: DynamicRun, initial: Mapping[str, str], method: str | None
-) -> Verdict | None:
+def _verdict(release: Release, result: DynamicRun, method: str | None) -> Verdict | None:
     """Return the comparison with MuJoCo; None where it is left out."""
     if method == "none" or result.events or result.outcome not in ("done", "stopped"):
         return None
-    return crosscheck_forward(result, model, initial_values(model, initial))
+    return crosscheck_forward(result, release.model, initial_values(release.model, release.initial))
 
 
 def _run(
@@ -257,6 +258,11 @@ def _run(
             for name, extent in [*extents.items(), *quantities.items()]
         ]
         head = ("quantity", "least", "largest", "at the end", "unit", "rate at the end")
+        rows += [
+            (f"drive {name}", float(effort.min()), float(effort.max()), float(effort[-1]), unit, None)
+            for name, effort in result.driving.items()
+            for unit in [model.mechanism.effort_unit(name)]
+        ]
         print_table("", head, rows)
         if verdict is not None:
             print_verdicts({"against MuJoCo, stepped": verdict}, verbose=verbose)
@@ -299,8 +305,9 @@ def _statics(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
         title = f"{mechanism.name}: {len(solutions)} equilibria {searched}"
         print_table(title, ("at [rad, m]", "stable", "potential [J]", "frequencies [Hz]"), rows)
         for driver, torque in torques.items():
-            unit = "N" if mechanism.unit(driver) == "m" else "N m"
-            print_text(f"{number(torque)} {unit} in {driver} hold the initial configuration")
+            print_text(
+                f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
+            )
 
     facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
     return Result({"equilibria": facts, "holding": torques}, text)

@@ -285,7 +285,7 @@ class InitialOptions:
 
     initial: tuple[tuple[str, str], ...] = option(
         (),
-        "Initial coordinate J.q or rate J.v of a joint; the drivers are free, and the run lasts --duration.",
+        "Initial coordinate J.q or rate J.v of a joint; all joints without --drive are free.",
         read=pair_of("--initial crank.q=10deg"),
         many=True,
         metavar="J.q=VALUE",
@@ -302,12 +302,13 @@ class InitialOptions:
         """Whether a run is asked for."""
         return bool(self.initial or self.until)
 
-    def release(self, model: DynamicModel, duration: float | None) -> Release:
+    def release(self, model: DynamicModel, source: ModelOptions) -> Release:
         """Return the release of a model; the run lasts a second where no duration is given."""
         return Release(
             model=model,
             initial=dict(self.initial),
-            duration=DURATION if duration is None else duration,
+            prescribed=tuple(name for name, _ in source.drive),
+            duration=DURATION if source.duration is None else source.duration,
             until=self.until,
             restitution=self.restitution,
         )
@@ -326,7 +327,7 @@ class ReleaseOptions(InitialOptions):
 
 
 def released_model(source: ModelOptions, loads: LoadOptions) -> DynamicModel:
-    """Return the dynamic model of a mechanism whose drivers are free; --duration is that of its run."""
+    """Return the dynamic model of a mechanism; --duration is that of its run."""
     return loads.dynamic_model(replace(source, duration=None).load(still=True))
 
 

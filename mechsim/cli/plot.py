@@ -80,7 +80,7 @@ def plot(
     row = PLOTS[kind]
     require_taken(kind, row.takes, options)
     if row.released == "always" or (row.released == "either" and initial.requested):
-        release = initial.release(released_model(source, loads), source.duration)
+        release = initial.release(released_model(source, loads), source)
         if speed != SPEED:
             raise InputError("--speed is of a driven crank, and the drivers are free; give --initial J.v")
         plot_source = PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)

@@ -167,7 +167,7 @@ def _released(
     """Draw a run from an initial state, or one cycle of a mode of vibration."""
     _check_released(animation, look)
     model = released_model(source, loads)
-    release = options.release(model, source.duration)
+    release = options.release(model, source)
     if options.mode is None:
         motion, caption = released_motion(release, animation.fps, animation.slow), ""
         if animation.slow is not None:

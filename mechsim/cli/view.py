@@ -76,7 +76,7 @@ def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions,
 
     if release.requested:
         model = released_model(source, loads)
-        return release_view(release.release(model, source.duration), release.mode)
+        return release_view(release.release(model, source), release.mode)
     require_release(loads, release, "add --initial, --until or --mode")
     return model_view(source.load(), crank_speed(speed))
 

@@ -219,6 +219,10 @@ class Mechanism:
         }
         return unit_of[coordinate]
 
+    def effort_unit(self, coordinate: str) -> str:
+        """Return the unit of the effort along a coordinate, "N" or "N m"."""
+        return "N" if self.unit(coordinate) == "m" else "N m"
+
     @property
     def straight(self) -> frozenset[str]:
         """Names of those drivers, holds and couplings whose effort is a force."""

@@ -194,7 +194,7 @@ def _effort_facts(study: "InverseDynamics", forces: Mapping[str, Array]) -> dict
     return {
         name: _peak(effort, angle, time)
         | {"mean": _mean(effort, angle), "rms": _mean(effort**2, angle) ** 0.5}
-        | {"unit": "N" if mechanism.unit(name) == "m" else "N m"}
+        | {"unit": mechanism.effort_unit(name)}
         for name, effort in forces.items()
     }
 

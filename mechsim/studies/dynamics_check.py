@@ -96,10 +96,18 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
     joints = run.motion.joints
     coordinates = {name: float(joint.value[0]) for name, joint in joints.items()}
     rates = {name: float(joint.rate[0]) for name, joint in joints.items()}
-    kept = {*initial.coordinates, *initial.rates}
+    kept = {*initial.coordinates, *initial.rates, *run.driving}
+    laws = {name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving}
     coarse, fine = (
         stepped_run(
-            dynamic_model.mechanism, dynamic_model.forces, coordinates, rates, times, count, kept=kept
+            dynamic_model.mechanism,
+            dynamic_model.forces,
+            coordinates,
+            rates,
+            times,
+            count,
+            kept=kept,
+            prescribed=laws,
         )
         for count in (substeps, 2 * substeps)
     )
@@ -107,6 +115,9 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
         return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
     floor = FRICTION_FLOOR if any(friction.dry for friction in dynamic_model.forces.friction) else FLOOR
     compared = [*_compared(run.motion, coarse.motion, fine.motion)]
+    for name, effort in run.driving.items():
+        unit = dynamic_model.mechanism.effort_unit(name)
+        compared.append((f"drive of {name}", unit, effort, coarse.driving[name], fine.driving[name]))
     # of all points together, and of all joints: one of them may rest
     largest: dict[str, float] = {}
     for _, unit, exact, _, _ in compared:

@@ -82,8 +82,9 @@ class Release:
     """A dynamic model, its initial state, and how a run of it ends.
 
     Attributes:
-        model: mechanism, masses and forces; its drivers are free.
+        model: mechanism, masses and forces.
         initial: `J.q` and `J.v` at the start, as `mechsim.dynamics.run` takes them.
+        prescribed: coordinates that follow the motion laws of the model; the others are free.
         duration: longest time in [s].
         until: event that ends the run; None for none.
         restitution: at the limits of joints.
@@ -91,6 +92,7 @@ class Release:
 
     model: DynamicModel
     initial: Mapping[str, float | str] = field(default_factory=dict[str, "float | str"])
+    prescribed: tuple[str, ...] = ()
     duration: float = DURATION
     until: str | None = None
     restitution: float = 0.0
@@ -100,6 +102,7 @@ class Release:
         return run(
             self.model,
             initial=self.initial,
+            prescribed=self.prescribed,
             duration=self.duration,
             until=self.until,
             samples=samples,

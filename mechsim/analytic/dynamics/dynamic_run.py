@@ -1,6 +1,6 @@
 """Runs of forward dynamics: `run` integrates a mechanism from an initial state and returns its motion."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, short_repr
+from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 
 # relative error of a step: at 1e-12 and larger, steps with an accidentally vanishing estimate are too long
@@ -37,6 +38,7 @@ class DynamicRun:
         potential: of gravity and springs, (n,) in [J].
         work: done by motor and loads since the start, (n,) in [J].
         lost: in friction, dampers and impacts since the start, (n,) in [J].
+        driving: prescribed coordinate -> effort that moves it, (n,) in [N m] or [N].
         outcome: "done", "stopped", "diverged", "dead centre" or "failed".
         reason: one sentence where the outcome is not "done".
         events: instants of impacts and of changes between sticking and sliding, in [s].
@@ -49,6 +51,7 @@ class DynamicRun:
     potential: Array
     work: Array
     lost: Array
+    driving: Mapping[str, Array]
     outcome: Outcome
     reason: str
     events: tuple[float, ...]
@@ -67,10 +70,12 @@ class DynamicRun:
         return self.motion.time
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the motion's columns, and kinetic, potential, work and lost in [J]."""
+        """Yield the motion's columns, kinetic, potential, work and lost in [J], and driving efforts."""
         yield from self.motion.columns()
         for name in ("kinetic", "potential", "work", "lost"):
             yield name, getattr(self, name)
+        for name, effort in self.driving.items():
+            yield f"drive {name}", effort
 
     @property
     def energy_error(self) -> float:
@@ -87,6 +92,7 @@ def run(
     forces: Forces | None = None,
     *,
     initial: Mapping[str, float | str] | None = None,
+    prescribed: Sequence[str] = (),
     duration: float | str,
     until: str | None = None,
     samples: int = 500,
@@ -95,14 +101,15 @@ def run(
 ) -> DynamicRun:
     """Integrate the motion of a mechanism from an initial state under forces.
 
-    Every driver is free; its motor, loads, springs, friction and weight move it. Any number of degrees of
-    freedom, with or without loops.
+    Drivers are free unless they are prescribed; motor, loads, springs, friction and weight move them. Any
+    number of degrees of freedom, with or without loops.
 
     Args:
         source: a mechanism, or what has one, as `ms.load` returns; links without an inertia are rods.
         forces: what acts; None takes the forces of the source.
         initial: coordinates `J.q` and rates `J.v` at the start in SI, or text with a unit, as
             {"crank.q": "10deg"}; what is left out starts where assembly puts it, at rest.
+        prescribed: coordinates that follow the motion laws of the source.
         duration: longest time in [s], or text.
         until: an event that ends the run, as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm"; either direction
             of crossing counts.
@@ -133,11 +140,12 @@ def run(
         raise InputError(f"coefficient of restitution is {restitution}; give 0 to 1")
     if not 1e-14 <= tolerance <= 1e-2:
         raise InputError(f"tolerance of a step is {tolerance}; give 1e-14 to 1e-2")
+    laws = _prescribed_laws(model, prescribed)
     names = {*values.coordinates, *values.rates, *getattr(model.solver, "ranges", {})}
     event = None if until is None else parse_event(model.mechanism, until)
     if event is not None:
         names.update(event.quantity.subjects("joint"))
-    equations = equations_of_motion(model, dict.fromkeys(names, 0.0))
+    equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
     q, rates = initial_state(equations, values)
     stops = stops_of(equations, getattr(model.solver, "ranges", {}))
     integration = Integration(equations, q, rates, tolerance, stops, restitution)
@@ -161,7 +169,9 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
         piece, instants = trajectory.pieces[number], times[pieces == number]
         unpacked = [layout.unpack(piece.solution(time)) for time in instants.tolist()]
         rates = np.concatenate([rate for _, rate, _, _ in unpacked], 1)
-        state = equations.kinematics(*projected(equations, joined([q for q, _, _, _ in unpacked]), rates))
+        state = equations.kinematics(
+            *projected(equations, joined([q for q, _, _, _ in unpacked]), rates, instants)
+        )
         mode = piece.mode
         results.append(equations.accelerate(state, instants, mode.sliding, mode.stuck, piece.contacts))
         states.append(state)
@@ -170,6 +180,7 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
     accelerations = np.concatenate([dynamics.acceleration for dynamics in results], 1)
     kinetic = np.concatenate([dynamics.kinetic for dynamics in results])
     potential = np.concatenate([dynamics.potential for dynamics in results])
+    driving = np.concatenate([dynamics.driving for dynamics in results], 1)
     work, lost = np.array(energies).T
     return DynamicRun(
         motion=motion_of(equations, whole, accelerations, times),
@@ -177,6 +188,7 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
         potential=potential,
         work=work,
         lost=lost,
+        driving=dict(zip(equations.prescribed, driving, strict=True)),
         outcome=trajectory.outcome,
         reason=trajectory.reason,
         events=trajectory.events,
@@ -207,6 +219,17 @@ def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> I
             raise InputError(f"initial value {quantity} is {number}; give a finite number")
         (coordinates if component == "q" else rates)[name] = float(number)
     return InitialValues(coordinates, rates)
+
+
+def _prescribed_laws(model: DynamicModel, names: Sequence[str]) -> dict[str, State]:
+    laws = model.solver.motion_laws.by_name
+    for name in names:
+        if name not in laws:
+            raise InputError(
+                f"{model.mechanism.name}: {name!r} has no motion law to follow; load the model with "
+                f"drive={{{name!r}: LAW}}"
+            )
+    return {name: laws[name] for name in names}
 
 
 def _positive(value: float, name: str, unit: str) -> float:

@@ -8,7 +8,7 @@ matrix is summed over the links from their spatial inertias at the ground's orig
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +24,7 @@ from mechsim.analytic.loops.start import assembled
 from mechsim.analytic.vector_method.rotations import cross, skew
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
+from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
 
@@ -49,8 +50,9 @@ class Kinematics:
         q: coordinates of the spanning tree.
         rates: of the coordinates in units, (count, n) per second.
         residual: of the constraint equations, (rows, n).
-        jacobian: of the constraints by the free coordinates in units, (n, rows, free).
-        gamma: velocity-product term of the constraints, (n, rows).
+        jacobian: of the constraints by the free coordinates in units, (n, rows, free), those of
+            prescribed coordinates last.
+        gamma: velocity-product term of the loops, (n, rows less prescribed ones).
         poses: of the links.
         twist: of each link at the ground's origin, (links, 6, n).
         bias: acceleration of each link at constant rates, (links, 6, n).
@@ -72,16 +74,18 @@ class Dynamics:
 
     Attributes:
         acceleration: of the coordinates in units, (count, n) per second squared.
+        driving: effort that moves each prescribed coordinate, (prescribed, n) in [N m] or [N].
         holding: effort that each sticking friction carries, (frictions, n) in [N m] or [N].
         contact: force of each stop in contact along its coordinate, (contacts, n) in [N m] or [N] times the
             unit of the coordinate.
         kinetic: kinetic energy, (n,) in [J].
         potential: of gravity and springs, (n,) in [J].
-        power_in: of motor and loads, (n,) in [W].
+        power_in: of motor, loads and prescribed motion, (n,) in [W].
         power_lost: in friction and dampers, (n,) in [W].
     """
 
     acceleration: Array
+    driving: Array
     holding: Array
     contact: Array
     kinetic: Array
@@ -92,22 +96,38 @@ class Dynamics:
 
 @dataclass(frozen=True)
 class EquationsOfMotion:
-    """The equations of motion of a dynamic model; its drivers are free.
+    """The equations of motion of a dynamic model; its drivers are free or follow motion laws.
 
     Attributes:
         model: mechanism, masses and forces.
-        loops: loop equations; what is locked is prescribed, nothing else.
+        loops: loop equations, in which locked coordinates are prescribed.
         start: assembled coordinates.
+        prescribed: coordinate -> motion law that it follows; all others are free.
     """
 
     model: DynamicModel
     loops: TreeLoops
     start: Coordinates
+    prescribed: Mapping[str, State] = field(default_factory=dict[str, State])
 
     @cached_property
     def free(self) -> NDArray[np.intp]:
         """Indices of the coordinates that are not locked."""
         return self.loops.unknown
+
+    @cached_property
+    def prescribed_indices(self) -> list[int]:
+        """Index in the tree of each prescribed coordinate."""
+        return [self.loops.tree.index_of[name] for name in self.prescribed]
+
+    def prescribed_motion(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return values, rates and accelerations of the prescribed coordinates in units, (prescribed, n)."""
+        units = self.loops.units[self.prescribed_indices][:, None]
+        motion = np.zeros((3, len(self.prescribed), len(times)))
+        for k, law in enumerate(self.prescribed.values()):
+            motion[:, k] = [np.broadcast_to(values, times.shape) for values in law(times)]
+        value, rate, acceleration = motion / units
+        return value, rate, acceleration
 
     @cached_property
     def links(self) -> list[int]:
@@ -148,8 +168,15 @@ class EquationsOfMotion:
         twist = twists(tree, poses, physical)
         bias = velocity_products(tree, poses, twist, physical)
         gamma = self.loops.velocity_products(q, poses, physical, twist, bias)
-        free = jacobian[:, self.free].transpose(2, 0, 1)
+        free = self.with_prescribed(jacobian[:, self.free].transpose(2, 0, 1))
         return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias)
+
+    def with_prescribed(self, jacobian: Array) -> Array:
+        """Return a constraint Jacobian (n, rows, free) with the rows of prescribed coordinates."""
+        if not self.prescribed:
+            return jacobian
+        rows = np.eye(self.loops.tree.count)[self.prescribed_indices][:, self.free]
+        return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
 
     def accelerate(
         self,
@@ -181,7 +208,9 @@ class EquationsOfMotion:
         force = (
             self._generalised(unit, jacobians, wrenches, self._inertial(state, inertia)) + on_crank + rubbing
         )
-        rows, gamma = self._rows(state, directions, stuck, contacts)
+        _, driven_rates, driven_accelerations = self.prescribed_motion(time)
+        gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
+        rows, gamma = self._rows(state, gamma, directions, stuck, contacts)
         free, multipliers = constrained_acceleration(mass, force, rows, gamma)
         acceleration = np.zeros_like(state.rates)
         acceleration[self.free] = free.T
@@ -189,13 +218,17 @@ class EquationsOfMotion:
         holding = np.zeros((len(self.frictions), n))
         holding[list(stuck)] = multipliers[:, first : first + len(stuck)].T
         rates = state.rates[self.free].T
+        driving = multipliers[:, first - len(self.prescribed) : first].T
         return Dynamics(
             acceleration=acceleration,
+            driving=driving / self.loops.units[self.prescribed_indices][:, None],
             holding=holding,
             contact=multipliers[:, first + len(stuck) :].T,
             kinetic=0.5 * np.einsum("ni,nij,nj->n", rates, mass, rates),
             potential=acting.energy,
-            power_in=(loaded.wrenches * unit.twist).sum((1, 2)) + (on_crank * rates).sum(1),
+            power_in=(loaded.wrenches * unit.twist).sum((1, 2))
+            + (on_crank * rates).sum(1)
+            + (driving * driven_rates).sum(0),
             power_lost=-(acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
         )
 
@@ -207,8 +240,9 @@ class EquationsOfMotion:
         """
         mass = self.mass(state)
         before = state.rates[self.free].T
-        rows, _ = self._rows(state, np.zeros((len(self.frictions), 1, len(self.free))), (), hit)
-        target = np.concatenate([np.zeros_like(state.gamma), -restitution * state.rates[list(hit)].T], 1)
+        kept = np.concatenate([np.zeros_like(state.gamma), state.rates[self.prescribed_indices].T], 1)
+        rows, _ = self._rows(state, kept, np.zeros((len(self.frictions), 1, len(self.free))), (), hit)
+        target = np.concatenate([kept, -restitution * state.rates[list(hit)].T], 1)
         force = (mass @ before[..., None])[..., 0]
         after = np.zeros_like(state.rates)
         after[self.free] = constrained_acceleration(mass, force, rows, -target)[0].T
@@ -232,14 +266,19 @@ class EquationsOfMotion:
 
     @property
     def steady(self) -> bool:
-        """Whether no load depends on time."""
-        return not any(course.over == "time" for course in self.model.forces.courses)
+        """Whether nothing depends on time: neither loads nor prescribed motion."""
+        return not self.prescribed and not any(course.over == "time" for course in self.model.forces.courses)
 
     def _rows(
-        self, state: Kinematics, directions: Array, stuck: Sequence[int], contacts: Sequence[int]
+        self,
+        state: Kinematics,
+        gamma: Array,
+        directions: Array,
+        stuck: Sequence[int],
+        contacts: Sequence[int],
     ) -> tuple[Array, Array]:
         """Return Jacobian (n, rows, free) and velocity products of loops, sticking frictions and stops."""
-        rows, gamma, n = state.jacobian, state.gamma, len(state.q)
+        rows, n = state.jacobian, len(state.q)
         if len(stuck):
             rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
             gamma = np.concatenate([gamma, self._direction_rates(state, stuck)], 1)
@@ -262,7 +301,7 @@ class EquationsOfMotion:
     @cached_property
     def rank(self) -> int:
         """Numerical rank of the loop constraints at the start."""
-        jacobian = self.loops.linearise(self.start)[1][:, self.free, 0]
+        jacobian = self.with_prescribed(self.loops.linearise(self.start)[1][None, :, self.free, 0])[0]
         return int(significant(np.linalg.svd(jacobian, compute_uv=False)).sum()) if jacobian.size else 0
 
     def conditioning(self, state: Kinematics) -> float:
@@ -397,19 +436,22 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
 
 
 def equations_of_motion(
-    model: DynamicModel, coordinates: Mapping[str, float] | None = None
+    model: DynamicModel,
+    coordinates: Mapping[str, float] | None = None,
+    prescribed: Mapping[str, State] | None = None,
 ) -> EquationsOfMotion:
     """Return the equations of motion of a dynamic model, assembled at its guess.
 
     Args:
         model: mechanism, masses and forces.
         coordinates: joint coordinates that the spanning tree should keep, as those with initial values.
+        prescribed: coordinate -> motion law that it follows.
 
     Raises:
         AssemblyError: if the loops do not close.
     """
-    mechanism = model.mechanism
-    kept = {name: 0.0 for name in coordinates or {} if name not in mechanism.drivers}
+    mechanism, laws = model.mechanism, prescribed or {}
+    kept = {name: 0.0 for name in [*(coordinates or {}), *laws] if name not in mechanism.drivers}
     loops, start = assembled(replace(mechanism, counted={**kept, **mechanism.counted}))
     locked = tuple(loops.tree.index_of[name] for name in mechanism.locked)
-    return EquationsOfMotion(model, replace(loops, driven=locked), start)
+    return EquationsOfMotion(model, replace(loops, driven=locked), start, laws)

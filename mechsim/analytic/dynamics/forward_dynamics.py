@@ -232,7 +232,7 @@ class Integration:
             self.pieces.append(Piece(before, last, dense, self.mode, self._contact_indices()))
             self.time = last
             q, rates, work, lost = self.layout.unpack(solver.y if event is None else dense(last))
-            q, rates = projected(self.equations, q, rates)
+            q, rates = projected(self.equations, q, rates, np.array([last]))
             rates = self._balanced(q, rates, work - lost)
             self.fastest = max(self.fastest, float(np.abs(rates).max(initial=0.0)))
             self.state = self.layout.pack(q, rates, work, lost)
@@ -265,8 +265,7 @@ class Integration:
             self.energy = kinetic + potential - gained
         self.largest_kinetic = max(self.largest_kinetic, kinetic)
         target = self.energy + gained - potential
-        if self.implicit:
-            self.largest_kinetic = max(self.largest_kinetic, kinetic)
+        if self.implicit or self.equations.prescribed:
             return rates
         if kinetic < SLOW * self.largest_kinetic or not 0.5 * kinetic < target < 2.0 * kinetic:
             return rates
@@ -332,7 +331,7 @@ class Integration:
     def _accept_crossing(self, time: float, solution: Callable[[float], Array]) -> None:
         """Continue from the far side of a singular configuration."""
         q, rates, work, lost = self.layout.unpack(solution(time))
-        q, rates = projected(self.equations, q, rates)
+        q, rates = projected(self.equations, q, rates, np.array([time]))
         rates = self._balanced(q, rates, work - lost)
         self.pieces.append(Piece(self.time, time, solution, self.mode, self._contact_indices()))
         self.time, self.state = time, self.layout.pack(q, rates, work, lost)
@@ -341,7 +340,7 @@ class Integration:
     def _on_loops(self, time: float, state: Array) -> tuple[Array, float]:
         """Return the derivative at the nearest state that satisfies the loops, and the distance to it."""
         q, rates, work, lost = self.layout.unpack(state)
-        q, rates = projected(self.equations, q, rates)
+        q, rates = projected(self.equations, q, rates, np.array([time]))
         nearest = self.layout.pack(q, rates, work, lost)
         positions = self.layout.positions
         return self._derivative(time, nearest), float(np.abs((nearest - state)[:positions]).max())

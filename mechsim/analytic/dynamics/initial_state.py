@@ -37,20 +37,35 @@ def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[
         AssemblyError: where the loops do not close at the values.
         InputError: for values that contradict one another or the loops.
     """
-    q = _moved(equations, values.coordinates)
-    return q, _rates(equations, q, values.rates)
+    for name in equations.prescribed:
+        if name in values.coordinates or name in values.rates:
+            raise InputError(
+                f"{equations.model.mechanism.name}: {name!r} follows its motion law; "
+                "leave its initial value out"
+            )
+    value, rate, _ = equations.prescribed_motion(np.zeros(1))
+    units = equations.loops.units[equations.prescribed_indices]
+    first = dict(zip(equations.prescribed, (value[:, 0] * units).tolist(), strict=True))
+    first_rates = dict(zip(equations.prescribed, (rate[:, 0] * units).tolist(), strict=True))
+    q = _moved(equations, {**values.coordinates, **first})
+    return q, _rates(equations, q, {**values.rates, **first_rates})
 
 
-def projected(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> tuple[Coordinates, Array]:
-    """Return the n closed configurations and consistent rates nearest to given ones.
+def projected(
+    equations: EquationsOfMotion, q: Coordinates, rates: Array, times: Array
+) -> tuple[Coordinates, Array]:
+    """Return the n closed configurations and consistent rates nearest to given ones, at times (n,) in [s].
 
     Raises:
         AssemblyError: where Newton's method does not close the loops.
     """
-    q = _closed(equations, q)
-    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
+    value, rate, _ = equations.prescribed_motion(times)
+    q = _closed(equations, q, equations.prescribed_indices, value)
+    loop_jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
+    jacobian = equations.with_prescribed(loop_jacobian)
     rates = rates.copy()
     violation = jacobian @ rates[equations.free].T[..., None]
+    violation[:, loop_jacobian.shape[1] :, 0] -= rate.T
     rates[equations.free] -= (np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ violation)[..., 0].T
     return q, rates
 
@@ -63,18 +78,18 @@ def _moved(equations: EquationsOfMotion, coordinates: Mapping[str, float]) -> Co
     begin = q.values[indices, 0] / units
     steps = max(1, int(np.ceil(np.abs(target - begin).max(initial=0.0) / STEP)))
     for k in range(1, steps + 1):
-        q = _closed(equations, q, indices, begin + (target - begin) * (k / steps))
+        q = _closed(equations, q, indices, (begin + (target - begin) * (k / steps))[:, None])
     return q
 
 
 def _closed(
     equations: EquationsOfMotion, q: Coordinates, indices: Sequence[int] = (), values: Array | float = 0.0
 ) -> Coordinates:
-    """Return coordinates with closed loops and some at given values in units; the others move least."""
+    """Return coordinates with closed loops, some at values (k, n) in units; the others move least."""
     loops = equations.loops
     if len(indices):
         q = Coordinates(q.values.copy(), q.turns)
-        q.values[list(indices), 0] = values * loops.units[list(indices)]
+        q.values[list(indices)] = values * loops.units[list(indices)][:, None]
         loops = replace(loops, driven=(*loops.driven, *indices))
     q, gap = close_nearest(loops, q)
     if not (gap <= CLOSED).all():

@@ -292,7 +292,7 @@ def _random_step(equations: EquationsOfMotion, q: Coordinates, random: np.random
     step[equations.free, 0] = basis @ (RANDOM_STEP * direction / max(float(np.linalg.norm(direction)), 1e-12))
     try:
         for _ in range(4):
-            q, _ = projected(equations, equations.loops.displaced(q, 0.25 * step), 0.0 * step)
+            q, _ = projected(equations, equations.loops.displaced(q, 0.25 * step), 0.0 * step, np.zeros(1))
     except AssemblyError:
         return q
     return q

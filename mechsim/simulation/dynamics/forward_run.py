@@ -15,6 +15,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
+from mechsim.model.motion_laws import State
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
@@ -49,6 +50,7 @@ class SteppedRun:
     Attributes:
         motion: of points, links and joints of the tree at the recorded instants.
         kinetic: kinetic energy, (n,) in [J].
+        driving: prescribed coordinate -> effort that moves it, (n,) in [N m] or [N].
         potential: of gravity and springs, (n,) in [J].
         diverged: whether the state of MuJoCo became invalid; the records then end before.
         timestep: in [s].
@@ -59,6 +61,7 @@ class SteppedRun:
     motion: Motion
     kinetic: Array
     potential: Array
+    driving: Mapping[str, Array]
     diverged: bool
     timestep: float
     steps: int
@@ -76,6 +79,7 @@ def stepped_run(
     settings: Settings = FREE,
     *,
     kept: set[str] | None = None,
+    prescribed: Mapping[str, State] | None = None,
 ) -> SteppedRun:
     """Step a mechanism from an initial state.
 
@@ -89,6 +93,7 @@ def stepped_run(
         settings: of the integrator and the constraints.
         kept: coordinates at which no loop is cut; values of others count only where no loop is cut. None
             keeps all that have a value.
+        prescribed: coordinate -> motion law that it follows, by the force that its acceleration needs.
 
     Raises:
         InputError: for a coordinate that the model does not have.
@@ -102,15 +107,17 @@ def stepped_run(
     qpos = _closed(model, model.loops, qpos, *_dofs(model, coordinates), np.array([*coordinates.values()]))
     qvel = _rates(model, qpos, rates)
     timestep = float(times[1] - times[0]) / substeps
-    loops = replace(model.loops, model=_prepared(model, settings, timestep))
+    stepped = _prepared(model, settings, timestep)
+    drives = Drives(model, stepped, prescribed or {})
     begin = timer.perf_counter()
-    states, diverged = _steps(model, loops.model, qpos, qvel, times, substeps)
+    states, diverged = _steps(model, stepped, drives, (qpos, qvel), times, substeps)
     seconds = timer.perf_counter() - begin
-    motion, kinetic, potential = _recorded(model, loops.model, states)
+    motion, kinetic, potential, driving = _recorded(model, stepped, drives, states)
     return SteppedRun(
         motion=motion,
         kinetic=kinetic,
         potential=potential,
+        driving=driving,
         diverged=diverged,
         timestep=timestep,
         steps=substeps * (len(states.time) - 1),
@@ -163,6 +170,48 @@ def _prepared(model: LoadedModel, settings: Settings, timestep: float) -> mujoco
     set_armature(stepped, crank, own)
     stepped.opt.iterations = max(stepped.opt.iterations, ITERATIONS)
     return stepped
+
+
+class Drives:
+    """Forces that move degrees of freedom along motion laws, from MuJoCo's own accelerations.
+
+    Under equality constraints accelerations are linear in applied forces: one more evaluation for each
+    drive gives the forces of the prescribed accelerations.
+
+    Args:
+        model: of the loops.
+        stepped: the model to be stepped.
+        laws: coordinate -> time to value, rate and acceleration.
+    """
+
+    def __init__(self, model: LoadedModel, stepped: mujoco.MjModel, laws: Mapping[str, State]) -> None:
+        self.names, self.laws, self.stepped = tuple(laws), tuple(laws.values()), stepped
+        self.dofs = np.array(_dofs(model, dict.fromkeys(laws, 0.0))[1], dtype=np.int64)
+        self.scratch = mujoco.MjData(stepped)
+        self.evaluating = False
+        self.forces = np.zeros(len(laws))
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Set the applied forces of a state, once its controls are set."""
+        if not self.names or self.evaluating:
+            return
+        self.evaluating = True
+        for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
+            getattr(self.scratch, name)[:] = getattr(data, name)
+        self.scratch.time = data.time
+        base = self._accelerations(self.forces)
+        scale = 1.0 + np.abs(self.forces)
+        columns = [self._accelerations(self.forces + row) - base for row in np.diag(scale)]
+        missing = np.array([float(np.ravel(law(np.array([data.time]))[2])[0]) for law in self.laws]) - base
+        self.forces = self.forces + scale * np.linalg.solve(np.array(columns).T, missing)
+        data.qfrc_applied[self.dofs] = self.forces
+        self.evaluating = False
+
+    def _accelerations(self, forces: Array) -> Array:
+        self.scratch.qfrc_applied[self.dofs] = forces
+        mujoco.mj_forward(self.stepped, self.scratch)
+        accelerations: Array = self.scratch.qacc[self.dofs].copy()
+        return accelerations
 
 
 def _dofs(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], list[int]]:
@@ -238,11 +287,16 @@ def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array
 
 
 def _steps(
-    model: LoadedModel, stepped: mujoco.MjModel, qpos: Array, qvel: Array, times: Array, substeps: int
+    model: LoadedModel,
+    stepped: mujoco.MjModel,
+    drives: Drives,
+    start: tuple[Array, Array],
+    times: Array,
+    substeps: int,
 ) -> tuple[States, bool]:
     """Step the model; return the recorded states and whether it diverged."""
     data = mujoco.MjData(stepped)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data.qpos[:], data.qvel[:] = start
     crank = model.loops.crank_address if model.mechanism.has_crank else None
 
     def control(_: mujoco.MjModel, now: mujoco.MjData) -> None:
@@ -250,10 +304,11 @@ def _steps(
         controls = model.controls(angle, np.array([now.time]))
         oppose(model.dry, now.actuator_velocity[None], controls)
         now.ctrl[:] = controls[0]
+        drives.apply(now)
 
-    records = [(qpos.copy(), qvel.copy())]
+    records = [(data.qpos.copy(), data.qvel.copy())]
     before = mujoco.get_mjcb_control()
-    if stepped.nu:
+    if stepped.nu or drives.names:
         mujoco.set_mjcb_control(control)
     try:
         for _ in times[1:]:
@@ -267,8 +322,10 @@ def _steps(
     return states, len(records) < len(times)
 
 
-def _recorded(model: LoadedModel, stepped: mujoco.MjModel, states: States) -> tuple[Motion, Array, Array]:
-    """Return the motion, kinetic and potential energy at recorded states."""
+def _recorded(
+    model: LoadedModel, stepped: mujoco.MjModel, drives: Drives, states: States
+) -> tuple[Motion, Array, Array, dict[str, Array]]:
+    """Return the motion, kinetic and potential energy and driving forces at recorded states."""
     stepped.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     stepped.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data, n = mujoco.MjData(stepped), len(states.time)
@@ -278,6 +335,7 @@ def _recorded(model: LoadedModel, stepped: mujoco.MjModel, states: States) -> tu
     sites = {name: np.empty((n, 3)) for name in model.track.points}
     bodies = {name: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
     energies = np.empty((n, 2))
+    driving = {name: np.empty(n) for name in drives.names}
     for i in range(n):
         data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
         if stepped.nu:
@@ -286,6 +344,9 @@ def _recorded(model: LoadedModel, stepped: mujoco.MjModel, states: States) -> tu
             controls = model.controls(angle, states.time[i : i + 1])
             oppose(model.dry, data.actuator_velocity[None], controls)
             data.ctrl[:] = controls[0]
+        drives.apply(data)
+        for name, effort in zip(drives.names, drives.forces, strict=True):
+            driving[name][i] = effort
         mujoco.mj_forward(stepped, data)
         sensors[i], accelerations[i], energies[i] = data.sensordata, data.qacc, data.energy
         for name, values in sites.items():
@@ -293,7 +354,7 @@ def _recorded(model: LoadedModel, stepped: mujoco.MjModel, states: States) -> tu
         for name, (position, rotation) in bodies.items():
             position[i], rotation[i] = data.body(name).xpos, data.body(name).xmat.reshape(3, 3)
     motion = _motion(model, stepped, states, accelerations, sensors, sites, bodies)
-    return motion, energies[:, 1], energies[:, 0]
+    return motion, energies[:, 1], energies[:, 0], driving
 
 
 def _motion(
