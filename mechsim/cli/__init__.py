@@ -20,7 +20,7 @@ GROUPS = {
         "list": ("show.list_mechanisms", "List the mechanisms of catalogue and gallery."),
         "show": ("show.show", "Show joints, mobility, range, dead centres, assemblies."),
         "check": ("check.check_files", "Check closed-loop MuJoCo models: a linter."),
-        "export": ("export.export", "Write a mechanism as a MuJoCo model or as TOML."),
+        "export": ("export.export", "Write a mechanism as MJCF, TOML or URDF."),
     },
     "Motion": {
         "solve": ("solve.solve", "Solve a mechanism: closed form or loop equations."),

@@ -1,4 +1,4 @@
-"""How driven coordinates go over time: one program each, and what they are together."""
+"""How driven coordinates go over time: one motion law each, and what they are together."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -176,7 +176,7 @@ def within_range(
 # times (n,) in [s] -> value [m] or [rad], rate and acceleration, (n,) each
 State = Callable[[Array], tuple[Array, Array, Array]]
 
-# times at which programs are probed for what is not finite and for their fastest rate: so many evenly spread,
+# times at which motion laws are probed for what is not finite and for their fastest rate: evenly spread,
 # and so many at multiples of the golden ratio, for a law may have the period of the even ones
 PROBES = 2048
 GOLDEN = 0.6180339887498949
@@ -274,7 +274,7 @@ class MotionLaws:
 
     @property
     def by_name(self) -> Mapping[str, State]:
-        """Driver -> its program."""
+        """Driver -> its motion law."""
         return dict(zip(self.drivers, self.states, strict=True))
 
     @cached_property
@@ -296,7 +296,7 @@ class MotionLaws:
         return self.duration * self.fastest / REVOLUTION
 
     def with_duration(self, duration: float) -> "MotionLaws":
-        """Return the same programs over another duration in [s]."""
+        """Return the same motion laws over another duration in [s]."""
         return replace(self, duration=duration)
 
 
@@ -342,7 +342,7 @@ CRANK = CrankLaw(duration=REVOLUTION, drivers=(), states=(), rate=1.0)
 
 
 def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration: float) -> MotionLaws:
-    """Return the programs of a mechanism's drivers.
+    """Return the motion laws of a mechanism's drivers.
 
     Args:
         mechanism: whose drivers they are.
@@ -350,7 +350,7 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
         duration: in [s].
 
     Raises:
-        InputError: for a driver without a program, a program without its driver, one that is not finite or
+        InputError: for a driver without a motion law, a law without its driver, one that is not finite or
             beyond all sense fast, drivers that all stand still or next to it, or a motion of more revolutions
             than one run can follow.
     """
@@ -359,13 +359,13 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
     missing = [name for name in mechanism.drivers if name not in states]
     if missing:
         raise InputError(
-            f"{mechanism.name}: no program says how {', '.join(missing)} "
-            f"move{'s' if len(missing) == 1 else ''}; give each a --drive JOINT=PROGRAM"
+            f"{mechanism.name}: no motion law says how {', '.join(missing)} "
+            f"move{'s' if len(missing) == 1 else ''}; give each a --drive JOINT=LAW"
         )
     unknown = [name for name in states if name not in mechanism.drivers]
     if unknown:
         raise InputError(
-            f"{mechanism.name}: there is a program for {unknown[0]!r}, which is not driven; "
+            f"{mechanism.name}: there is a motion law for {unknown[0]!r}, which is not driven; "
             f"drivers are {', '.join(mechanism.drivers)}"
         )
     chosen = tuple(states[name] for name in mechanism.drivers)
@@ -375,7 +375,7 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
     for name, *derivatives in zip(made.drivers, *values, strict=True):
         if not all(np.isfinite(derivative).all() for derivative in derivatives):
             raise InputError(
-                f"{mechanism.name}: the program of {name} is not finite from 0 to {duration:g} s; "
+                f"{mechanism.name}: the motion law of {name} is not finite from 0 to {duration:g} s; "
                 "give one with two finite rates"
             )
     rates = [
@@ -383,11 +383,11 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
         for name, *derivatives in zip(made.drivers, *values, strict=True)
     ]
     if not max(rates) > 0.0:
-        raise InputError(f"{mechanism.name}: all drivers stand still; give one a program that moves")
+        raise InputError(f"{mechanism.name}: all drivers stand still; give one a motion law that moves")
     if not max(rates) >= SLOWEST:
         raise InputError(
             f"{mechanism.name}: no driver moves by more than {max(rates):.3g} rad or sizes a second; give "
-            f"one a program that moves by {SLOWEST:g} at least"
+            f"one a motion law that moves by {SLOWEST:g} at least"
         )
     made = replace(made, rate=max(rates))
     require_revolutions(mechanism.name, made.revolutions, duration)
@@ -401,7 +401,7 @@ def _probes(duration: float) -> Array:
 
 
 def _max_rate(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:
-    """Return how fast a driver's program goes at the most, in [rad/s] or sizes a second."""
+    """Return how fast a driver's motion law goes at the most, in [rad/s] or sizes a second."""
     unit = mechanism.unit(name)
     length = mechanism.characteristic_length if unit == "m" else 1.0
     for what, ending, values, most in (
@@ -410,14 +410,14 @@ def _max_rate(mechanism: Mechanism, name: str, rate: Array, acceleration: Array)
     ):
         if not (worst := float(np.abs(values).max())) <= most:
             raise InputError(
-                f"{mechanism.name}: the {what} in the program of {name} is up to {worst:.3g} "
+                f"{mechanism.name}: the {what} in the motion law of {name} is up to {worst:.3g} "
                 f"{unit}/{ending}; give one of {most:.3g} at the most"
             )
     return float(np.abs(rate).max()) / length
 
 
 def steady(start: float, rate: float) -> State:
-    """Return the program of a coordinate that moves steadily from a start, in [m] or [rad] and per second."""
+    """Return the motion law of a steady rate from a start, in [m] or [rad] and per second."""
 
     def state(time: Array) -> tuple[Array, Array, Array]:
         return start + rate * time, np.full_like(time, rate), np.zeros_like(time)
@@ -426,11 +426,11 @@ def steady(start: float, rate: float) -> State:
 
 
 def tabled(name: str, time: ArrayLike, value: ArrayLike) -> State:
-    """Return the program of a coordinate along a table, joined by a quintic spline.
+    """Return the motion law of a coordinate along a table, joined by a quintic spline.
 
     Args:
         name: of the coordinate, for messages.
         time: rising, (n,) in [s], at least 6 values.
         value: (n,) in [m] or [rad].
     """
-    return quintic_spline(f"the program of {name}", time, value)
+    return quintic_spline(f"the motion law of {name}", time, value)

@@ -163,7 +163,7 @@ def _controlled(
     return tuple(POSE_COORDINATES[index] for index in chosen)
 
 
-# intervals of the time of programs
+# intervals of the time of motion laws
 SAMPLES = 360
 # nodes of each driver, by how many there are; more drivers are moved one at a time
 NODES: Mapping[int, int] = {1: 121, 2: 25, 3: 7}
@@ -191,7 +191,7 @@ class Box:
 
 
 def motion_law_grid(solver: LoopForm) -> PoseGrid:
-    """Return the poses over the time of the programs of a mechanism.
+    """Return the poses over the time of the motion laws of a mechanism.
 
     Raises:
         AssemblyError: where the loops do not close on the way.

@@ -278,7 +278,7 @@ def _mean(values: Array, angle: Array) -> float:
 
 
 def _peak(values: Array, angle: Array, time: Array | None) -> dict[str, float]:
-    """Return the largest value and the crank angle at which it is, or under programs the time."""
+    """Return the largest value and the crank angle at which it is, or under motion laws the time."""
     index = int(np.argmax(np.abs(values)))
     where = ("at_angle", angle) if time is None else ("at_time", time)
     return {"largest": float(values[index]), where[0]: float(where[1][index])}

@@ -253,7 +253,7 @@ def require_motion_laws(source: Source, motion_laws: MotionLaws, crank_motion: o
         InputError: naming the drivers.
     """
     if not motion_laws.crank and crank_motion is not None:
-        raise InputError("both programs and a crank's motion were given; give one of them")
+        raise InputError("both motion laws and a crank's motion were given; give one of them")
     model = description(source)
     if not isinstance(model, Mechanism):
         return

@@ -154,7 +154,7 @@ def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
     name = moved.designs.name
     if not moved.offset:
         raise InputError(
-            f"{name} has no lone crank without a program whose zero could be unknown; leave it out"
+            f"{name} has no lone crank without a motion law whose zero could be unknown; leave it out"
         )
     acting = moved.loading.acting(moved.solver)
     if (acting.loads or acting.couples or acting.crank_torque) and moved.loaded(columns):
@@ -319,7 +319,7 @@ def fit(
 
     Args:
         model: as `moved` takes it; the fit begins from its dimensions.
-        table: measured motion: columns angle in [rad] (t in [s] under programs) and quantities named like
+        table: measured motion: columns angle in [rad] (t in [s] under motion laws) and quantities named like
             ours or in `reference/` (torque:crank), in SI; a column P3.x± is the standard deviation of P3.x.
             A .csv or .npz file, or a mapping.
         vary: dimensions to find.

@@ -107,7 +107,7 @@ class MeasuredMotion:
     """What was measured at n instants.
 
     Attributes:
-        over: the crank's angle in [rad], or t in [s] under programs, as the table has it, (n,).
+        over: the crank's angle in [rad], or t in [s] under motion laws, as the table has it, (n,).
         angles: path parameters, (n,) in [rad].
         values: quantity -> (n,), in SI.
         deviations: quantity -> standard deviation of each, (n,), of those of which it is known.
@@ -127,7 +127,7 @@ class MeasuredMotion:
 def measured_of(
     table: Mapping[str, Array], solver: KinematicSolver, where: str = "the table"
 ) -> MeasuredMotion:
-    """Return what a table of columns holds: angle (or t under programs), quantities, and ± columns of some.
+    """Return what a table holds: angle (or t under motion laws), quantities, and ± columns of some.
 
     A header may name a unit, as `P.x [mm]`; without one it is SI.
 

@@ -109,7 +109,7 @@ def driver_path(
 def _piecewise_laws(
     mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str
 ) -> MotionLaws:
-    """Return programs that go straight from row to row, and stand still at each: smooth for that."""
+    """Return motion laws that go straight from row to row, and stand still at each: smooth for that."""
 
     def locate(time: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
         """Return on which stretch times lie, how far of it is gone, and the first two derivatives of that."""

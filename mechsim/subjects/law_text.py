@@ -73,7 +73,7 @@ def parse_motion_law(
     Raises:
         InputError: names the driver, the text and the remedy.
     """
-    subject = f"the program of {name}, {text!r},"
+    subject = f"the motion law of {name}, {text!r},"
     try:
         if text.strip().lower().endswith(files.EXTENSIONS):
             return _tabulated_law(text.strip(), name)
@@ -91,7 +91,7 @@ def parse_motion_law(
     if quantity[1] is None:
         if declared:
             rate_unit: Unit = _RATES[unit]
-            units.require_written(text, rate_unit, f"{declared}/s", f"the program of {name}")
+            units.require_written(text, rate_unit, f"{declared}/s", f"the motion law of {name}")
         rate = default_unit * float(text)
         return MotionLaw(f"{rate:.17g}", steady(start(), rate))
     try:
@@ -107,13 +107,13 @@ def parse_motion_law(
 
 
 def _tabulated_law(path: str, name: str) -> MotionLaw:
-    """Return the program that two columns of a file say; of more the one of the driver's name."""
-    _, time, value = read_column(path, name, ("t", "time"), f"the program of {name} give two, t in s")
+    """Return the motion law that two columns of a file say; of more the one of the driver's name."""
+    _, time, value = read_column(path, name, ("t", "time"), f"the motion law of {name} give two, t in s")
     state = tabled(name, time, value)
     if not time[0] <= 0.0 < time[-1]:
         raise InputError(
             f"{path} goes from {time[0]:g} to {time[-1]:g} s; "
-            f"give the program of {name} from 0 s, and beyond it"
+            f"give the motion law of {name} from 0 s, and beyond it"
         )
     return MotionLaw(path, state, float(time[-1]))
 

@@ -24,7 +24,7 @@ from mechsim.subjects.toml_coordinates import FileMotionLaw
 from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit, WrittenUnits
 
-# how long programs run, in [s], where neither a table ends nor a file says
+# how long motion laws run, in [s], where neither a table ends nor a file says
 DEFAULT_DURATION = 1.0
 
 DriverLaw = str | State | FileMotionLaw
@@ -42,7 +42,7 @@ class Prescription:
         lock_others: whether what the drivers leave undetermined is locked where it starts.
         key: name of a keyframe to start from.
         track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
-        duration: of the programs in [s].
+        duration: of the motion laws in [s].
         still: whether nothing need be driven.
     """
 
@@ -71,7 +71,7 @@ def apply_prescription(
         file_duration: of them in [s], where a file says.
 
     Raises:
-        InputError: for a coordinate, a point or a program that is none.
+        InputError: for a coordinate, a point or a motion law that is none.
     """
     if prescription == Prescription() and not file_laws:
         return solver
@@ -163,14 +163,13 @@ def _motion_laws(
         return make_motion_laws(mechanism, states, duration_of(requested, stated, states))
     if requested is not None:
         raise InputError(
-            f"{mechanism.name} has no programs that could last {requested:g} s; "
-            "give --drive JOINT=PROGRAM too"
+            f"{mechanism.name} has no motion laws that could last {requested:g} s; give --drive JOINT=LAW too"
         )
     return CRANK
 
 
 def _states(mechanism: Mechanism, laws: Mapping[str, DriverLaw], written: WrittenUnits) -> dict[str, State]:
-    """Return the programs of drivers, read."""
+    """Return the motion laws of drivers, read."""
     starts: dict[str, float] = {}
 
     def start(name: str) -> Callable[[], float]:
@@ -185,7 +184,7 @@ def _states(mechanism: Mechanism, laws: Mapping[str, DriverLaw], written: Writte
 
 
 def duration_of(requested: float | None, stated: float | None, states: Mapping[str, State]) -> float:
-    """Return how long programs run, in [s], and not beyond a table.
+    """Return how long motion laws run, in [s], and not beyond a table.
 
     Args:
         requested: for how long; None where nothing was.

@@ -25,8 +25,8 @@ class ReferenceTable:
     Attributes:
         name: of the mechanism.
         mechanism: its TOML file.
-        speed: of the crank in [rad/s]; None where drivers follow programs.
-        first: crank angle in [rad], or under programs time in [s], (n,).
+        speed: of the crank in [rad/s]; None where drivers follow motion laws.
+        first: crank angle in [rad], or under motion laws time in [s], (n,).
         points: tracked point -> its motion.
         drive_forces: driver -> torque in [N m] or force in [N], (n,).
     """

@@ -33,7 +33,7 @@ def time_function(
     variable: str = "t",
     declared: str = "",
 ) -> tuple[str, State]:
-    """Return the program that an expression of t says, and the same in SI without parameters.
+    """Return the motion law that an expression of t says, and the same in SI without parameters.
 
     Args:
         text: the expression; t is the time in s, sines take radians, and quantities have units.

@@ -80,7 +80,7 @@ def drivers_of(
     only_crank = "drivers" not in read and CRANK in read["joints"]
     drivers = read.get("drivers") or requested or ((CRANK,) if only_crank else ())
     if not drivers:
-        raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=PROGRAM')
+        raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=LAW')
     for name in drivers:
         coordinates.require(name, ("drivers",))
         kind = coordinates.kinds[name]
@@ -152,7 +152,7 @@ def initial_of(coordinates: FileCoordinates, read: Mapping[str, Any]) -> dict[st
 
 @dataclass(frozen=True)
 class FileMotionLaw:
-    """A program as a file has it: numbers without a unit are in the file's, and parameters have names.
+    """A motion law as a file has it: numbers without a unit are in the file's, and parameters have names.
 
     Attributes:
         coordinates: the file's coordinates.
@@ -165,7 +165,7 @@ class FileMotionLaw:
     path: KeyPath
 
     def parse(self, name: str, unit: str, start: Start) -> MotionLaw:
-        """Return the program; as `motion_law_text.parse_motion_law`."""
+        """Return the motion law; as `motion_law_text.parse_motion_law`."""
         values = self.coordinates.values
         text = self.text
         if text.strip().lower().endswith(files.EXTENSIONS):
@@ -184,10 +184,11 @@ class FileMotionLaw:
 def motion_laws_of(
     coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
 ) -> dict[str, FileMotionLaw]:
-    """Return the programs of a file's drivers."""
+    """Return the motion laws of a file's drivers."""
     drivers = (driver,) if isinstance(driver, str) else driver
     laws: dict[str, FileMotionLaw] = {}
-    for name, (path, text) in coordinates.table(read, "programs").items():
+    tables = [*coordinates.table(read, "motion_laws").items(), *coordinates.table(read, "programs").items()]
+    for name, (path, text) in tables:
         if name not in drivers:
             raise coordinates.values.source.error(path, f"is not driven; drivers are {', '.join(drivers)}")
         laws[name] = FileMotionLaw(coordinates, text, path)

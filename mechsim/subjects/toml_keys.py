@@ -313,10 +313,11 @@ ROOT = Table(
             "where the driver stands at the guess, or a table by coordinate; 0 if left out",
         ),
         "locked": by_coordinate(JointNumber("where it is held"), "coordinates that do not move"),
-        "programs": by_coordinate(
-            Text("as in 600rpm, 30deg*sin(2*pi*t) with t in s, or FILE.csv"), "how drivers go over time"
+        "motion_laws": by_coordinate(
+            Text("as in 600rpm, 30deg*sin(2*pi*t) with t in s, or FILE.csv"), "how drivers move over time"
         ),
-        "duration": Number("s", "of the programs"),
+        "programs": by_coordinate(Text("a motion law"), "older name of `motion_laws`"),
+        "duration": Number("s", "of the motion laws"),
         "initial": TableOf(
             AnyOf(
                 (

@@ -45,10 +45,10 @@ def key(name: str) -> str:
 
 
 def driving_lines(solver: LoopForm) -> Iterator[str]:
-    """Yield the lines of programs, forces and formula.
+    """Yield the lines of motion laws, forces and formula.
 
     Raises:
-        InputError: for a program or a load that no text says.
+        InputError: for a motion law or a load that no text says.
     """
     if not solver.motion_laws.crank:
         yield from _motion_law_lines(solver.motion_laws)
@@ -60,10 +60,10 @@ def driving_lines(solver: LoopForm) -> Iterator[str]:
 
 def _motion_law_lines(laws: MotionLaws) -> Iterator[str]:
     yield f"duration = {number(laws.duration)}"
-    yield from ("", "[programs]")
+    yield from ("", "[motion_laws]")
     for name, state in laws.by_name.items():
         if not isinstance(state, MotionLaw):
-            raise InputError(f"the program of {name} is a function, which no text says; give it as text")
+            raise InputError(f"the motion law of {name} is a function, which no text says; give it as text")
         yield f"{key(name)} = {quoted(_absolute(state.text))}"
 
 
@@ -119,7 +119,7 @@ def _components(profile: LoadProfile, what: str) -> list[str]:
 
 
 def _absolute(text: str) -> str:
-    """Return the text of a program or a load, by which it is found from anywhere if it is a file."""
+    """Return the text of a motion law or a load, by which it is found from anywhere if it is a file."""
     return str(Path(text).resolve()) if text.lower().endswith(files.EXTENSIONS) else text
 
 
@@ -137,10 +137,10 @@ def to_toml(source: Mechanism | LoopForm) -> str:
     """Return a mechanism as text in TOML, in metres and radians, numbers with 17 digits.
 
     Args:
-        source: the mechanism, or what moves: then with its programs, forces and formula.
+        source: the mechanism, or what moves: then with its motion laws, forces and formula.
 
     Raises:
-        InputError: for a program or a load that is no text and no constant.
+        InputError: for a motion law or a load that is no text and no constant.
     """
     mechanism = source if isinstance(source, Mechanism) else source.mechanism
     lines = [f"name = {quoted(mechanism.name)}", f"drivers = [{', '.join(map(quoted, mechanism.drivers))}]"]

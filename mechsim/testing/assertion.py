@@ -38,8 +38,8 @@ def assert_agrees(
         tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
             None takes 1e-8 of the workspace, and rounding for the formula that the model's file names.
         set: parameter -> its value, as `ms.load` takes it.
-        drive: coordinate -> its program, as `ms.load` takes it.
-        duration: of the programs, as `ms.load` takes it.
+        drive: coordinate -> its motion law, as `ms.load` takes it.
+        duration: of the motion laws, as `ms.load` takes it.
         speed: of a crank, in [rad/s], or text, as "600rpm".
 
     Raises:

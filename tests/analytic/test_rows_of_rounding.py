@@ -59,7 +59,7 @@ P = { link = "shaft", at = [0.01, 0.02, 0.03] }
 def spherical(tmp_path, drivers):
     """Three hinges through one point and a ball there: the ball's rows hold nothing."""
     lines = ['name = "spherical"', f"drivers = {[*drivers]}", 'units = { length = "cm", angle = "rad" }']
-    lines += ["[programs]", *(f'{name} = "{PROGRAMS[name]}"' for name in drivers)]
+    lines += ["[motion_laws]", *(f'{name} = "{PROGRAMS[name]}"' for name in drivers)]
     for (name, (u, x, v, y)), a, b in zip(AXES.items(), CHAIN[:-1], CHAIN[1:], strict=True):
         lines += [f"[joints.{name}]", 'kind = "revolute"']
         for side, link, axis, reference in (("a", a, u, x), ("b", b, v, y)):

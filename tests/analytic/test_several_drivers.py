@@ -87,16 +87,16 @@ def shaken(time):
 @pytest.mark.parametrize(
     ("states", "said"),
     [
-        ({"left": steady(0.0, 1.0)}, "no program says how right moves"),
+        ({"left": steady(0.0, 1.0)}, "no motion law says how right moves"),
         ({"left": steady(0.0, 0.0), "right": steady(0.0, 0.0)}, "all drivers stand still"),
         (
             {"left": steady(0.0, 1e299), "right": steady(0.0, 1.0)},
-            "rate in the program of left is up to 1e.299 rad/s; give",
+            "rate in the motion law of left is up to 1e.299 rad/s; give",
         ),
         ({"left": steady(0.0, 1e-301), "right": steady(0.0, 0.0)}, "no driver moves by more than 1e-301 rad"),
         (
             {"left": shaken, "right": steady(0.0, 1.0)},
-            "acceleration in the program of left is up to 1e.20 rad/s2; give",
+            "acceleration in the motion law of left is up to 1e.20 rad/s2; give",
         ),
         ({"left": steady(0.0, np.nan), "right": steady(0.0, 0.0)}, "program of left is not finite"),
         ({"left": steady(0.0, 1.0), "right": steady(0.0, 0.0), "A": steady(0.0, 0.0)}, "'A'.*not driven"),

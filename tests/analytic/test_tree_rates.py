@@ -1,4 +1,4 @@
-"""Poses and rates at many instants together: in any order, and off the programs of their drivers."""
+"""Poses and rates at many instants together: in any order, and off the motion laws of their drivers."""
 
 from dataclasses import replace
 

@@ -57,7 +57,10 @@ def press(tmp_path):
         ("sweep --vary rx=30:40 --sample sobol:4 --measure stroke:B -o s.csv", "write 30:40mm, or 30:40m"),
         ("solve --angles 0:360:5", "--angles: 0:360:5 has no unit; the file is in deg: write 0:360:5deg"),
         ("sensitivity --of B --angles 0,30", "--angles: 0,30 has no unit; the file is in deg"),
-        ("solve --drive crank=30", "the program of crank: 30 has no unit; the file is in deg: write 30deg/s"),
+        (
+            "solve --drive crank=30",
+            "the motion law of crank: 30 has no unit; the file is in deg: write 30deg/s",
+        ),
         ("solve --drive crank=30*sin(t)", "'30*sin(t)', has no unit, and the file is in deg"),
         (
             "solve --drive slide=1mm*t --lock crank=30",

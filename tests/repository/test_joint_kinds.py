@@ -17,6 +17,9 @@ HOME = {
     "mechsim.shapes.joints",
     "mechsim.simulation.mjcf_text.included_files",  # "fixed" is an element of MJCF there
     "mechsim.cli.verdict_text",  # "planar" describes a mechanism there
+    "mechsim.cli.check",  # "fixed" is a key of its JSON
+    "mechsim.studies.robots.serial_twin",  # types of joints in URDF
+    "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link
 }
 CATALOG = "mechsim.analytic.catalog."
 

@@ -59,7 +59,7 @@ b = { link = "coupler", at = [0.09, 0.03, 0] }
 kind = "revolute"
 a = { link = "rocker", at = [0, 0, 0] }
 b = { link = "arm", at = [0.13, 0, 0] }
-[programs]
+[motion_laws]
 shoulder = "0.3rad*t"
 crank = "0.9rad + 0.5rad*t"
 """

@@ -81,7 +81,7 @@ def test_mujoco_follows_the_same_law_and_a_wrong_driving_torque_is_noticed(path,
 
 
 def test_one_motor_of_a_five_bar_is_prescribed_and_the_other_released():
-    linkage = ms.dynamics.dynamic_model(ms.load("five_bar", drive={"left": "2+0.3*sin(2*pi*t)"}))
+    linkage = ms.dynamics.dynamic_model(ms.load("five_bar", drive={"left": "2rad+0.3rad*sin(2*pi*t)"}))
     run = ms.dynamics.run(linkage, initial={"right.v": 1.0}, prescribed=["left"], duration=0.2, samples=40)
     assert run.motion.joints["left"].value == pytest.approx(
         2.0 + 0.3 * np.sin(2 * np.pi * run.time), abs=1e-12

@@ -143,7 +143,7 @@ def test_a_load_over_the_angle_wants_a_crank_that_nothing_else_moves(made, tmp_p
         load(str(path))
     made(turned)
     form = load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
-    with pytest.raises(InputError, match="over the crank's angle, but programs drive it"):
+    with pytest.raises(InputError, match="over the crank's angle, but motion laws drive it"):
         dynamics.dynamic_model(form, form.forces)
 
 

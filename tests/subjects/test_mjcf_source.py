@@ -264,5 +264,5 @@ def test_scenes_without_joints_or_of_one_free_body_are_shown(file, body):
 
 def test_programs_are_bound_to_the_drivers_of_the_file(file):
     form = read_mjcf(file(five_bar()))
-    with pytest.raises(InputError, match="no program says how right moves"):
+    with pytest.raises(InputError, match="no motion law says how right moves"):
         make_motion_laws(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)

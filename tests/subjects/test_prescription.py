@@ -226,7 +226,7 @@ def test_rows_that_cannot_be_reached_are_named(file):
 REFUSED = [
     ({"drive": {"lift": "1"}}, "did you mean 'left'"),
     ({"drive": {"left": "3mm/s"}}, "a speed of rotation"),
-    ({"drive": {"left": "10deg*t"}}, "no program says how right moves; give each a --drive"),
+    ({"drive": {"left": "10deg*t"}}, "no motion law says how right moves; give each a --drive"),
     ({"lock": {"knee": None}}, "no coordinate 'knee' to hold"),
     ({"lock": {"left": "3mm"}}, "does not measure that"),
     ({"lock": ["left", "right"]}, "nothing is driven"),
@@ -234,7 +234,7 @@ REFUSED = [
     ({"track": ["Q,arm@0,0,0"]}, "'arm'"),
     ({"track": ["Q,a@0,0"]}, "three numbers"),
     ({"key": "home"}, "no keyframes"),
-    ({"duration": 2.0}, "no programs that could last"),
+    ({"duration": 2.0}, "no motion laws that could last"),
     ({"drive": {"left": "10deg*t", "right": "1rad*log(t-0.5)"}}, "is not finite"),
     ({"drive": {"left": "1deg*(1/t)", "right": "10deg*t"}}, "is not finite"),
     ({"drive": {"left": "0*t", "right": "0*t"}}, "stand still"),

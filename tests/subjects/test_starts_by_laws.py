@@ -12,7 +12,7 @@ DRIVERS = ("l1", "l2", "l3")
 
 def platform(law, more=""):
     """Return a 3-RPS platform whose legs have a motion law, as TOML."""
-    lines = ['name = "rps"', f"drivers = {list(DRIVERS)}", more, "[programs]"]
+    lines = ['name = "rps"', f"drivers = {list(DRIVERS)}", more, "[motion_laws]"]
     lines += [f'{name} = "{law}"' for name in DRIVERS]
     for i in (1, 2, 3):
         c, s = np.cos(2.0 * np.pi * i / 3.0), np.sin(2.0 * np.pi * i / 3.0)

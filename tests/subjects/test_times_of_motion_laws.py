@@ -134,7 +134,7 @@ name = "boom"
 drivers = ["ram"]
 start = 0.52
 duration = 2
-[programs]
+[motion_laws]
 ram = "20mm/s"
 [parameters]
 arm = 0.4

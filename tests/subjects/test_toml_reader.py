@@ -164,17 +164,17 @@ CHANGES = {
     "one start of two": ('["crank"]', '["crank", "rocker"]', ("line 4", "crank, rocker are driven", "table")),
     "a start of none": ("start = 10", "start = { handle = 3 }", ("line 4", "'handle'", "known are crank")),
     "a slide's start": ("start = 10", 'start = { crank = "3 mm" }', ("line 4", "an angle")),
-    "a program of none": (
+    "a motion law of none": (
         "start = 10",
         'start = 10\nprograms = { handle = "600rpm" }',
         ("line 5", "'handle'", "known are crank"),
     ),
-    "a program of what is not driven": (
+    "a motion law of what is not driven": (
         "start = 10",
         'start = 10\nprograms = { crank = "600rpm", rocker = "600rpm" }',
         ("line 5", "rocker", "not driven", "drivers are crank"),
     ),
-    "a program of a slide": (
+    "a motion law of a slide": (
         "start = 10",
         'start = 10\nprograms = { crank = "20mm/s*t" }',
         ("line 5", "'20mm/s*t'", "is a length; give an angle"),

@@ -99,7 +99,7 @@ start = { crank = 20, sleeve.way = "5 mm", rack = 3 }
 duration = "500 ms"
 [parameters]
 lift = 12
-[programs]
+[motion_laws]
 crank = "20 + lift*sin(2*pi*t)"
 sleeve.way = "5 + lift*t**2"
 [joints.crank]
@@ -286,5 +286,5 @@ def test_the_schema_takes_what_the_reader_takes_and_no_more(press):
     made = schema()["properties"]
     assert made["joints"]["additionalProperties"]["properties"]["kind"]["enum"].count("screw") == 1
     assert set(made["couplings"]["additionalProperties"]["properties"]) >= {"ratio", "travel", "coefficients"}
-    assert {"programs", "locked", "duration", "forces"} <= made.keys()
+    assert {"motion_laws", "locked", "duration", "forces"} <= made.keys()
     assert made["forces"]["properties"]["motor"]["properties"]["kind"]["enum"] == ["constant", "line", "dc"]

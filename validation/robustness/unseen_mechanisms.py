@@ -86,7 +86,7 @@ def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[s
     if truth is None and not far:
         return []
     (place := Path(tempfile.mkdtemp()) / "here").mkdir()
-    text = made.text.replace("[parameters]", "[programs]\n" + "\n".join(texts) + "\n[parameters]")
+    text = made.text.replace("[parameters]", "[motion_laws]\n" + "\n".join(texts) + "\n[parameters]")
     (place / "drawn.toml").write_text(text)
     if keep:
         Path(keep, f"{number}.toml").write_text(text)

@@ -112,7 +112,7 @@ def perturbed_forces(
 
 
 def _times(model: DynamicModel, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
-    """Return times in [s] of programs, or of a crank at constant speed; None where they are not known."""
+    """Return times in [s] of motion laws, or of a crank at constant speed; None where they are not known."""
     motion_laws = model.solver.motion_laws
     if not motion_laws.crank:
         return motion_laws.time(motion.angle)

@@ -123,14 +123,14 @@ def dynamic_model(
 def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws) -> None:
     if not motion_laws.crank and any(course.over == "angle" for course in forces.courses):
         raise InputError(
-            f"{mechanism.name}: a load goes over the crank's angle, but programs drive it; "
+            f"{mechanism.name}: a load goes over the crank's angle, but motion laws drive it; "
             "give it over time, or drive the crank by its speed"
         )
     if not (forces.flywheel or forces.crank_torque or forces.motor):
         return
     if not motion_laws.crank:
         raise InputError(
-            f"{mechanism.name}: a flywheel, motor or torque on the crank is given, but programs drive it; "
+            f"{mechanism.name}: a flywheel, motor or torque on the crank is given, but motion laws drive it; "
             "leave it out, or drive the crank by its speed"
         )
     driver = mechanism.crank

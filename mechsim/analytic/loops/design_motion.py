@@ -259,7 +259,7 @@ def shared_loops(
 ) -> SharedLoops | None:
     """Return what designs of a mechanism have in common; None where they cannot be followed together.
 
-    For that a crank turns or programs move the drivers, there are loops, no joint of which is split, and of
+    A crank turns or motion laws move the drivers, there are loops, no joint of which is split, and of
     joints that close loops only hinges are asked for.
 
     Raises:

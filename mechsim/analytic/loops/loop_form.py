@@ -215,7 +215,7 @@ class LoopForm:
         return replace(solve_along(self._path, parameter, rate, second, self.motion_laws), origin=self)
 
     def solve_as(self, driven: Motion) -> Motion:
-        """Return the motion where the drivers of another motion under the same programs really were.
+        """Return the motion where the drivers of another motion under the same motion laws really were.
 
         Raises:
             AssemblyError: where the loops do not close.

@@ -127,7 +127,7 @@ def require_no_redundant_drivers(solver: LoopSolver) -> None:
         determine = f"{listed} settle{'s' if len(independent) == 1 else ''}"
         raise MobilityError(
             f"{mechanism.name}: overdetermined: {determine} {', '.join(redundant)} already; drive or hold no "
-            f"more joints than {len(independent)}, as in --drive {independent[0]}=PROGRAM",
+            f"more joints than {len(independent)}, as in --drive {independent[0]}=LAW",
             "overdetermined",
         )
 

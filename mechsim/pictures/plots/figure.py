@@ -156,7 +156,7 @@ def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
 
 
 def abscissa(motion: Motion) -> Array:
-    """Return the crank angles of a motion, (n,) in degrees; under programs its times in seconds."""
+    """Return the crank angles of a motion, (n,) in degrees; under motion laws its times in seconds."""
     return motion.time if motion.drivers and motion.time is not None else np.rad2deg(motion.angle)
 
 

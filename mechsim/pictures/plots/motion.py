@@ -37,7 +37,7 @@ FLOOR = 1e-18
 
 @styled()
 def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure":
-    """Draw displacement, velocity and acceleration of points over the crank angle, under programs over time.
+    """Draw displacement, velocity and acceleration of points over crank angle, under motion laws over time.
 
     Args:
         motion: what to draw.

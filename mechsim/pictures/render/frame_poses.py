@@ -126,7 +126,7 @@ class FramePoses:
         vectors: "velocity", "acceleration" and, if given, "force" and "moment" -> point or joint ->
             vector in each frame, (n, 3) in SI.
         starts: point or joint -> where its arrows start in each frame, (n, 3) in [m].
-        time: of each frame where programs drive, (n,) in [s]; else None.
+        time: of each frame where motion laws drive, (n,) in [s]; else None.
     """
 
     angle: Array
@@ -142,7 +142,7 @@ class FramePoses:
         return len(self.angle)
 
     def instant(self, frame: int) -> str:
-        """Return what a frame is called: by its crank angle, under programs by its time."""
+        """Return what a frame is called: by its crank angle, under motion laws by its time."""
         if self.time is not None:
             return f"{self.time[frame]:.3f} s"
         return f"crank {round(np.rad2deg(float(self.angle[frame])), 1) % 360.0:5.1f}°"

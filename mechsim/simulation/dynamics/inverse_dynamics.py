@@ -95,7 +95,7 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
         fields: what the stepped model makes of it.
     """
     forces, scale = fields["qfrc_constraint"], row_scale(loaded, state.jacobian.shape[1])
-    # MuJoCo knows no rows for what programs drive: forces on these coordinates stand for them
+    # MuJoCo knows no rows for what motion laws drive: forces on these coordinates stand for them
     first_driven = loaded.loops.driven_rows.start
     units = loaded.loops.units
     scaled = np.swapaxes(state.jacobian * scale[:, None] * units, 1, 2)[..., :first_driven]

@@ -199,7 +199,7 @@ def loaded_model(
         mechanism: links without an inertia are rods, as in `masses.with_inertia`.
         forces: what acts.
         cut: joints where the loops are cut; None lets the generator choose.
-        programmed: whether programs move the drivers, which stand as yet; else a crank is driven.
+        programmed: whether motion laws move the drivers, which stand as yet; else a crank is driven.
 
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.

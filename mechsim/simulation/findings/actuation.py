@@ -96,7 +96,7 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
             kind="actuator",
             what=name,
             by=largest,
-            message=f"actuator {name} fights the drive: with its control at 0 it works against the programs "
+            message=f"actuator {name} fights the drive: at control 0 it works against the motion laws "
             f"by up to {largest:.3g} N or N m",
             remedy="drive by its own control (--ctrl), or leave it out of the scene",
             **_lines(scene)[a],

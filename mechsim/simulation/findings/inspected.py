@@ -258,13 +258,13 @@ class Swing:
 
 @lru_cache(maxsize=1)
 def swing(scene: Inspected) -> Swing | None:
-    """Return the motion of a scene under its programs, else a swing of its drivers.
+    """Return the motion of a scene under its motion laws, else a swing of its drivers.
 
     None where the drivers do not settle one, or the loops let none be.
     """
     if not scene.motion_laws.crank:
         with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
-            return _moved(scene, scene.motion_laws, "the programs")
+            return _moved(scene, scene.motion_laws, "the motion laws")
         return None
     for half in range(TRIES if scene.drivers else 0):
         displacements = reaches(scene, 0.5**half)
@@ -279,7 +279,7 @@ def swing(scene: Inspected) -> Swing | None:
 
 
 def wave(start: float, reach: float) -> State:
-    """Return the program of one swing from a start by a reach and back."""
+    """Return the motion law of one swing from a start by a reach and back."""
     w = 2.0 * np.pi / DURATION
 
     def state(time: Array) -> tuple[Array, Array, Array]:

@@ -155,8 +155,8 @@ def validate(
         against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None takes the formula
             that the model's file names. The function is run.
         set: parameter -> its value, as `load` takes it.
-        drive: coordinate -> its program, as `load` takes it.
-        duration: of the programs, as `load` takes it.
+        drive: coordinate -> its motion law, as `load` takes it.
+        duration: of the motion laws, as `load` takes it.
         speed: of a crank, in [rad/s], or text, as "600rpm".
         tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
             None takes 1e-8 of the workspace, and rounding for the formula that the model's file names.

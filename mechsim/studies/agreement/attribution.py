@@ -106,7 +106,7 @@ def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRu
     assert isinstance(solver, MjcfForm)
     assert solver.source is not None
     if solver.motion_laws.crank:
-        raise InputError(f"{solver.name}: no program says how its drivers move in time")
+        raise InputError(f"{solver.name}: no motion law says how its drivers move in time")
     scene, controls = published_scene(solver)
     fine = _finer(scene)
     how = f"{scene.path} as published, step {float(scene.model.opt.timestep) * 1e3:g} ms"

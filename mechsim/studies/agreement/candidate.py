@@ -262,7 +262,7 @@ def points_of_table(
     if missing:
         raise InputError(
             f"{source} has no column {', '.join(missing)} (it has {', '.join(table)}); give one for each "
-            "driver, or a column t and the programs of the drivers"
+            "driver, or a column t and the motion laws of the drivers"
         )
     rows = len(next(iter(table.values())).values)
     time = table[time_column].values if time_column else np.linspace(0.0, 1.0, rows)
@@ -275,7 +275,7 @@ def points_of_table(
 
 
 def _under_motion_laws(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:
-    """Return a form under its own programs at the times of a table."""
+    """Return a form under its own motion laws at the times of a table."""
     last = float(time.max())
     if isinstance(solver, LoopForm) and last > laws.duration:
         solver = replace(solver, motion_laws=laws.with_duration(last))
@@ -320,7 +320,7 @@ def _driver_column(driver: str, table: Mapping[str, TableColumn]) -> str | None:
 def _through(
     mechanism: Mechanism, names: Mapping[str, str], table: Mapping[str, TableColumn], time: Array
 ) -> MotionLaws:
-    """Return programs through the rows of a table, with the rates that it has or those of a spline."""
+    """Return motion laws through the rows of a table, with the rates that it has or those of a spline."""
     states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
     return make_motion_laws(mechanism, states, float(np.ptp(time)))
 

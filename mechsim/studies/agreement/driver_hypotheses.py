@@ -227,7 +227,7 @@ def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
         "phase",
         driver,
         lambda lag: misfit.predicted(_driven(misfit.evaluation, {driver: _late(lag)})),
-        lambda lag: f"the program of {driver} is out of phase, late by {lag:.6g} s",
+        lambda lag: f"the motion law of {driver} is out of phase, late by {lag:.6g} s",
         1e-4 * duration,
         starts=[fraction * duration for fraction in (0.0, 0.1, -0.1, 0.25, -0.25, 0.5)],
     )

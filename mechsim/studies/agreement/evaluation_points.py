@@ -221,7 +221,7 @@ def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily
 
 
 def evaluation_points(solver: KinematicSolver, speed: float, samples: int = INSTANTS) -> EvaluationPoints:
-    """Return a form over its range: a turn, a swing, or its programs from begin to end, evenly in time.
+    """Return a form over its range: a turn, a swing, or its motion laws from begin to end, evenly in time.
 
     Args:
         solver: what moves.

@@ -164,7 +164,7 @@ class ExactClosure:
                 text = ", ".join(f"{name} = {value:.6g}" for name, value in values)
                 raise AssemblyError(
                     f"{self.mechanism.name}: the loops do not close at {text}, on the way to where the "
-                    "programs begin; change the programs, or start from another keyframe (--key)"
+                    "motion laws begin; change the motion laws, or start from another keyframe (--key)"
                 )
         return self.states_of(q, qpos)[0]
 

@@ -90,7 +90,7 @@ class MovedFamily:
     Attributes:
         designs: the mechanisms.
         angles: path parameters, (n,) in [rad].
-        speed: of the crank in [rad/s]; programs have their own.
+        speed: of the crank in [rad/s]; motion laws have their own.
         loading: what efforts are of.
     """
 
@@ -116,7 +116,7 @@ class MovedFamily:
 
     @property
     def offset(self) -> str:
-        """The name of the crank's unknown zero, a dimension in [rad]; empty under programs."""
+        """The name of the crank's unknown zero, a dimension in [rad]; empty under motion laws."""
         alone = self.solver.motion_laws.crank and self.solver.mechanism.has_crank
         return self.solver.mechanism.crank.name + OFFSET if alone else ""
 
