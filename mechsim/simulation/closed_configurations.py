@@ -29,6 +29,8 @@ MAX_STEP = 0.5
 PATH_ITERATIONS, LAST_ITERATIONS = 2, 8
 # closure error in characteristic lengths or [rad]: of a lost configuration on the path, and at its end
 LOST, CLOSED = 1e-2, 1e-12
+# by which a joint may be outside its limits, in [rad] or [m]: rounding
+LIMIT_TOLERANCE = 1e-9
 # draws for each configuration that is requested, before the search ends with an error
 MAX_DRAWS = 50
 # columns of actuated joints count less, so that loops determine the other joints; any small number does
@@ -100,10 +102,7 @@ class StraightPath:
 
     def outside(self, qpos: Array) -> NDArray[np.bool_]:
         """Return whether each joint is outside its limits, (n, njnt)."""
-        model = self.loops.model
-        limited = np.isin(np.arange(model.njnt), limited_joints(model))
-        values, (low, high) = qpos[:, model.jnt_qposadr], model.jnt_range.T
-        return limited & ((values < low - 1e-9) | (values > high + 1e-9))
+        return outside_limits(self.loops.model, qpos)
 
 
 def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
@@ -193,14 +192,16 @@ def least_squares(matrix: Array, right: Array) -> Array:
     return np.linalg.solve(normal, transposed @ right[..., None])[..., 0]
 
 
-def straight_path(model: mujoco.MjModel, drivers: list[int] | None) -> StraightPath:
-    """Return the paths from the reference or keyframe that is closest to closed."""
+def straight_path(
+    model: mujoco.MjModel, drivers: list[int] | None, start: Array | None = None
+) -> StraightPath:
+    """Return the paths from a start; by default from the reference or keyframe that is closest to closed."""
     from scipy.linalg import qr
 
     loops = loops_with_crank(model, 0)
     if not (loops.pairs or loops.frames or loops.couplings):
         raise InputError("the model has no loops; add equality constraints that close them")
-    starts = np.concatenate([model.qpos0[None], model.key_qpos.reshape(-1, model.nq)])
+    starts = start[None] if start is not None else _starts(model)
     reference = starts[np.argmin([loops.closure_error(loops.residual(q[None]))[0] for q in starts])]
     jacobian = loops.linearise(reference[None])[1][0] * loops.units
     weights = np.ones(model.nv)
@@ -224,6 +225,20 @@ def straight_path(model: mujoco.MjModel, drivers: list[int] | None) -> StraightP
     if not loops.closure_error(loops.residual(closed))[0] < CLOSED:
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
     return StraightPath(loops, closed[0], path.drivers, passive)
+
+
+def _starts(model: mujoco.MjModel) -> Array:
+    """Return reference and keyframes, (n, nq), without those outside joint limits if others are inside."""
+    starts = np.concatenate([model.qpos0[None], model.key_qpos.reshape(-1, model.nq)])
+    inside = ~outside_limits(model, starts).any(1)
+    return starts[inside] if inside.any() else starts
+
+
+def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:
+    """Return whether each joint is outside its limits at configurations (n, nq), (n, njnt)."""
+    limited = np.isin(np.arange(model.njnt), limited_joints(model))
+    values, (low, high) = qpos[:, model.jnt_qposadr], model.jnt_range.T
+    return limited & ((values < low - LIMIT_TOLERANCE) | (values > high + LIMIT_TOLERANCE))
 
 
 def driver_ranges(path: StraightPath) -> tuple[Array, Array]:

@@ -63,4 +63,4 @@ def fixed_copy(path: str, violated: Sequence[Violation]) -> tuple[str, list[str]
 
 
 def _read(model: Any) -> MjcfModel:
-    return read_model(model, describe_only=True)
+    return read_model(model, lint=True)

@@ -21,7 +21,7 @@ from mechsim.simulation.findings.loop_closure import (
 )
 from mechsim.simulation.mjcf_reader import MjcfModel
 
-__all__ = ["findings"]
+__all__ = ["findings", "findings_in"]
 
 
 # checks in the order of their findings: what breaks a run, what distorts it, what the user should know
@@ -48,7 +48,11 @@ def findings(read: MjcfModel, motion_laws: MotionLaws = CRANK) -> tuple[Finding,
         read: what was read of its file.
         motion_laws: of its drivers; `CRANK` looks at a swing of them where a motion is needed.
     """
-    scene = Inspected(read, motion_laws)
+    return findings_in(Inspected(read, motion_laws))
+
+
+def findings_in(scene: Inspected) -> tuple[Finding, ...]:
+    """Return what is wrong with a scene, the gravest first."""
     result: list[Finding] = []
     for check in CHECKS:
         # a state so wrong that it overflows is what other looks have found

@@ -8,10 +8,9 @@ import numpy as np
 
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import EQUALITY, OFF, Inspected, Loop, Swing, rank, swing
+from mechsim.simulation.findings.inspected import OFF, Inspected, Loop, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.mjcf_reader.equality_constraints import TENDON
 from mechsim.simulation.settings import dense_rows
 
 # a gap that shows, in parts of the size or in [rad]
@@ -31,7 +30,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
     visible = [
         loop
         for loop in scene.loops
-        if widest.get(loop.number, 0.0) > VISIBLE_GAP * (scene.length if loop.closes else 1.0)
+        if widest.get(loop.number, 0.0) > VISIBLE_GAP * (scene.length if scene.in_metres(loop) else 1.0)
     ]
     if not visible:
         return
@@ -40,7 +39,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
     when = "at rest where the scene starts" if motion is None else f"in {motion.description}"
     for loop in visible:
         by, after = widest[loop.number], remaining.get(loop.number, 0.0)
-        unit = "m" if loop.closes or loop.kind == TENDON else "rad"
+        unit = "m" if scene.in_metres(loop) else "rad"
         solimp = f'solimp="{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2"'
         remedy = f"{solref} {solimp} leaves about {after:.1g} {unit}"
         if after > 0.1 * by:
@@ -146,7 +145,7 @@ def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
     data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
     with quiet():
         mujoco.mj_forward(model, data)
-    rows = data.efc_type == EQUALITY
+    rows = scene.loop_rows(data)
     jacobian = scene.without_rounding(dense_rows(data)[rows])
     if not jacobian.any():
         return None

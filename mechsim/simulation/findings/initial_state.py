@@ -33,7 +33,8 @@ def outside_limits(scene: Inspected) -> Iterator[Finding]:
         location, (low, high) = scene.location(joints[name]), model.jnt_range[j]
         yield from _outside(f"joint {name}", name, value, (low, high), unit, location)
         dofs = slice(int(model.jnt_dofadr[j]), int(model.jnt_dofadr[j]) + (1 if kind in SCALAR else 3))
-        if low == high and value == low and free[:, dofs].max(initial=0.0) > SIGNIFICANT:
+        moves = free[:, dofs].max(initial=0.0) > SIGNIFICANT
+        if low == high and value == low and moves and np.abs(scene.generic[0][:, dofs]).any():
             yield _immobile(name, float(low), unit, location)
     tendons = {tendon.name: tendon for tendon in scene.read.spec.tendons}
     for t in np.flatnonzero(model.tendon_limited):
@@ -80,8 +81,8 @@ STATE_INTERVAL = 10
 
 def collisions(scene: Inspected) -> Iterator[Finding]:
     """Yield the pairs of links that touch though they are joined, or stand in each other at the start."""
-    model, joined = scene.model, _joined(scene)
-    motion = swing(scene)
+    model = contact_model(scene)
+    joined, motion = _joined(scene), swing(scene)
     states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_INTERVAL])]
     deepest: dict[tuple[int, int], tuple[float, tuple[int, int]]] = {}
     for number, qpos in enumerate(states):
@@ -93,8 +94,13 @@ def collisions(scene: Inspected) -> Iterator[Finding]:
         yield _collision(scene, geoms, depth, joined=pair in joined)
 
 
+def contact_model(scene: Inspected) -> mujoco.MjModel:
+    """Return the model with the shapes of the file."""
+    return scene.model if scene.read.with_meshes is None else scene.read.with_meshes
+
+
 def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined: bool) -> Finding:
-    model = scene.model
+    model, elements = contact_model(scene), list(scene.read.spec.geoms)
     first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
     where = "collide where they are joined" if joined else "stand in each other where the scene starts"
     return Finding(
@@ -103,7 +109,8 @@ def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined
         by=depth,
         message=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
         remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
-        **scene.location(list(scene.read.spec.geoms)[geoms[0]]),
+        # geoms that the compiler discards have no index
+        **(scene.location(elements[geoms[0]]) if len(elements) == model.ngeom else NO_POSITION),
     )
 
 

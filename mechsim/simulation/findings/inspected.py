@@ -8,8 +8,9 @@ from functools import cached_property, lru_cache
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from mechsim.errors import MechsimError
+from mechsim.errors import MechsimError, MobilityError
 from mechsim.model.finding import NO_POSITION, FilePosition
 from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
@@ -18,7 +19,7 @@ from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, JOINT, TENDON, WELD
+from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, TENDON, WELD, is_readable
 from mechsim.simulation.mjcf_text.included_files import included_lines
 from mechsim.simulation.mobility import require_determined, residual_mobility
 from mechsim.simulation.poses.follow import follow
@@ -116,22 +117,29 @@ class Inspected:
 
     @cached_property
     def loops(self) -> tuple[Loop, ...]:
-        """The active equality constraints."""
+        """The active equality constraints that are joints or couplings."""
         model = self.model
         if model.opt.disableflags & int(OFF.mjDSBL_EQUALITY):
             return ()
-        kinds = (CONNECT, WELD, JOINT, TENDON)
         lines = [self.location(equality) for equality in self.read.spec.equalities]
         return tuple(
-            Loop(model.equality(i).name, i, kind, _bodies(model, i), lines[i])
+            Loop(model.equality(i).name, i, int(model.eq_type[i]), _bodies(model, i), lines[i])
             for i in range(model.neq)
-            if model.eq_active0[i] and (kind := int(model.eq_type[i])) in kinds
+            if model.eq_active0[i] and is_readable(model, i)
         )
 
     @cached_property
     def included(self) -> Mapping[tuple[str, ...], FilePosition]:
         """Where the parts of included files stand, by kind and name."""
         return included_lines(self.read.path)
+
+    def in_metres(self, loop: Loop) -> bool:
+        """Whether the gap of a loop is a length: of points, slides or tendons through sites."""
+        if loop.closes:
+            return True
+        law = next((law_ for law_ in self.read.mechanism.laws if law_.name == loop.name), None)
+        joints = list(law.left_terms) if law else []
+        return self.read.mechanism.unit(joints[0]) == "m" if joints else loop.kind == TENDON
 
     def location(self, element: Element) -> FilePosition:
         """Return where a part stands in the file, or in one that it includes."""
@@ -152,12 +160,17 @@ class Inspected:
         data.qpos[:] = qpos
         with quiet():
             mujoco.mj_fwdPosition(self.loops_only, data)
-        rows = data.efc_type == EQUALITY
+        rows = self.loop_rows(data)
         return (
             data.efc_pos[rows].copy(),
             self.without_rounding(dense_rows(data)[rows]),
             data.efc_id[rows].copy(),
         )
+
+    def loop_rows(self, data: mujoco.MjData) -> NDArray[np.bool_]:
+        """Return which of MuJoCo's constraint rows are those of the loops, (m,)."""
+        numbers = [loop.number for loop in self.loops]
+        return (data.efc_type == EQUALITY) & np.isin(data.efc_id, numbers)
 
     def without_rounding(self, jacobian: Array) -> Array:
         """Return the Jacobian of the loops, (m, nv), zero where all of it is rounding of the file."""
@@ -235,6 +248,8 @@ def null_space(matrix: Array) -> Array:
 REACH, STROKE, DURATION, TRIES = 0.3, 0.1, 1.0, 4
 # states of a motion
 SAMPLES = 101
+# drivers whose reach is listed
+MAX_LISTED = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,13 +283,17 @@ def swing(scene: Inspected) -> Swing | None:
         return None
     for half in range(TRIES if scene.drivers else 0):
         displacements = reaches(scene, 0.5**half)
-        swings = ", ".join(f"{name} by {by:.3g}" for name, by in displacements.items())
+        listed = [f"{name} by {by:.3g}" for name, by in displacements.items()]
+        more = f" and {len(listed) - MAX_LISTED} more drivers" if len(listed) > MAX_LISTED else ""
+        swings = ", ".join(listed[:MAX_LISTED]) + more
         description = f"a swing of {swings} in {DURATION:g} s"
-        with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
-            states = {
-                name: wave(scene.read.mechanism.counted[name], by) for name, by in displacements.items()
-            }
+        states = {name: wave(scene.read.mechanism.counted[name], by) for name, by in displacements.items()}
+        try:
             return _moved(scene, make_motion_laws(scene.read.mechanism, states, DURATION), description)
+        except MobilityError:  # no smaller swing is determined either
+            return None
+        except (MechsimError, np.linalg.LinAlgError, FloatingPointError):
+            continue
     return None
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
@@ -28,20 +29,12 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
         rows = gap[loop_of == loop.number]
         distance = float(np.linalg.norm(rows[:3] if loop.closes else rows))
         rotation = float(np.linalg.norm(rows[3:])) if loop.kind == WELD else 0.0
-        slides = loop.closes or _slides(scene, loop)
-        if distance > MAX_GAP * (scene.length if slides else 1.0):
-            yield _gap(loop, distance, "m" if slides else "rad", "its two sides")
+        metres = scene.in_metres(loop)
+        if distance > MAX_GAP * (scene.length if metres else 1.0):
+            yield _gap(loop, distance, "m" if metres else "rad", "its two sides")
         if rotation > MAX_GAP:
             # the rows of a weld are half the angle times its torque scale
             yield _gap(loop, rotation, "rad", "its two frames, turned apart")
-
-
-def _slides(scene: Inspected, loop: Loop) -> bool:
-    """Say whether a coupling's left side is a displacement."""
-    name = str(scene.model.equality(loop.number).name)
-    law = next((law_ for law_ in scene.read.mechanism.laws if law_.name == name), None)
-    joints = list(law.left_terms) if law else []
-    return bool(joints) and scene.read.mechanism.unit(joints[0]) == "m"
 
 
 def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
@@ -59,9 +52,11 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops that another one closes already."""
     jacobian, loop_of = scene.generic
     rows = {loop.number: jacobian[loop_of == loop.number] for loop in scene.loops}
+    # MuJoCo leaves out the rows of bodies that cannot move
+    loops = [loop for loop in scene.loops if len(rows[loop.number])]
     reported: set[int] = set()
-    for i, loop in enumerate(scene.loops):
-        for other in scene.loops[:i]:
+    for i, loop in enumerate(loops):
+        for other in loops[:i]:
             alone, both = rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
             coincident = loop.closes == other.closes and _apart(scene, loop, other) <= MAX_GAP * scene.length
             if not (alone and coincident) or other.number in reported or rank(both) != alone:
@@ -103,12 +98,14 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     jacobian, loop_of = scene.generic
     duplicates = {finding.what for finding in duplicate_loops(scene)}
     kept = [loop for loop in scene.loops if loop.name not in duplicates]
-    jacobian = jacobian[np.isin(loop_of, [loop.number for loop in kept])]
+    constraining = np.isin(loop_of, [loop.number for loop in kept]) & _constrains(scene, loop_of)
+    jacobian, loop_of = jacobian[constraining], loop_of[constraining]
     extra = len(jacobian) - rank(jacobian)
     if not extra:
         return
-    norms = np.linalg.norm(jacobian, axis=1)
-    zero_rows = int((norms <= 1e-9 * norms.max(initial=0.0)).sum())
+    # rows of one loop repeat each other if it moves in a plane
+    loop_rows = [jacobian[loop_of == loop.number] for loop in kept]
+    across = sum(len(rows) - rank(rows) for rows in loop_rows)
     redundant = [
         loop
         for loop in kept
@@ -121,10 +118,10 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     )
     if not jacobian.any():
         message = f"{len(jacobian)} rows of the loops have rank 0: nothing that can move opens them"
-    elif zero_rows == extra:
+    elif across == extra:
         message = (
             f"{len(jacobian)} rows of the loops have rank {len(jacobian) - extra}: "
-            "the rest, across a plane, are 0"
+            "the others lie across the planes of their loops"
         )
     elif names:
         message += f"; any one of {names} could go" if len(redundant) > 1 else f"; {names} could go"
@@ -134,8 +131,17 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
         what=names or "loops",
         by=extra,
         message=message,
-        remedy="harmless" if zero_rows == extra and flat else remedy,
+        remedy="harmless" if across == extra and flat else remedy,
     )
+
+
+def _constrains(scene: Inspected, loop_of: Array) -> NDArray[np.bool_]:
+    """Return which rows constrain anything, (m,): a weld with torquescale 0 leaves its last three rows empty."""
+    result = np.ones(len(loop_of), dtype=np.bool_)
+    for loop in scene.loops:
+        if loop.kind == WELD and scene.model.eq_data[loop.number, 10] == 0.0:
+            result[np.flatnonzero(loop_of == loop.number)[3:]] = False
+    return result
 
 
 def _adds_nothing(scene: Inspected, loop: Loop, others: list[Loop]) -> bool:

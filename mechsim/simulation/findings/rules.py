@@ -10,12 +10,12 @@ import numpy as np
 from mechsim.errors import MechsimError
 from mechsim.model.finding import NO_POSITION, Finding
 from mechsim.simulation.closed_configurations import CLOSED, StraightPath, driver_ranges, straight_path
-from mechsim.simulation.findings import findings
+from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
-from mechsim.simulation.findings.inspected import EQUALITY
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, rank
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
+from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
 from mechsim.simulation.mjcf_text.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.settings import dense_rows
 
@@ -130,6 +130,13 @@ RULES = (
         "With the drivers locked the mechanism still moves; springs, weight or contacts decide.",
     ),
     Rule(
+        "MS112",
+        "unchecked",
+        "note",
+        "Equality not checked",
+        "The equality holds a flex, or a tendon through sites. The rules on loops leave it out.",
+    ),
+    Rule(
         "MS201",
         "passive-actuator",
         "warning",
@@ -197,7 +204,13 @@ def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]
         target: format to which the model is to be converted; None for none.
     """
     with quiet():
-        reported = [*findings(read), *_passive_actuators(read), *_passive_limits(read), *_loop_joints(read)]
+        scene = Inspected(read)
+        path, reported = _closed_path(scene), list(findings_in(scene))
+        if path is not None:
+            fighting = {finding.what for finding in reported if finding.kind == "actuator"}
+            passive = [finding for finding in _passive_actuators(scene, path) if finding.what not in fighting]
+            reported += [*passive, *_passive_limits(path), *_loop_joints(path)]
+        reported += _unchecked(scene)
         reported += _lost_in_urdf(read) if target == "urdf" else []
     order = {"error": 0, "warning": 1, "note": 2}
     result = [_violation(read, finding) for finding in reported]
@@ -219,48 +232,58 @@ def _violation(read: MjcfModel, finding: Finding) -> Violation:
     )
 
 
-def _closed_path(model: mujoco.MjModel) -> StraightPath | None:
+def _closed_path(scene: Inspected) -> StraightPath | None:
     """Return the straight paths of the actuated joints; None for a model without loops that close."""
     try:
-        return straight_path(model, None)
-    except MechsimError:
+        return straight_path(scene.model, None, scene.read.qpos)
+    except (MechsimError, FloatingPointError, np.linalg.LinAlgError):
         return None
 
 
-def _actuated(model: mujoco.MjModel, path: StraightPath) -> bool:
+def _actuated(path: StraightPath) -> bool:
     """Whether there are drivers, and an actuator acts on each of them."""
+    model = path.loops.model
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     joints = model.dof_jntid[path.drivers]
     return len(joints) > 0 and bool(np.isin(joints, model.actuator_trnid[on_joint, 0]).all())
 
 
-def _passive_actuators(read: MjcfModel) -> Iterator[Finding]:
+def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding]:
     """Yield motors on joints that the loops determine from other actuated joints."""
-    model = plainly_compiled(read.spec.copy())
-    path = _closed_path(model)
-    if path is None:
-        return
+    model = path.loops.model
+    on_joint = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).tolist()
     passive = {int(model.dof_jntid[dof]) for dof in path.passive}
-    for a in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).tolist():
+    actuated = {int(model.jnt_dofadr[int(model.actuator_trnid[a, 0])]) for a in on_joint}
+    for a in on_joint:
         joint = int(model.actuator_trnid[a, 0])
-        if joint in passive:
+        if joint in passive and _determined(scene, int(model.jnt_dofadr[joint]), actuated):
             name, joint_name = model.actuator(a).name or f"actuator{a + 1}", model.joint(joint).name
+            locked = _determined(scene, int(model.jnt_dofadr[joint]), set())
             yield Finding(
                 kind="passive-actuator",
                 what=name,
                 by=1.0,
-                message=f"actuator {name} acts on {joint_name}, which the loops determine from the other "
-                "actuators",
+                message=f"actuator {name} acts on {joint_name}, which the "
+                f"{'equalities lock' if locked else 'loops determine from the other actuators'}",
                 remedy=f"leave {name} out, or give all of them forces that agree",
                 **NO_POSITION,
             )
 
 
-def _passive_limits(read: MjcfModel) -> Iterator[Finding]:
+def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
+    """Whether the loops determine a DOF from the other actuated ones, wherever the model may stand."""
+    unit = np.eye(scene.model.nv)
+    others = unit[sorted(actuated - {dof})]
+    return all(
+        rank(np.vstack([jacobian, others, unit[dof]])) == rank(np.vstack([jacobian, others]))
+        for jacobian, _ in scene.sample_jacobians
+    )
+
+
+def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     """Yield passive joints whose limits reject closed configurations within the drivers' limits."""
-    model = plainly_compiled(read.spec.copy())
-    path = _closed_path(model)
-    if path is None or not _actuated(model, path):
+    model = path.loops.model
+    if not _actuated(path):
         return
     low, high = driver_ranges(path)
     qpos, error = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
@@ -283,16 +306,15 @@ def _passive_limits(read: MjcfModel) -> Iterator[Finding]:
             )
 
 
-def _loop_joints(read: MjcfModel) -> Iterator[Finding]:
+def _loop_joints(path: StraightPath) -> Iterator[Finding]:
     """Yield closing constraints in models whose other passive joints have limits, damping or friction."""
-    model = plainly_compiled(read.spec.copy())
+    model = path.loops.model
     closing = [
         model.equality(i).name or f"equality{i + 1}"
         for i in range(model.neq)
         if int(model.eq_type[i]) in (CONNECT, WELD)
     ]
-    path = _closed_path(model)
-    if path is None or not closing:
+    if not closing:
         return
     joints = {int(model.dof_jntid[dof]) for dof in path.passive}
     has = {
@@ -310,6 +332,22 @@ def _loop_joints(read: MjcfModel) -> Iterator[Finding]:
             remedy="put them on a joint next to it",
             **NO_POSITION,
         )
+
+
+def _unchecked(scene: Inspected) -> Iterator[Finding]:
+    """Yield active equalities that are neither joints nor couplings, which most rules do not cover."""
+    model = scene.model
+    for i in np.flatnonzero(model.eq_active0).tolist():
+        if not is_readable(model, i):
+            name = model.equality(i).name
+            yield Finding(
+                kind="unchecked",
+                what=name,
+                by=1.0,
+                message=f"{name} is no connect, weld, joint or fixed-tendon equality: the rules do not cover it",
+                remedy="harmless",
+                **scene.location(scene.read.spec.equalities[i]),
+            )
 
 
 def _lost_in_urdf(read: MjcfModel) -> list[Finding]:

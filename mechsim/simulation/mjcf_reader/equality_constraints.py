@@ -39,11 +39,18 @@ class Equalities:
     remarks: list[str] = field(default_factory=list[str])
 
 
-def equalities(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Equalities:
+def equalities(
+    model: mujoco.MjModel, carriers: Sequence[Carrier], *, skip_others: bool = False
+) -> Equalities:
     """Return the active equality constraints of a model as joints and couplings.
 
+    Args:
+        model: the compiled model.
+        carriers: of its bodies.
+        skip_others: whether constraints of another kind get a remark.
+
     Raises:
-        InputError: for a constraint of another kind, or of a tendon through sites.
+        InputError: for a constraint of another kind, or of a tendon through sites, unless skipped.
     """
     result = Equalities()
     off = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_EQUALITY)
@@ -58,6 +65,8 @@ def equalities(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Equalities
                 result.remarks.append(f"equality {name!r} joins bodies that do not move against each other")
             else:
                 result.joints.append(joint)
+        elif skip_others and not is_readable(model, i):
+            result.remarks.append(f"equality {name!r} is neither a joint nor a coupling and was left out")
         elif kind in (JOINT, TENDON):
             result.couplings.append(_coupling(model, i, name))
         else:
@@ -67,6 +76,15 @@ def equalities(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Equalities
                 "connect, weld, joint and tendon are read: leave it out or make it inactive"
             )
     return result
+
+
+def is_readable(model: mujoco.MjModel, i: int) -> bool:
+    """Whether an equality is a joint or a coupling: a connect, weld, joint or fixed-tendon equality."""
+    if int(model.eq_type[i]) != TENDON:
+        return int(model.eq_type[i]) in (CONNECT, WELD, JOINT)
+    tendons = [int(t) for t in (model.eq_obj1id[i], model.eq_obj2id[i]) if t >= 0]
+    wraps = [int(model.tendon_adr[t]) + k for t in tendons for k in range(int(model.tendon_num[t]))]
+    return bool((model.wrap_type[wraps] == mujoco.mjtWrap.mjWRAP_JOINT).all())
 
 
 def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:

@@ -17,6 +17,7 @@ from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.file_errors import readable_error
 from mechsim.simulation.mjcf_reader.repairs import with_possible_inertias, without_missing
+from mechsim.simulation.mjcf_reader.without_meshes import copy_shapes, has_replaceable_meshes, remove_meshes
 
 # path of a file in MJCF or URDF, or an object
 MujocoInput = str | mujoco.MjSpec | mujoco.MjModel
@@ -39,12 +40,7 @@ def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list
     Raises:
         InputError: for a file that cannot be read or that MuJoCo rejects, with file and line.
     """
-    path = model_label(source)
-    if isinstance(source, str):
-        _require_mjcf(source)
-        spec = _spec_of_file(source)
-    else:
-        spec = source.copy() if isinstance(source, mujoco.MjSpec) else _spec_of_model(source)
+    path, spec = model_label(source), _specification(source)
     remarks = _disable_sleep(path, spec)
     # compiling fills them up
     coordinate_counts = {key.name: len(key.qpos) for key in spec.keys}
@@ -55,6 +51,37 @@ def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list
         if 0 < count < model.nq
     ]
     return spec, model, remarks + left_out + short
+
+
+@quiet()
+def parse_without_meshes(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel | None]:
+    """Return the specification of a file or an object with boxes in place of meshes, and the model with them.
+
+    The second is None where the specification is that of the file, because there are no meshes, because
+    their files are missing, or because the compiler merges bodies.
+
+    Raises:
+        InputError: as `parse_file`.
+    """
+    path, spec = model_label(source), _specification(source)
+    _disable_sleep(path, spec)
+    if not has_replaceable_meshes(spec):
+        return spec, None
+    without_meshes = spec.copy()
+    model, _ = compile_repaired(path, spec)
+    if not spec.meshes:  # their files are missing
+        return spec, None
+    geoms = remove_meshes(without_meshes)
+    copy_shapes(without_meshes, model, geoms)
+    return without_meshes, model
+
+
+def _specification(source: MujocoInput) -> mujoco.MjSpec:
+    """Return the specification of a file or an object, which stays unchanged."""
+    if isinstance(source, str):
+        _require_mjcf(source)
+        return _spec_of_file(source)
+    return source.copy() if isinstance(source, mujoco.MjSpec) else _spec_of_model(source)
 
 
 def _require_mjcf(path: str) -> None:

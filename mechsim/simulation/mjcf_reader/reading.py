@@ -50,6 +50,7 @@ from mechsim.simulation.mjcf_reader.parsed_file import (
     model_label,
     name_elements,
     parse_file,
+    parse_without_meshes,
 )
 from mechsim.simulation.mjcf_reader.pose_chains import with_pose_chains
 from mechsim.simulation.mjcf_reader.repairs import minimum_mass
@@ -164,6 +165,7 @@ class MjcfModel:
         forces: gravity, and springs, dampers and dry friction of hinges and slides.
         fixed: indices of the file's ball and free joints that were removed because they are locked.
         left_out: what acts in MuJoCo's own run of the file and in no dynamics of this package.
+        with_meshes: the model with meshes where `spec` has boxes instead; else None.
     """
 
     path: str
@@ -177,6 +179,7 @@ class MjcfModel:
     forces: Forces = Forces()
     fixed: tuple[int, ...] = ()
     left_out: tuple[str, ...] = ()
+    with_meshes: mujoco.MjModel | None = None
 
 
 @quiet()
@@ -189,6 +192,7 @@ def read_model(
     key: str | None = None,
     track: Sequence[str] = (),
     describe_only: bool = False,
+    lint: bool = False,
 ) -> MjcfModel:
     """Read an MJCF or URDF file, or an object of MuJoCo, as a mechanism.
 
@@ -201,17 +205,20 @@ def read_model(
         key: keyframe to start from; None takes the reference configuration.
         track: points, as `tracked` reads them.
         describe_only: whether a model without drivers is allowed.
+        lint: whether to read what MuJoCo loads for the linter: from the first keyframe, if there is one;
+            meshes become boxes, and equalities that are no joint or coupling remain, with a remark.
 
     Raises:
         InputError: for a file, joint, keyframe or point that cannot be read, with its name.
     """
-    compiled_file = _compiled(source, key, lock or {}, drivers, fix_base=fix_base)
+    compiled_file = _compiled(source, key, lock or {}, drivers, fix_base=fix_base, lint=lint)
     spec, model, start = compiled_file.spec, compiled_file.model, compiled_file.start
     tree = kinematic_tree(model)
-    loops, points = equalities(model, tree.carriers), tracked(model, tree.carriers, track)
+    loops = equalities(model, tree.carriers, skip_others=lint)
+    points = tracked(model, tree.carriers, track)
     values = coordinate_values(model, start)
     locked = _locked_values(model, compiled_file.lock, values)
-    driven_names = driven(model, drivers, list(locked), describe_only)
+    driven_names = driven(model, drivers, list(locked), describe_only or lint)
     mechanism = Mechanism(
         name=spec.modelname or "model",
         links=with_outlines(model, tree),
@@ -242,6 +249,7 @@ def read_model(
         forces=forces_of_model(model),
         fixed=compiled_file.fixed,
         left_out=tuple(left_out_of_dynamics(model)),
+        with_meshes=compiled_file.with_meshes,
     )
 
 
@@ -257,6 +265,7 @@ class _CompiledFile:
         remarks: on what was changed.
         fixed: indices of the file's ball and free joints that were removed.
         lock: the other locked joints and their values.
+        with_meshes: as in `MjcfModel`.
     """
 
     path: str
@@ -266,6 +275,7 @@ class _CompiledFile:
     remarks: list[str]
     fixed: tuple[int, ...]
     lock: Mapping[str, LockedAt]
+    with_meshes: mujoco.MjModel | None
 
 
 def _compiled(
@@ -275,14 +285,18 @@ def _compiled(
     drivers: Sequence[str],
     *,
     fix_base: bool,
+    lint: bool,
 ) -> _CompiledFile:
     """Return a file or an object compiled, with names for all elements and bodies fixed as requested."""
-    path = model_label(source)
-    spec, _, remarks = parse_file(source)
+    path, with_meshes, remarks = model_label(source), None, list[str]()
+    if lint:
+        spec, with_meshes = parse_without_meshes(source)
+    else:
+        spec, _, remarks = parse_file(source)
     name_elements(spec)
     model, _ = compile_repaired(path, spec)
     remarks += ignored_ranges(spec)
-    start = initial_qpos(path, model, key)
+    start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
     for key_ in list(spec.keys):  # they fit no model to which anything is added
         spec.delete(key_)
     if fix_base and not free_bodies(model):
@@ -294,7 +308,7 @@ def _compiled(
         model, _ = compile_repaired(path, spec)
     model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
-    return _CompiledFile(path, spec, model, start, remarks, fixed, lock)
+    return _CompiledFile(path, spec, model, start, remarks, fixed, lock, with_meshes)
 
 
 def _link_points(

@@ -1,0 +1,117 @@
+"""What public models do on purpose is no finding: each idiom in a small model, and beside it the real fault."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.simulation.mjcf_reader import read_model
+
+# a four-bar whose crank lies in line with its coupler, and a rocker with a motor
+IN_LINE = """<mujoco><compiler angle="radian" autolimits="true"/><option gravity="0 0 0"/><worldbody>
+<body><joint name="crank" axis="0 0 1"/><geom size=".01" pos=".03 0 0"/>
+ <body pos=".06 0 0"><joint name="coupler" axis="0 0 1"/><geom size=".01" pos=".05 0 0"/>
+  <site name="a" pos=".1 0 0"/></body></body>
+<body pos=".16 -.08 0"><joint name="rocker" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
+ <site name="b" pos="0 .08 0"/></body></worldbody>
+<equality><connect name="loop" site1="a" site2="b"/></equality>
+<actuator><motor name="drive" joint="rocker"/></actuator></mujoco>"""
+SLIDES = """<mujoco><option gravity="{gravity}"/><worldbody>
+<body name="palm"><geom size=".1" pos="1 0 0"/>
+ <body name="left" pos="1 0 .3"><joint name="left" type="slide" axis="0 1 0"/><geom size=".02"/></body>
+ <body name="right" pos="1 0 -.3"><joint name="right" type="slide" axis="0 1 0"/><geom size=".02"/></body>
+</body></worldbody><equality><joint name="fingers" joint1="right" joint2="left" polycoef="0 -1 0 0 0"
+solref="0.1 1"/></equality></mujoco>"""
+
+
+def found(text, rule):
+    return [violation for violation in ms.check(mujoco.MjSpec.from_string(text)) if violation.rule == rule]
+
+
+def test_a_motor_is_no_passive_one_because_the_model_starts_at_a_dead_centre():
+    assert not found(IN_LINE, "MS201")
+    other = '<motor name="second" joint="crank"/></actuator>'
+    assert len(found(IN_LINE.replace("</actuator>", other), "MS201")) == 1
+
+
+def test_a_motor_on_a_joint_that_an_equality_locks_is_a_passive_one():
+    locked = SLIDES.format(gravity="0 0 0").replace(' joint2="left"', "").replace("0 -1", "0 0")
+    motors = '</equality><actuator><motor joint="right"/><motor joint="left"/></actuator>'
+    assert [
+        violation.object for violation in found(locked.replace("</equality>", motors), "MS201")
+    ] == ["actuator1"]
+
+
+def test_the_first_keyframe_is_the_start():
+    qpos = ms.closed_qpos(mujoco.MjSpec.from_string(IN_LINE).compile(), {"crank": -1.0})[0]
+    low, high = sorted((0.5 * qpos[2], 1.5 * qpos[2]))
+    limited = IN_LINE.replace('name="rocker"', f'name="rocker" range="{low} {high}"')
+    assert found(limited, "MS105")
+    key = f'<keyframe><key qpos="{" ".join(map(str, qpos))}"/></keyframe></mujoco>'
+    assert not found(limited.replace("</mujoco>", key), "MS105")
+    opened = f'<keyframe><key qpos="{" ".join(map(str, qpos + 0.1))}"/></keyframe></mujoco>'
+    assert found(IN_LINE.replace("</mujoco>", opened), "MS102")
+
+
+def test_a_ball_locked_by_its_range_is_a_fault_in_a_loop_only():
+    ball = '<joint name="ball" type="ball" range="0 0" limited="true"/>'
+    outside = f'<body pos="0 0 1">{ball}<geom size=".1"/></body></worldbody>'
+    assert not found(IN_LINE.replace("</worldbody>", outside), "MS105")
+    inside = IN_LINE.replace('<joint name="coupler" axis="0 0 1"/>', ball)
+    assert [violation.object for violation in found(inside, "MS105")] == ["ball"]
+
+
+def test_the_gap_of_coupled_slides_is_in_metres():
+    (soft,) = found(SLIDES.format(gravity="0 -9.81 0"), "MS110")
+    assert " m " in soft.message and " rad " not in soft.message
+
+
+WELDED = """<mujoco><option gravity="0 0 0"/><worldbody>
+<body name="a"><freejoint/><geom size=".1"/></body><body name="b" pos="1 0 0"><geom size=".1"/></body>
+<body name="c" pos="2 0 0"><geom size=".1"/></body></worldbody>
+<equality>{}</equality></mujoco>"""
+
+
+def test_rows_that_constrain_nothing_are_not_redundant():
+    assert not found(WELDED.format('<weld body1="a" body2="b" torquescale="0"/>'), "MS107")
+    still = '<weld body1="b" body2="c"/>'
+    assert not found(WELDED.format(still + still), "MS107")
+    twice = '<weld body1="a" body2="b"/>'
+    assert found(WELDED.format(twice + twice), "MS107")
+
+
+@pytest.mark.parametrize("tilt", ["", ' euler="30 40 0"'])
+def test_a_flat_loop_is_harmless_however_it_lies(tilt):
+    text = IN_LINE.replace("<worldbody>", f"<worldbody><body{tilt}>").replace("</worldbody>", "</body></worldbody>")
+    (redundant,) = found(text.replace(' angle="radian"', ""), "MS107")
+    assert redundant.severity == "note"
+
+
+def test_an_equality_of_another_kind_is_noted():
+    tendons = (
+        '<tendon><spatial name="t"><site site="a"/><site site="b"/></spatial></tendon>'
+        '<equality><tendon name="taut" tendon1="t"/></equality></mujoco>'
+    )
+    (unchecked,) = found(IN_LINE.replace("</mujoco>", tendons), "MS112")
+    assert (unchecked.object, unchecked.severity) == ("taut", "note")
+    assert not found(IN_LINE, "MS112")
+
+
+MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 .2 0 0 0 .3 0 0 0 .4"/></asset><worldbody>
+<body name="a" pos="0 0 1"><freejoint/><geom type="mesh" mesh="m" euler="10 20 30"/></body>
+<body name="b" pos="{} 0 1"><freejoint/><geom type="mesh" mesh="m" mass="2"/></body>
+</worldbody><equality><connect body1="a" body2="b" anchor=".1 0 0"/></equality></mujoco>"""
+
+
+def test_meshes_become_boxes_and_bodies_keep_their_inertias():
+    spec = mujoco.MjSpec.from_string(MESHED.format(0.5))
+    read, model = read_model(spec, lint=True), spec.compile()
+    light = read.spec.copy().compile()
+    assert light.nmesh == 0
+    for field in ("body_mass", "body_inertia", "body_ipos", "dof_M0"):
+        np.testing.assert_allclose(getattr(light, field), getattr(model, field), rtol=1e-12, atol=1e-15)
+
+
+def test_meshes_still_collide():
+    assert not found(MESHED.format(0.5), "MS106")
+    assert found(MESHED.format(0.05), "MS106")
