@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 STEP = 0.1
 # largest component of a Newton step, in [rad] or [m]
 MAX_STEP = 0.5
-# Newton's steps of each step of the path, and at its end
-PATH_ITERATIONS, LAST_ITERATIONS = 2, 8
-# closure error in characteristic lengths or [rad]: of a lost configuration on the path, and at its end
-LOST, CLOSED = 1e-2, 1e-12
+# Newton's steps at the end of the path
+LAST_ITERATIONS = 8
+# closure error in characteristic lengths or [rad]: of a lost configuration on the path before its correction,
+# ten times what a curvature of 2 leaves, and at its end
+LOST, CLOSED = 0.1, 1e-12
+# configurations that show which joints a loop feels
+PROBES = 3
 # by which a joint may be outside its limits, in [rad] or [m]: rounding
 LIMIT_TOLERANCE = 1e-9
 # draws for each configuration that is requested, before the search ends with an error
@@ -81,24 +84,56 @@ class StraightPath:
         return step
 
     def follow(self, targets: Array) -> tuple[Array, Array]:
-        """Return configurations with drivers at targets, (n, k), and their closure errors; inf where lost."""
-        start = self.reference[self.addresses]
-        units = self.loops.units[self.drivers]
-        count = max(1, int(np.ceil(np.abs((targets - start) / units).max(initial=0.0) / STEP)))
-        qpos = np.repeat(self.reference[None], len(targets), 0)
-        lost, error = np.zeros(len(targets), dtype=np.bool_), np.zeros(len(targets))
-        matrix = self.loops.linearise(self.reference[None])[1][0][:, self.passive]
-        rows = np.linalg.svd(matrix, full_matrices=False)[0]
-        # the sign of the determinant changes between assemblies
-        sign = np.linalg.slogdet(rows.T @ matrix)[0]
-        for i in range(1, count + 1):
-            qpos[:, self.addresses] = start + (targets - start) * i / count
-            result = self.newton(qpos, PATH_ITERATIONS if i < count else LAST_ITERATIONS)
-            qpos, error = result.q, result.residual
-            signs = np.linalg.slogdet(rows.T @ result.linearised.matrix[:, :, self.passive])[0]
-            lost |= ~(error < LOST) | (signs != sign)
-            qpos[lost] = self.reference
-        return qpos, np.where(lost, np.inf, error)
+        """Return configurations with drivers at targets, (n, k), and their closure errors; inf where lost.
+
+        Each step extrapolates the one before and is corrected once; the last is iterated.
+        """
+        displacements = targets - self.reference[self.addresses]
+        scaled = np.abs(displacements / self.loops.units[self.drivers])
+        count = max(1, int(np.ceil(scaled.max(initial=0.0) / STEP)))
+        qpos, lost = np.repeat(self.reference[None], len(targets), 0), np.zeros(len(targets), dtype=np.bool_)
+        before = self.loops.linearise(self.reference[None])[1]
+        moved = np.zeros((len(targets), self.loops.model.nv))
+        moved[:, self.drivers] = displacements / count
+        rates = (before[:, :, self.drivers] @ moved[:, self.drivers, None])[..., 0]
+        before = np.repeat(before[:, :, self.passive], len(targets), 0)
+        moved[:, self.passive] = -least_squares(before, rates)
+        for _ in range(count):
+            qpos = self.loops.displaced(qpos, moved)
+            residual, jacobian = self.loops.linearise(qpos)
+            matrix = jacobian[:, :, self.passive]
+            lost |= ~(self.loops.closure_error(residual) < LOST) | self._turned_over(before, matrix)
+            step = np.zeros_like(moved)
+            step[:, self.passive] = _bounded(-least_squares(matrix, residual))
+            qpos, moved, before = self.loops.displaced(qpos, step), moved + step, matrix
+            qpos[lost], moved[lost] = self.reference, 0.0
+        result = self.newton(qpos, LAST_ITERATIONS)
+        lost |= self._turned_over(before, result.linearised.matrix[:, :, self.passive])
+        return result.q, np.where(lost, np.inf, result.residual)
+
+    def _turned_over(self, before: Array, after: Array) -> NDArray[np.bool_]:
+        """Return which states, (n,), passed a singularity between two Jacobians, (n, m, k) each.
+
+        Between assemblies the determinant of a group of loops changes its sign. Of loops with redundant rows
+        it is that of the product with the Jacobian before, whose range differs little.
+        """
+        products = np.swapaxes(before, 1, 2) @ after
+        signs = [np.linalg.slogdet(products[:, group[:, None], group])[0] for group in self.groups]
+        return ~np.all([sign > 0.0 for sign in signs], axis=0)
+
+    @cached_property
+    def groups(self) -> list[NDArray[np.intp]]:
+        """Passive DOFs by groups of loops that share none, as columns of `passive`."""
+        from scipy.sparse.csgraph import connected_components
+
+        # at a special reference a loop may not feel all its joints
+        model = self.loops.model
+        steps = np.random.default_rng(0).normal(size=(PROBES, model.nv)) * STEP * self.loops.units
+        qpos = self.loops.displaced(np.repeat(self.reference[None], PROBES, 0), steps)
+        matrix = np.abs(self.loops.linearise(qpos)[1][:, :, self.passive]).max(0)
+        share = (matrix.T @ matrix) > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) ** 2
+        count, labels = connected_components(share, directed=False)
+        return [np.flatnonzero(labels == number) for number in range(count)]
 
     def outside(self, qpos: Array) -> NDArray[np.bool_]:
         """Return whether each joint is outside its limits, (n, njnt)."""
@@ -181,6 +216,12 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
 def compiled_model(model: "MujocoInput") -> mujoco.MjModel:
     """Return a model as MuJoCo compiles it; missing meshes are left out."""
     return model if isinstance(model, mujoco.MjModel) else parse_file(model)[1]
+
+
+def _bounded(step: Array) -> Array:
+    """Return Newton's steps, (n, k), shortened to MAX_STEP."""
+    largest = np.abs(step).max(1, keepdims=True, initial=0.0)
+    return step * np.minimum(1.0, MAX_STEP / np.maximum(largest, MAX_STEP))
 
 
 def least_squares(matrix: Array, right: Array) -> Array:

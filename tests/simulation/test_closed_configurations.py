@@ -90,3 +90,34 @@ def test_a_model_without_loops_is_rejected() -> None:
     pendulum = "<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>"
     with pytest.raises(ms.InputError, match="the model has no loops"):
         ms.sample(mujoco.MjModel.from_xml_string(pendulum), 3)
+
+
+PARALLELOGRAM = """<body pos="0 0 {z}"><joint name="crank{n}" axis="0 0 1"/><geom size=".01" pos="0 .1 0"/>
+ <body pos="0 .1 0"><joint axis="0 0 1"/><geom size=".01"/><site name="a{n}" pos=".2 0 0"/></body></body>
+<body pos=".2 0 {z}"><joint name="rocker{n}" axis="0 0 1"/><geom size=".01"/><site name="b{n}" pos="0 .1 0"/>
+</body>"""
+
+
+def parallelograms(count: int) -> mujoco.MjModel:
+    bodies = "".join(PARALLELOGRAM.format(n=n, z=n) for n in range(count))
+    loops = "".join(f'<connect site1="a{n}" site2="b{n}"/>' for n in range(count))
+    loops += "".join(f'<joint joint1="crank{n}" joint2="crank0"/>' for n in range(1, count))
+    return mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody>{bodies}</worldbody><equality>{loops}</equality><actuator><motor joint="crank0"/>'
+        "</actuator></mujoco>"
+    )
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_loops_that_change_their_assembly_together_are_noticed(count: int) -> None:
+    states = ms.sample(parallelograms(count), 100)
+    cranks, rockers = states.qpos[:, 0], states.qpos[:, 2]
+    # at a right angle all links lie in line
+    assert np.abs(cranks).max() < np.pi / 2
+    assert rockers == pytest.approx(cranks, abs=1e-9)
+
+
+def test_an_overconstrained_linkage_keeps_its_assembly_over_the_whole_turn() -> None:
+    states = ms.sample("bennett", 100)
+    assert states.accepted == 1.0
+    assert np.ptp(states.qpos[:, 0]) > 5.0

@@ -119,11 +119,8 @@ def main() -> bool:
         faults += row["rejected"] is not None and row["loads"]
         seconds.append(row["seconds"])
         codes = "  ".join(f"{code:4d}" for code in row["codes"])
-        print(
-            f"{count:2d} {number['error']:6d} {number['warning']:8d} {number['note']:5d} {row['seconds']:7.2f} "
-            f" {codes}  {name}",
-            flush=True,
-        )
+        columns = f"{number['error']:6d} {number['warning']:8d} {number['note']:5d} {row['seconds']:7.2f}"
+        print(f"{count:2d} {columns}  {codes}  {name}", flush=True)
         if row["rejected"]:
             print(f"     rejected: {row['rejected']}")
         for rule, severity, of, message in row["found"] if options.findings else []:

@@ -289,7 +289,8 @@ def swing(scene: Inspected) -> Swing | None:
         description = f"a swing of {swings} in {DURATION:g} s"
         states = {name: wave(scene.read.mechanism.counted[name], by) for name, by in displacements.items()}
         try:
-            return _moved(scene, make_motion_laws(scene.read.mechanism, states, DURATION), description)
+            laws = make_motion_laws(scene.read.mechanism, states, DURATION)
+            return _moved(scene, laws, description, returns=True)
         except MobilityError:  # no smaller swing is determined either
             return None
         except (MechsimError, np.linalg.LinAlgError, FloatingPointError):
@@ -323,13 +324,16 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
 
 
 @quiet()
-def _moved(scene: Inspected, laws: MotionLaws, description: str) -> Swing:
+def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: bool = False) -> Swing:
+    """Return the motion under laws; with `returns` its second half is the first one backwards."""
     closed = from_source(scene.read, drivers=laws.drivers)
     require_determined(closed, residual_mobility(closed))
     closed = at_initial_state(closed, laws)
     time = np.linspace(0.0, laws.duration, SAMPLES)
     angle, speed, _ = parameter_profile(laws).state(time)
-    states = follow(closed.loops, closed.qpos, angle)
+    states = follow(closed.loops, closed.qpos, angle[: SAMPLES // 2 + 1] if returns else angle)
+    if returns:
+        states = np.concatenate([states, states[-2::-1]])
     rates = loop_jacobian.tangent(closed.loops, closed.loops.linearise(states)[1]) * speed[:, None]
     qpos, qvel = _without_parameter(scene.model, closed.model, states, rates)
     return Swing(time, qpos, qvel, np.gradient(qvel, time, axis=0, edge_order=2), description)

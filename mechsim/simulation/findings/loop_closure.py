@@ -136,7 +136,7 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
 
 
 def _constrains(scene: Inspected, loop_of: Array) -> NDArray[np.bool_]:
-    """Return which rows constrain anything, (m,): a weld with torquescale 0 leaves its last three rows empty."""
+    """Return which rows constrain anything, (m,): with torquescale 0 the last three of a weld do not."""
     result = np.ones(len(loop_of), dtype=np.bool_)
     for loop in scene.loops:
         if loop.kind == WELD and scene.model.eq_data[loop.number, 10] == 0.0:

@@ -7,6 +7,8 @@ implicitly withhold a fraction of the acceleration. Motions must be slow compare
 the loops.
 """
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
@@ -65,7 +67,7 @@ def gaps_at_rest(scene: Inspected) -> dict[int, float]:
     with quiet():
         mujoco.mj_forward(scene.loops_only, data)
     force = data.efc_force[data.efc_type == EQUALITY]
-    return _gaps(scene, data, force, np.zeros(len(force)))
+    return _gaps(scene, data, force, np.zeros(len(force)), {})
 
 
 def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
@@ -84,8 +86,7 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
         rows = data.efc_type == EQUALITY
         jacobian = dense_rows(data)[rows]
         force = loop_forces(scene, data, commanded, inputs)
-        for loop, by in _gaps(scene, data, force, jacobian @ (commanded - qacc)).items():
-            widest[loop] = max(by, widest.get(loop, 0.0))
+        widest |= _gaps(scene, data, force, jacobian @ (commanded - qacc), widest)
     return widest
 
 
@@ -142,7 +143,9 @@ def _friction(data: mujoco.MjData, jacobian: Array, qacc: Array) -> Array:
     return np.where(dry, np.clip(stopping, -data.efc_frictionloss, data.efc_frictionloss), 0.0)
 
 
-def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array) -> dict[int, float]:
+def _gaps(
+    scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array, least: Mapping[int, float]
+) -> dict[int, float]:
     """Return where loops come to rest, their impedance following the gap, loop's number -> [m] or [rad].
 
     Args:
@@ -150,6 +153,7 @@ def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array) -
         data: a state of it.
         force: in the rows of the loops, (m,).
         deficit: accelerations that the integrator holds back in them, (m,).
+        least: loop's number -> gap that is returned if the loop's own is smaller.
     """
     model, rows = scene.loops_only, data.efc_type == EQUALITY
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
@@ -160,7 +164,9 @@ def _gaps(scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array) -
         # of a weld the place
         own = np.flatnonzero(data.efc_id[rows] == loop)[:3]
         solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
-        gaps[int(loop)] = _equilibrium_gap(free_gap[own], deficit[own] / stiffness[own], solimp)
+        known = least.get(int(loop), 0.0)
+        gap = _equilibrium_gap(free_gap[own], deficit[own] / stiffness[own], solimp, known)
+        gaps[int(loop)] = max(gap, known)
     return gaps
 
 
@@ -169,14 +175,17 @@ def overridden(model: mujoco.MjModel) -> bool:
     return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
 
 
-def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array) -> float:
-    """Return the gap that is consistent with its own impedance, by bisection."""
+def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array, least: float) -> float:
+    """Return the gap that is consistent with its own impedance; a bound if that is below `least`."""
 
     def gap_at(gap: float) -> float:
         d = impedance(solimp, gap)
         return float(np.linalg.norm(free_gap * (1.0 - d) / d**2 + deficit / d))
 
+    # impedance rises with the gap, so that the first value is a bound
     low, high = 0.0, gap_at(0.0)
+    if high <= least or solimp[0] == solimp[1]:
+        return high
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if gap_at(middle) > middle else (low, middle)

@@ -18,6 +18,7 @@ from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
 from mechsim.simulation.mjcf_text.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.settings import dense_rows
+from mechsim.simulation.state import limited_joints
 
 Severity = Literal["error", "warning", "note"]
 Target = Literal["urdf"]
@@ -283,7 +284,8 @@ def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
 def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     """Yield passive joints whose limits reject closed configurations within the drivers' limits."""
     model = path.loops.model
-    if not _actuated(path):
+    limited = np.intersect1d(model.dof_jntid[path.passive], limited_joints(model))
+    if not len(limited) or not _actuated(path):
         return
     low, high = driver_ranges(path)
     qpos, error = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
@@ -291,9 +293,8 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     if not closed.any():
         return
     rejected = path.outside(qpos[closed]).mean(0)
-    driven = {int(model.dof_jntid[dof]) for dof in path.drivers}
-    for joint in np.flatnonzero(rejected > REJECTED).tolist():
-        if joint not in driven:
+    for joint in limited.tolist():
+        if rejected[joint] > REJECTED:
             name = model.joint(joint).name
             yield Finding(
                 kind="passive-limit",
@@ -344,7 +345,7 @@ def _unchecked(scene: Inspected) -> Iterator[Finding]:
                 kind="unchecked",
                 what=name,
                 by=1.0,
-                message=f"{name} is no connect, weld, joint or fixed-tendon equality: the rules do not cover it",
+                message=f"{name} is no connect, weld, joint or fixed-tendon equality and was not checked",
                 remedy="harmless",
                 **scene.location(scene.read.spec.equalities[i]),
             )

@@ -1,4 +1,4 @@
-"""What public models do on purpose is no finding: each idiom in a small model, and beside it the real fault."""
+"""What public models do on purpose is no finding: each idiom in a small model, and next to it the fault."""
 
 import mujoco
 import numpy as np
@@ -37,9 +37,9 @@ def test_a_motor_is_no_passive_one_because_the_model_starts_at_a_dead_centre():
 def test_a_motor_on_a_joint_that_an_equality_locks_is_a_passive_one():
     locked = SLIDES.format(gravity="0 0 0").replace(' joint2="left"', "").replace("0 -1", "0 0")
     motors = '</equality><actuator><motor joint="right"/><motor joint="left"/></actuator>'
-    assert [
-        violation.object for violation in found(locked.replace("</equality>", motors), "MS201")
-    ] == ["actuator1"]
+    assert [violation.object for violation in found(locked.replace("</equality>", motors), "MS201")] == [
+        "actuator1"
+    ]
 
 
 def test_the_first_keyframe_is_the_start():
@@ -63,7 +63,8 @@ def test_a_ball_locked_by_its_range_is_a_fault_in_a_loop_only():
 
 def test_the_gap_of_coupled_slides_is_in_metres():
     (soft,) = found(SLIDES.format(gravity="0 -9.81 0"), "MS110")
-    assert " m " in soft.message and " rad " not in soft.message
+    assert " m " in soft.message
+    assert " rad " not in soft.message
 
 
 WELDED = """<mujoco><option gravity="0 0 0"/><worldbody>
@@ -82,7 +83,9 @@ def test_rows_that_constrain_nothing_are_not_redundant():
 
 @pytest.mark.parametrize("tilt", ["", ' euler="30 40 0"'])
 def test_a_flat_loop_is_harmless_however_it_lies(tilt):
-    text = IN_LINE.replace("<worldbody>", f"<worldbody><body{tilt}>").replace("</worldbody>", "</body></worldbody>")
+    text = IN_LINE.replace("<worldbody>", f"<worldbody><body{tilt}>").replace(
+        "</worldbody>", "</body></worldbody>"
+    )
     (redundant,) = found(text.replace(' angle="radian"', ""), "MS107")
     assert redundant.severity == "note"
 
