@@ -103,8 +103,8 @@ def parallelograms(count: int) -> mujoco.MjModel:
     loops = "".join(f'<connect site1="a{n}" site2="b{n}"/>' for n in range(count))
     loops += "".join(f'<joint joint1="crank{n}" joint2="crank0"/>' for n in range(1, count))
     return mujoco.MjModel.from_xml_string(
-        f'<mujoco><worldbody>{bodies}</worldbody><equality>{loops}</equality><actuator><motor joint="crank0"/>'
-        "</actuator></mujoco>"
+        f"<mujoco><worldbody>{bodies}</worldbody><equality>{loops}</equality>"
+        '<actuator><motor joint="crank0"/></actuator></mujoco>'
     )
 
 

@@ -164,9 +164,9 @@ def _gaps(
         # of a weld the place
         own = np.flatnonzero(data.efc_id[rows] == loop)[:3]
         solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
-        known = least.get(int(loop), 0.0)
-        gap = _equilibrium_gap(free_gap[own], deficit[own] / stiffness[own], solimp, known)
-        gaps[int(loop)] = max(gap, known)
+        floor = least.get(int(loop), 0.0)
+        gap = _equilibrium_gap(free_gap[own], deficit[own] / stiffness[own], solimp, floor)
+        gaps[int(loop)] = max(gap, floor)
     return gaps
 
 

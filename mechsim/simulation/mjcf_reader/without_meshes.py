@@ -26,7 +26,8 @@ def remove_meshes(spec: mujoco.MjSpec) -> list[int]:
     elements = list(spec.geoms)
     for number in geoms:
         geom = elements[number]
-        geom.type, geom.size, geom.meshname = mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, MIN_HALF_LENGTH), ""
+        geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_SPHERE, ""
+        geom.size = np.full(3, MIN_HALF_LENGTH)
         body = geom.parent
         if body.id and not body.explicitinertial:
             body.mass, body.inertia = PLACEHOLDER_MASS, np.full(3, PLACEHOLDER_INERTIA)
@@ -56,6 +57,7 @@ def copy_shapes(spec: mujoco.MjSpec, model: mujoco.MjModel, geoms: list[int]) ->
         geom, (centre, half) = elements[number], np.split(model.geom_aabb[number], 2)
         rotated = np.zeros(3)
         mujoco.mju_rotVecQuat(rotated, centre, model.geom_quat[number])
-        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, np.maximum(half, MIN_HALF_LENGTH)
+        geom.type = mujoco.mjtGeom.mjGEOM_BOX
+        geom.size = np.maximum(half, MIN_HALF_LENGTH)
         geom.pos, geom.quat = model.geom_pos[number] + rotated, model.geom_quat[number]
         geom.contype = geom.conaffinity = 0
