@@ -203,7 +203,13 @@ PERMITTED = {
     "at": (("cli/motion_warnings.py", "cli/schema.py"), "`at` is a public field of the JSON of `validate`"),
     "why": (("cli/validate.py",), "`Agreement.why` is a public name of the contract"),
     "size": (
-        ("render/look.py", "report/notebook.py", "render/scenery.py", "mjcf_reader/repairs.py"),
+        (
+            "render/look.py",
+            "report/notebook.py",
+            "render/scenery.py",
+            "mjcf_reader/repairs.py",
+            "mjcf_reader/without_meshes.py",
+        ),
         "of a picture in pixels, or MuJoCo's field of a geom or site",
     ),
     "mark": (("render/scenery.py",), "MuJoCo's field of a texture"),
