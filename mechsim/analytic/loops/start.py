@@ -16,7 +16,7 @@ from mechsim.model.link_poses import rough_poses, starts
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import least_norm, significant
 
 # damped Gauss-Newton steps from a random start, and least-norm Newton steps after them
@@ -96,7 +96,7 @@ def _damped(jacobian: Array, residual: Array) -> Array:
     square = transposed @ jacobian
     damping = 0.1 * (residual**2).mean(1) + 1e-13
     square += damping[:, None, None] * np.eye(square.shape[1])
-    return np.linalg.solve(square, transposed @ residual[..., None])[..., 0]
+    return square_solution(square, (transposed @ residual[..., None])[..., 0])
 
 
 def _rotations(quaternions: Array) -> Array:
