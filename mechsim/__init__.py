@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mechsim.simulation import Run, Settings
     from mechsim.studies.agreement.agreement import Agreement, validate
     from mechsim.studies.calibration import fit
+    from mechsim.studies.certify import Certificate, certify
     from mechsim.studies.check import check
     from mechsim.studies.closed_configurations import closed_qpos, sample
     from mechsim.studies.export import export
@@ -65,6 +66,7 @@ _MODULES = {
 _HOMES = _MODULES | {
     "Agreement": "studies.agreement.agreement",
     "AssemblyError": "errors",
+    "Certificate": "studies.certify",
     "Check": "verdict.checks",
     "End": "model.joints",
     "Forces": "model.forces",
@@ -88,6 +90,7 @@ _HOMES = _MODULES | {
     "Spring": "model.forces",
     "Tolerance": "verdict.tolerances",
     "Verdict": "verdict.checks",
+    "certify": "studies.certify",
     "check": "studies.check",
     "compile": "codegen.compiled",
     "closed_qpos": "studies.closed_configurations",
@@ -115,6 +118,7 @@ _HOMES = _MODULES | {
 __all__ = [
     "Agreement",
     "AssemblyError",
+    "Certificate",
     "Check",
     "Coupling",
     "End",
@@ -140,6 +144,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "catalog",
+    "certify",
     "check",
     "closed_qpos",
     "closure",

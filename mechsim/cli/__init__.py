@@ -32,6 +32,7 @@ GROUPS = {
     },
     "Verification": {
         "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo: the main job."),
+        "certify": ("certify.certify", "Prove one assembly and no singularity over a range."),
         "tradeoff": ("tradeoff.tradeoff", "Measure speed and accuracy of MuJoCo's settings."),
         "extremes": ("extremes.extremes", "Find where a mechanism or its simulation breaks."),
         "doctor": ("doctor.doctor", "Report what is installed and what is missing."),

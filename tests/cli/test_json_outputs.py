@@ -44,6 +44,8 @@ export four_bar -o {folder}/model.xml
 export slider_crank --style menagerie -o {folder}/servo.xml
 export four_bar --format urdf --independent crank=20deg:80deg -o {folder}/twin.urdf
 plot four_bar --kind curve -o {folder}/curve.svg
+certify slider_crank --angles 10:90deg --within crank=0.02mm
+certify elliptic_trammel --angles 80:100deg
 check examples/own_model.xml --explain --target urdf
 sample examples/own_model.xml -n 4 -o {folder}/states.npz
 map four_bar --from crank=20deg:80deg --to rocker,B.x --degree 4 -o {folder}/map.npz

@@ -1,0 +1,85 @@
+"""Command `mechsim certify`: interval proof of one regular assembly over a range."""
+
+from dataclasses import asdict
+from typing import Annotated, TypedDict
+
+import typer
+
+from mechsim.cli.command import Result, command
+from mechsim.cli.options import DriveOptions, Model, Sets, changed_parameters
+from mechsim.cli.output import number, pass_or_fail, print_text
+from mechsim.studies.certify import Certificate
+from mechsim.studies.certify import certify as certificate_of
+from mechsim.studies.sensitivity.tolerances import written_tolerances
+
+
+class CertifyJson(TypedDict):
+    """What is proven of a motion; of singular points at, width and kind."""
+
+    name: str
+    certified: bool
+    reason: str
+    range: list[float]
+    segments: int
+    proven: float
+    singular: list[dict[str, float | str]]
+    min_singular_value: float | None
+    tube: float | None
+    equations: int
+
+
+@command
+def certify(
+    model: Model,
+    *,
+    angles: Annotated[
+        str | None,
+        typer.Option(metavar="START:STOP", help="Range of the crank. Default: all that it reaches."),
+    ] = None,
+    within: Annotated[
+        str | None,
+        typer.Option(
+            metavar="P=BOUND,...",
+            help="Prove it for all mechanisms within tolerances of dimensions: crank=±0.02mm,...",
+        ),
+    ] = None,
+    driven: DriveOptions,
+    sets: Sets = None,
+) -> Result[CertifyJson]:
+    """Prove by interval arithmetic that one assembly exists over a range, and no singularity.
+
+    Where that fails, singular points are located. Exit code 1 if anything is not certified.
+
+    Examples:
+    mechsim certify four_bar
+    mechsim certify rssr --angles 10:350deg --within crank=±0.02mm,coupler=0.02mm
+    """
+    bounds = written_tolerances(within) if within else None
+    arguments = driven.as_arguments()
+    proof = certificate_of(model, angles, within=bounds, set=changed_parameters(sets), **arguments)
+    data: CertifyJson = {  # type: ignore[typeddict-item]
+        **asdict(proof),
+        "range": list(proof.range),
+        "singular": [
+            {"at": point.parameter, "width": point.width, "kind": point.kind} for point in proof.singular
+        ],
+    }
+    return Result(data, lambda: _print(proof), proof.certified)
+
+
+def _print(proof: Certificate) -> None:
+    """Print the verdict, the reason and the singular points."""
+    low, high = (number(end, 9) for end in proof.range)
+    print_text(f"{proof.name}: {pass_or_fail(proof.certified)}, {low} to {high}")
+    if proof.certified:
+        print_text(
+            f"One configuration in the tube at each driver position: {proof.segments} segments joined, "
+            f"half-width {number(proof.tube, 3)} at most, smallest singular value at least "
+            f"{number(proof.min_singular_value, 3)} (rad, parts of the longest link)"
+        )
+        return
+    print_text(f"Not certified: {proof.reason}")
+    for point in proof.singular:
+        print_text(f"{point.kind} at {number(point.parameter, 12)} ± {number(point.width, 2)}")
+    if proof.segments:
+        print_text(f"Proven on {proof.segments} segments, {proof.proven:.6%} of the range")

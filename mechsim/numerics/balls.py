@@ -1,0 +1,170 @@
+"""Interval arithmetic on arrays: balls of a midpoint and a radius, rounded outward.
+
+A ball stands for all numbers within the radius of the midpoint. Each operation returns a ball that contains
+the exact results for all numbers of its operands. The midpoint is computed in ordinary floating point; the
+radius bounds the spread of the operands and the rounding error (Rump, Fast and parallel interval arithmetic,
+BIT 39, 1999). Sine and cosine come from Taylor polynomials with a bounded remainder, because numpy states no
+error bound for its own.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mechsim.numerics.arrays import Array
+
+# unit roundoff of IEEE double precision: relative error of one rounding to nearest
+ROUNDOFF = 2.0**-53
+# factor that exceeds the rounding errors in the sums and products of nonnegative numbers that form a radius
+OUTWARD = 1.0 + 2.0**-45
+# exceeds the errors of operations that underflow, at most 2**-1074 each
+UNDERFLOW = 1e-300
+# pi/2 as a sum: the first two have 33 bits, so that products with integers below 2**20 are exact; and a bound
+# of what is left
+HALF_PI = (float.fromhex("0x1.921fb544p+0"), float.fromhex("0x1.0b4611a6p-34"))
+HALF_PI_REST, HALF_PI_ERROR = float.fromhex("0x1.3198a2e037073p-69"), 1e-36
+# largest angle in [rad] whose sine and cosine are computed
+MAX_ANGLE = 1e6
+# terms of the Taylor polynomials of sine and cosine on |x| < 0.79, and a bound of their remainders
+TERMS, REMAINDER = 10, 1e-20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ball:
+    """An array of balls.
+
+    Attributes:
+        mid: midpoints, any shape.
+        rad: radii, of the same shape or broadcast to it; nonnegative. NaN and infinity stand for no bound.
+    """
+
+    mid: Array
+    rad: Array
+
+    # numpy leaves operators with a ball on the right to the ball
+    __array_ufunc__ = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the array."""
+        return self.mid.shape
+
+    @property
+    def T(self) -> "Ball":  # noqa: N802 (the name numpy uses)
+        """The balls with the last two axes exchanged."""
+        return Ball(self.mid.swapaxes(-1, -2), self.rad.swapaxes(-1, -2))
+
+    @property
+    def magnitude(self) -> Array:
+        """Upper bounds of the absolute values."""
+        return (np.abs(self.mid) + self.rad) * OUTWARD
+
+    @staticmethod
+    def joined(balls: "list[Ball]", axis: int) -> "Ball":
+        """Return matrices of balls joined along axis -1 or -2; their leading axes broadcast."""
+        leading = np.broadcast_shapes(*(item.shape[:-2] for item in balls))
+        mids, rads = (
+            [np.broadcast_to(values, (*leading, *item.shape[-2:])) for item, values in columns]
+            for columns in ([(p, p.mid) for p in balls], [(p, p.rad) for p in balls])
+        )
+        return Ball(np.concatenate(mids, axis), np.concatenate(rads, axis))
+
+    def __getitem__(self, index: Any) -> "Ball":
+        return Ball(self.mid[index], self.rad[index])
+
+    def __neg__(self) -> "Ball":
+        return Ball(-self.mid, self.rad)
+
+    def __add__(self, other: "Ball | ArrayLike") -> "Ball":
+        other = ball(other)
+        mid = self.mid + other.mid
+        return Ball(mid, (self.rad + other.rad + ROUNDOFF * np.abs(mid)) * OUTWARD)
+
+    def __sub__(self, other: "Ball | ArrayLike") -> "Ball":
+        return self + -ball(other)
+
+    def __mul__(self, other: "Ball | ArrayLike") -> "Ball":
+        other = ball(other)
+        mid = self.mid * other.mid
+        spread = np.abs(self.mid) * other.rad + self.rad * (np.abs(other.mid) + other.rad)
+        return Ball(mid, (spread + ROUNDOFF * np.abs(mid)) * OUTWARD + UNDERFLOW)
+
+    def __matmul__(self, other: "Ball | ArrayLike") -> "Ball":
+        other = ball(other)
+        # a sum of k products is off by at most k roundoffs of the sum of their absolute values
+        relative = (self.mid.shape[-1] + 2) * ROUNDOFF
+        magnitude = np.abs(other.mid)
+        spread = np.abs(self.mid) @ (other.rad + relative * magnitude) + self.rad @ (magnitude + other.rad)
+        return Ball(self.mid @ other.mid, spread * OUTWARD + UNDERFLOW)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __rsub__(self, other: ArrayLike) -> "Ball":
+        return ball(other) - self
+
+    def __rmatmul__(self, other: ArrayLike) -> "Ball":
+        return ball(other) @ self
+
+    def reciprocal(self) -> "Ball":
+        """Return the balls of 1/x; no bound for a ball that contains zero."""
+        magnitude = np.abs(self.mid)
+        nearest = (magnitude - self.rad) / OUTWARD
+        apart = nearest > 0.0
+        safe = np.where(apart, nearest, 1.0)
+        mid = 1.0 / np.where(apart, self.mid, 1.0)
+        spread = self.rad / (safe * np.where(apart, magnitude, 1.0)) + ROUNDOFF * np.abs(mid)
+        return Ball(mid, np.where(apart, spread * OUTWARD + UNDERFLOW, np.inf))
+
+    def sqrt(self) -> "Ball":
+        """Return the balls of the square root; no bound for a ball that contains zero or less."""
+        nearest = (self.mid - self.rad) / OUTWARD
+        apart = nearest > 0.0
+        safe = np.where(apart, nearest, 1.0)
+        mid = np.sqrt(np.where(apart, self.mid, 1.0))
+        spread = self.rad / np.sqrt(safe) + 2.0 * ROUNDOFF * mid
+        return Ball(mid, np.where(apart, spread * OUTWARD + UNDERFLOW, np.inf))
+
+    def sin_cos(self) -> tuple["Ball", "Ball"]:
+        """Return the balls of sine and cosine; beyond `MAX_ANGLE` those of every angle."""
+        bounded = np.abs(self.mid) < MAX_ANGLE
+        mid = np.where(bounded, self.mid, 0.0)
+        quadrant = np.rint(mid / (HALF_PI[0] + HALF_PI[1]))
+        reduced = ball(mid) - quadrant * HALF_PI[0] - quadrant * HALF_PI[1]
+        reduced = reduced - Ball(np.array(HALF_PI_REST), np.array(HALF_PI_ERROR)) * quadrant
+        square = reduced * reduced
+        sine, cosine = reduced * _taylor(square, 1), _taylor(square, 0)
+        turns = quadrant.astype(np.int64) % 4
+        odd = turns % 2 == 1
+        sine, cosine = where(odd, cosine, sine), where(odd, sine, cosine)
+        sine, cosine = where(turns >= 2, -sine, sine), where((turns == 1) | (turns == 2), -cosine, cosine)
+        rad = np.where(bounded, self.rad, np.inf)
+        return _spread(sine, cosine, rad), _spread(cosine, sine, rad)
+
+
+def ball(values: "Ball | ArrayLike") -> Ball:
+    """Return balls; numbers become balls of radius zero."""
+    if isinstance(values, Ball):
+        return values
+    mid = np.asarray(values, dtype=np.float64)
+    return Ball(mid, np.zeros_like(mid))
+
+
+def where(condition: Any, first: Ball, second: Ball) -> Ball:
+    """Return the first balls where a condition holds, else the second."""
+    return Ball(np.where(condition, first.mid, second.mid), np.where(condition, first.rad, second.rad))
+
+
+def _taylor(square: Ball, first: int) -> Ball:
+    """Return sum (-1)^k x^(2k) / (2k + first)! with its remainder: cosine, or sine without a factor x."""
+    total = ball(np.ones(square.shape))
+    for k in reversed(range(TERMS - 1)):
+        total = 1.0 - square * ball((2.0 * k + 1.0 + first) * (2.0 * k + 2.0 + first)).reciprocal() * total
+    return Ball(total.mid, (total.rad + REMAINDER) * OUTWARD)
+
+
+def _spread(value: Ball, derivative: Ball, rad: Array) -> Ball:
+    """Return a sine or cosine of balls of this radius from those of the midpoints; neither exceeds 1."""
+    spread = np.minimum(rad * (derivative.magnitude + rad), 2.0)
+    return Ball(value.mid, (value.rad + spread) * OUTWARD)

@@ -1,0 +1,136 @@
+"""The motion that a certificate is about, as coordinates of the loop equations at any path parameter."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
+from mechsim.analytic.loops.kinematics import link_poses
+from mechsim.analytic.loops.motion import driven_path
+from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.start import locked_values, with_locked
+from mechsim.analytic.solvers import KinematicSolver
+from mechsim.errors import AssemblyError
+from mechsim.model.links import Pose
+from mechsim.model.mechanism import starting_at
+from mechsim.model.motion_laws import MotionLaws
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
+from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equations
+
+
+@dataclass(frozen=True)
+class Configurations:
+    """Approximate configurations at n path parameters.
+
+    Attributes:
+        values: coordinates in [m] and [rad], ball joints zero, (n, count).
+        quaternions: of each ball joint, frame of side b in that of side a, real part first, (n, balls, 4).
+    """
+
+    values: Array
+    quaternions: Array
+
+
+@dataclass(frozen=True)
+class ComputedMotion:
+    """A motion traced by continuation, in the coordinates of the equations to be certified.
+
+    Attributes:
+        path: as traced.
+        motion_laws: of the drivers.
+        equations: to be certified.
+        low, high: path parameters between which it was traced.
+        end_message: why it was not traced over all of the requested range; empty if it was.
+    """
+
+    path: ContinuationPath
+    motion_laws: MotionLaws
+    equations: ClosureEquations
+    low: float
+    high: float
+    end_message: str
+
+    def driven(self, s: Array) -> tuple[Array, Array, Array]:
+        """Return prescribed coordinates and two derivatives by the path parameter, (n, driven) each."""
+        locked = locked_values(self.path.loops.tree.mechanism)
+        value, first, second = self.motion_laws.along_path(s)
+        rows = (
+            with_locked(value, locked),
+            with_locked(first, 0.0 * locked),
+            with_locked(second, 0.0 * locked),
+        )
+        return rows[0].T, rows[1].T, rows[2].T
+
+    def configurations(self, s: Array) -> Configurations:
+        """Return the computed configurations at path parameters in ascending order, (n,)."""
+        tree, reduced = self.path.loops.tree, self.equations.tree
+        q = self.path.interpolated(s)
+        values, turns = q.values.copy(), q.turns
+        if reduced is not tree:
+            poses = link_poses(tree, q)
+            by_link = {
+                name: Pose(poses.position[i].T, np.moveaxis(poses.rotation[i], -1, 0))
+                for name, i in tree.index.items()
+                if name in reduced.index
+            }
+            read = TreeLoops(reduced, cuts_of(reduced), (), ()).read(by_link)
+            values, turns = np.unwrap(read.values, axis=1), read.turns
+            shared = [name for name in reduced.index_of if name in tree.index_of]
+            values[[reduced.index_of[name] for name in shared]] = q.values[[tree.index_of[n] for n in shared]]
+        values[reduced.ball_indices] = 0.0
+        quaternions = (
+            np.stack([_quaternions(np.moveaxis(rotation, -1, 0)) for rotation in turns], 1)
+            if len(turns)
+            else np.empty((len(s), 0, 4))
+        )
+        return Configurations(values.T, quaternions)
+
+
+def _quaternions(rotation: Array) -> Array:
+    """Return unit quaternions (n, 4) of rotations (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+
+
+def computed_motion(
+    solver: KinematicSolver, between: tuple[float, float] | None, radii: Mapping[str, Array]
+) -> ComputedMotion:
+    """Return the motion of a mechanism over a range of its path parameter, as far as it can be traced.
+
+    Args:
+        solver: of the mechanism.
+        between: path parameters; None for all of its range.
+        radii: as in `ClosureEquations`.
+    """
+    if between is not None:
+        solver = starting_at(solver, np.array(between))
+    path = driven_path(solver.mechanism, solver.motion_laws, "smooth")
+    target = between if between is not None else _whole_range(solver, path)
+    message = ""
+    ends: list[float] = []
+    for end in target:
+        direction = 1 if end > path.initial else -1
+        try:
+            path.extend(end)
+            ends.append(end)
+        except AssemblyError as error:
+            message = str(error)
+            ends.append(path.end(direction))
+    offsets = tuple(offset / REVOLUTION for offset in path.loops.turn_offsets)
+    equations = loop_equations(path.loops.tree.mechanism, offsets, radii)
+    return ComputedMotion(path, solver.motion_laws, equations, ends[0], ends[1], message)
+
+
+def _whole_range(solver: KinematicSolver, path: ContinuationPath) -> tuple[float, float]:
+    """Return the range of a motion: a period, or as far as the crank reaches from its start."""
+    start, period = path.initial, solver.period
+    if not solver.motion_laws.crank:
+        return 0.0, period
+    with suppress(AssemblyError):
+        path.extend(start + period)
+        return start, start + period
+    return start - period, start + period

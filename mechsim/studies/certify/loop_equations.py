@@ -1,0 +1,452 @@
+"""Loop equations of a mechanism on any kind of number: balls, balls with derivatives, exact numbers.
+
+The equations are those of `analytic.loops.constraints`, written once more for interval arithmetic. Vectors
+are columns (..., 3, 1), frames (..., 3, 3). A rod between two ball joints, which spins freely, is left out:
+what remains of it is the distance between its ends.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.analytic.loops.constraints import CoupledRow, Cut, coupled_rows, cuts_of
+from mechsim.analytic.loops.tree import SpanningTree, TreeJoint, spanning_tree
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.balls import Ball, ball
+from mechsim.studies.certify.exact_numbers import rational, unit_vector, unknown
+
+# a ball, a ball with derivatives, or an array of exact numbers
+Number = Any
+# matrices of which a rotation about z is the sum: constant, times cosine, times sine
+CONSTANT = np.diag([0, 0, 1])
+COSINE = np.diag([1, 1, 0])
+SINE = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])
+NEXT, BEFORE = [1, 2, 0], [2, 0, 1]
+RIGHT_ANGLE = np.pi / 2
+
+
+@dataclass(frozen=True)
+class Rod:
+    """A link between two ball joints, of which only the distance between their points counts.
+
+    Attributes:
+        ends: the points on the links that it joins, as JOINT.a or JOINT.b.
+        own: the points on the rod, likewise.
+        sides: index of those links in the tree; -1 is the ground.
+    """
+
+    ends: tuple[str, str]
+    own: tuple[str, str]
+    sides: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Links at some coordinates, and the unit twists of these.
+
+    Attributes:
+        rotation, position: of each link, the ground last; (..., 3, 3) and (..., 3, 1).
+        linear, angular: velocity at the ground's origin and angular velocity, (..., 3, count).
+    """
+
+    rotation: list[Number]
+    position: list[Number]
+    linear: Number
+    angular: Number
+
+
+@dataclass(frozen=True)
+class ClosureEquations:
+    """Loop equations of a mechanism without its rods.
+
+    Attributes:
+        tree: of the mechanism without its rods.
+        rods: what was left out.
+        rod_joints: ball joints of these.
+        turn_offsets: of each coupling, the whole turns between its sides, in revolutions.
+        radii: JOINT.a or JOINT.b -> radii of point, axis and mark, (3, 3), for mechanisms within tolerances.
+    """
+
+    tree: SpanningTree
+    rods: tuple[Rod, ...]
+    rod_joints: tuple[Joint, ...]
+    turn_offsets: tuple[float, ...]
+    radii: Mapping[str, Array]
+
+    @cached_property
+    def cuts(self) -> tuple[Cut, ...]:
+        """Joints that close loops."""
+        return cuts_of(self.tree)
+
+    @cached_property
+    def couplings(self) -> tuple[CoupledRow, ...]:
+        """Couplings between coordinates."""
+        return coupled_rows(self.tree)
+
+    @cached_property
+    def driven(self) -> list[int]:
+        """Indices of the prescribed coordinates: drivers, then locked ones."""
+        mechanism = self.tree.mechanism
+        return [self.tree.index_of[name] for name in (*mechanism.drivers, *mechanism.locked)]
+
+    @cached_property
+    def unknown(self) -> NDArray[np.intp]:
+        """Indices of the coordinates that the loops determine."""
+        return np.delete(np.arange(self.tree.count), self.driven)
+
+    @cached_property
+    def balls(self) -> "Constants":
+        """Points and frames of all joints as balls."""
+        return Constants.from_equations(self, exactly=False)
+
+    @cached_property
+    def kept(self) -> NDArray[np.intp]:
+        """Indices of the equations that do not hold identically."""
+        values = self._exact_residual
+        return np.array([i for i, value in enumerate(values) if value != 0], dtype=np.intp)
+
+    @cached_property
+    def _exact_residual(self) -> list[Any]:
+        constants = Constants.from_equations(self, exactly=True)
+        turns = [unknown(3, 3) for _ in self.tree.balls]
+        placed = placed_links(self.tree, constants, unknown(self.tree.count, 1), turns, with_twists=False)
+        rows = [cut_residual(cut, constants, placed) for cut in self.cuts]
+        values = [value for row in rows for value in row.ravel()]
+        return values + [1] * (len(self.rods) + len(self.couplings))
+
+    def evaluate(self, q: Number, turns: list[Number]) -> tuple[Number, Number]:
+        """Return residuals (..., kept, 1) and Jacobians by the coordinates in their units (..., kept, count).
+
+        Args:
+            q: coordinates in [m] and [rad], those of ball joints as Cayley vectors, (..., count, 1).
+            turns: frame of side b in that of side a of each ball joint at the vector zero, (..., 3, 3).
+        """
+        constants = self.balls
+        placed = placed_links(self.tree, constants, q, turns)
+        rows = [cut_equations(cut, constants, placed, self.tree) for cut in self.cuts]
+        rows += [self._rod_equation(rod, placed) for rod in self.rods]
+        offsets = zip(self.couplings, self.turn_offsets, strict=True)
+        rows += [coupled_equation(row, whole, q, self.tree.units) for row, whole in offsets]
+        residual, jacobian = (joined([row[i] for row in rows], -2) for i in (0, 1))
+        return residual[..., self.kept, :], jacobian[..., self.kept, :]
+
+    def _rod_equation(self, rod: Rod, placed: Placed) -> tuple[Number, Number]:
+        """Return half the difference of squared distances, divided by length and size."""
+        points = [
+            placed.position[side] + placed.rotation[side] @ self.balls.point(end)
+            for side, end in zip(rod.sides, rod.ends, strict=True)
+        ]
+        own = self.balls.point(rod.own[1]) - self.balls.point(rod.own[0])
+        squared = own.T @ own
+        length = float(np.sqrt(squared.mid[0, 0]))
+        scale = 1.0 / (length * self.tree.length)
+        gap = points[1] - points[0]
+        relative = self._relative(rod.sides)
+        jacobian = gap.T @ placed.linear + cross(points[0], gap).T @ placed.angular
+        return (gap.T @ gap - squared) * (0.5 * scale), jacobian * scale @ relative
+
+    def _relative(self, sides: tuple[int, int]) -> Array:
+        return relative_motion(self.tree, sides)
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Points and frames of all joints.
+
+    Attributes:
+        sides: joint -> points (3, 1) and frames (3, 3) of its sides a and b.
+        angles: joint -> cosine and sine of the angle between crossed axes, (1, 1) each.
+        equations: whose they are.
+    """
+
+    sides: dict[str, tuple[Number, Number, Number, Number]]
+    angles: dict[str, tuple[Number, Number]]
+    equations: ClosureEquations
+
+    @classmethod
+    def from_equations(cls, equations: ClosureEquations, exactly: bool) -> "Constants":
+        """Return the constants of a mechanism as exact numbers or as balls."""
+        number, unit = (rational, unit_vector) if exactly else (_ball_of, _unit_ball)
+        sides: dict[str, tuple[Number, Number, Number, Number]] = {}
+        angles: dict[str, tuple[Number, Number]] = {}
+        for joint in (*equations.tree.mechanism.joints, *equations.rod_joints):
+            numbers: list[Number] = []
+            for name, end in (("a", joint.a), ("b", joint.b)):
+                radii = equations.radii.get(f"{joint.name}.{name}", np.zeros((3, 3)))
+                values = (end.point, end.axis, end.mark)
+                point, axis, reference = (
+                    number(np.array(value)[:, None], radius[:, None])
+                    for value, radius in zip(values, radii, strict=True)
+                )
+                numbers += [point, joint_frame(axis, reference, unit)]
+            sides[joint.name] = (numbers[0], numbers[1], numbers[2], numbers[3])
+            if KINDS[joint.kind].crossed:
+                angle = np.array([[joint.cross_angle]])
+                right = joint.cross_angle == RIGHT_ANGLE
+                sine_cosine = (number(np.eye(1)), number(np.zeros((1, 1)))) if right else None
+                angles[joint.name] = sine_cosine or (
+                    (unknown(1, 1), unknown(1, 1)) if exactly else ball(angle).sin_cos()
+                )
+        return cls(sides, angles, equations)
+
+    def point(self, end: str) -> Ball:
+        """Return the point of JOINT.a or JOINT.b, (3, 1)."""
+        joint, _, side = end.rpartition(".")
+        return self.sides[joint][0 if side == "a" else 2]
+
+
+def _ball_of(values: Array, radius: Array | float = 0.0) -> Ball:
+    return Ball(values, np.broadcast_to(radius, values.shape))
+
+
+def _unit_ball(vector: Ball) -> Ball:
+    return vector * (vector.T @ vector).sqrt().reciprocal()
+
+
+def joint_frame(axis: Number, reference: Number, unit: Any) -> Number:
+    """Return the frame (3, 3) of a joint side: mark, axis x mark, axis."""
+    z = unit(axis)
+    x = unit(reference - z * (z.T @ reference))
+    return joined([x, cross(z, x), z], -1)
+
+
+def joined(matrices: list[Number], axis: int) -> Number:
+    """Return arrays of any kind of number joined along an axis."""
+    if isinstance(matrices[0], np.ndarray):
+        return np.concatenate(matrices, axis)
+    return type(matrices[0]).joined(matrices, axis)
+
+
+def cross(a: Number, b: Number) -> Number:
+    """Return vector products of columns, (..., 3, k)."""
+    return a[..., NEXT, :] * b[..., BEFORE, :] - a[..., BEFORE, :] * b[..., NEXT, :]
+
+
+def relative_motion(tree: SpanningTree, sides: tuple[int, int]) -> Array:
+    """Return what makes of unit twists the motion of side b relative to a, in units, (count, count)."""
+    zero = np.zeros(tree.count)
+    a, b = (zero if side < 0 else tree.moved_by[side] for side in sides)
+    return np.diag((b - a) * tree.units)
+
+
+def _sin_cos(angle: Number) -> tuple[Number, Number]:
+    return (angle, angle) if isinstance(angle, np.ndarray) else angle.sin_cos()
+
+
+def _about_z(angle: Number) -> Number:
+    sine, cosine = _sin_cos(angle)
+    return cosine * COSINE + sine * SINE + CONSTANT
+
+
+def _cayley(vector: Number, start: Number) -> tuple[Number, Number]:
+    """Return the rotation of a ball joint, and the angular velocities of the vector's components.
+
+    The rotation is (I - A)^-1 (I + A) times the start, A being the cross-product matrix of half the vector.
+    """
+    half = vector * 0.5
+    skew = joined([cross(half, np.eye(3)[:, i : i + 1]) for i in range(3)], -1)
+    scale = (half.T @ half + 1.0).reciprocal()
+    return (skew + skew @ skew) * (scale * 2.0) @ start + start, (skew + np.eye(3)) * scale
+
+
+def _relative_rotation(
+    branch: TreeJoint, constants: Constants, q: Number, initial: Number
+) -> tuple[Number, Number | None]:
+    """Return the frame of side b in that of side a; and of a ball joint what its components rotate by."""
+    name, first = branch.joint.name, branch.first_angle
+    if branch.kind.ball:
+        if isinstance(initial, np.ndarray):
+            return initial, None
+        return _cayley(q[..., first : first + 3, :], initial)
+    angles = [q[..., first + i : first + i + 1, :] for i in range(len(branch.kind.turns))]
+    if branch.kind.crossed:
+        sine, cosine = constants.angles[name]
+        zero, unit = cosine * 0, cosine * 0 + 1
+        middle = joined(
+            [joined(row, -1) for row in ([-cosine, zero, sine], [zero, -unit, zero], [sine, zero, cosine])],
+            -2,
+        )
+        return _about_z(angles[0]) @ middle @ _about_z(angles[1]), None
+    return _about_z(angles[0]) if angles else np.eye(3, dtype=np.int64), None
+
+
+def placed_links(
+    tree: SpanningTree, constants: Constants, q: Number, turns: list[Number], with_twists: bool = True
+) -> Placed:
+    """Return links and unit twists at coordinates; see `ClosureEquations.evaluate`."""
+    count = len(tree.branches)
+    start = np.eye(3, dtype=np.int64)
+    rotation: list[Number] = [start] * (count + 1)
+    position: list[Number] = [np.zeros((3, 1), dtype=np.int64)] * (count + 1)
+    linear: list[Number] = [None] * tree.count
+    angular: list[Number] = [None] * tree.count
+    ball_turns = iter(turns)
+    for branch in tree.branches:
+        point_a, frame_a, point_b, frame_b = constants.sides[branch.joint.name]
+        initial = next(ball_turns) if branch.kind.ball else None
+        relative, components = _relative_rotation(branch, constants, q, initial)
+        parent, child = branch.parent, branch.child
+        slides = range(branch.first, branch.first_angle)
+        columns = [COLUMN[axis] for axis in branch.kind.slides]
+        parent_point, parent_frame = (point_a, frame_a) if branch.forward else (point_b, frame_b)
+        child_point, child_frame = (point_b, frame_b) if branch.forward else (point_a, frame_a)
+        joint_at_parent = rotation[parent] @ parent_frame
+        joint_at_child = joint_at_parent @ (relative if branch.forward else relative.T)
+        side_a, side_b = (
+            (joint_at_parent, joint_at_child) if branch.forward else (joint_at_child, joint_at_parent)
+        )
+        centre = position[parent] + rotation[parent] @ parent_point
+        for k, column in zip(slides, columns, strict=True):
+            moved = side_a[..., column : column + 1] * q[..., k : k + 1, :]
+            centre = centre + moved if branch.forward else centre - moved
+        rotation[child] = joint_at_child @ child_frame.T
+        position[child] = centre - rotation[child] @ child_point
+        if with_twists:
+            # axes pass through side b's point
+            through = centre if branch.forward else position[parent] + rotation[parent] @ parent_point
+            _add_twists(branch, side_a, side_b, through, components, linear, angular)
+    if not with_twists or not linear:
+        return Placed(rotation, position, None, None)
+    return Placed(rotation, position, joined(linear, -1), joined(angular, -1))
+
+
+def _add_twists(
+    branch: TreeJoint,
+    side_a: Number,
+    side_b: Number,
+    centre: Number,
+    components: Number | None,
+    linear: list[Number],
+    angular: list[Number],
+) -> None:
+    """Fill in the unit twists of a joint's coordinates, as its far link moves."""
+    k = branch.first
+    for axis in branch.kind.slides:
+        column = COLUMN[axis]
+        linear[k] = side_a[..., column : column + 1] * branch.direction
+        angular[k] = linear[k] * 0.0
+        k += 1
+    if branch.kind.ball:
+        axes = side_a @ components
+        directions = [axes[..., i : i + 1] for i in range(3)]
+    else:
+        directions = [(side_b if axis == "b" else side_a)[..., 2:] for axis in branch.kind.turns]
+    for direction in directions:
+        angular[k] = direction * branch.direction
+        linear[k] = cross(centre, angular[k])
+        k += 1
+
+
+def _cut_frames(cut: Cut, constants: Constants, placed: Placed) -> tuple[Number, Number, Number, Number]:
+    point_a, frame_a, point_b, frame_b = constants.sides[cut.joint.name]
+    a, b = cut.sides
+    return (
+        placed.position[a] + placed.rotation[a] @ point_a,
+        placed.rotation[a] @ frame_a,
+        placed.position[b] + placed.rotation[b] @ point_b,
+        placed.rotation[b] @ frame_b,
+    )
+
+
+def cut_residual(cut: Cut, constants: Constants, placed: Placed) -> Number:
+    """Return the residuals of a joint that closes a loop, (..., rows, 1) in parts of the size and radians."""
+    point_a, side_a, point_b, side_b = _cut_frames(cut, constants, placed)
+    rows: list[Number] = []
+    if cut.lengths:
+        rows.append(side_a[..., cut.lengths].T @ (point_b - point_a) * (1.0 / cut.length))
+    for i, j, target in cut.directions:
+        product = side_a[..., i : i + 1].T @ side_b[..., j : j + 1]
+        if target != 0.0 and cut.joint.cross_angle != RIGHT_ANGLE:
+            product = product - constants.angles[cut.joint.name][1]
+        rows.append(product)
+    return joined(rows, -2)
+
+
+def cut_equations(
+    cut: Cut, constants: Constants, placed: Placed, tree: SpanningTree
+) -> tuple[Number, Number]:
+    """Return residuals and Jacobians, (..., rows, count), of a joint that closes a loop."""
+    _, side_a, point_b, side_b = _cut_frames(cut, constants, placed)
+    blocks: list[Number] = []
+    if cut.lengths:
+        along = side_a[..., cut.lengths]
+        power = along.T @ placed.linear + cross(point_b, along).T @ placed.angular
+        blocks.append(power * (1.0 / cut.length))
+    if cut.directions:
+        i, j = ([pair[k] for pair in cut.directions] for k in (0, 1))
+        blocks.append(cross(side_b[..., j], side_a[..., i]).T @ placed.angular)
+    jacobian = joined(blocks, -2) @ relative_motion(tree, cut.sides)
+    return cut_residual(cut, constants, placed), jacobian
+
+
+def coupled_equation(row: CoupledRow, turns: float, q: Number, units: Array) -> tuple[Number, Number]:
+    """Return residual and Jacobian, (..., 1, count), of a coupling."""
+    on_left, on_right = row.left_weights[None], row.right_weights[None]
+    offset = on_right @ q - row.coupling.zeros[1]
+    value = derivative = offset * 0.0
+    for coefficient in reversed(row.coupling.coefficients):
+        derivative = derivative * offset + value
+        value = value * offset + coefficient
+    whole_turns = TWO_PI * turns
+    residual = (on_left @ q - row.coupling.zeros[0] - value - whole_turns) * (1.0 / row.unit)
+    return residual, (on_left - derivative * on_right) * (units / row.unit)
+
+
+# 2 pi
+TWO_PI = Ball(np.array([[2.0 * np.pi]]), np.array([[3e-16]]))
+
+
+def loop_equations(
+    mechanism: Mechanism, turn_offsets: tuple[float, ...], radii: Mapping[str, Array]
+) -> ClosureEquations:
+    """Return the loop equations of a mechanism, its freely spinning rods replaced by distances.
+
+    Raises:
+        AssemblyError: for links that no chain of joints leads to without the rods.
+    """
+    rods = {
+        link.name: [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
+        for link in mechanism.links
+    }
+    rods = {
+        name: joints
+        for name, joints in rods.items()
+        if [joint.kind for joint in joints] == ["spherical", "spherical"]
+    }
+    rod_joints = tuple(joint for joints in rods.values() for joint in joints)
+    if rods:
+        mechanism = replace(
+            mechanism,
+            links=tuple(link for link in mechanism.links if link.name not in rods),
+            joints=tuple(joint for joint in mechanism.joints if joint not in rod_joints),
+            points={name: location for name, location in mechanism.points.items() if location[0] not in rods},
+            guess={name: pose for name, pose in mechanism.guess.items() if name not in rods},
+        )
+    tree = spanning_tree(mechanism)
+    index = {**tree.index, GROUND: -1}
+    return ClosureEquations(
+        tree,
+        tuple(_rod(name, joints[0], joints[1], index) for name, joints in rods.items()),
+        rod_joints,
+        turn_offsets,
+        radii,
+    )
+
+
+def _rod(name: str, first: Joint, second: Joint, index: Mapping[str, int]) -> Rod:
+    own = [".a" if joint.a.link == name else ".b" for joint in (first, second)]
+    ends = [joint.b if side == ".a" else joint.a for joint, side in zip((first, second), own, strict=True)]
+    others = [".b" if side == ".a" else ".a" for side in own]
+    return Rod(
+        (first.name + others[0], second.name + others[1]),
+        (first.name + own[0], second.name + own[1]),
+        (index[ends[0].link], index[ends[1].link]),
+    )

@@ -1,0 +1,330 @@
+"""Krawczyk tests over segments of a motion.
+
+On a segment the tube is the line q0 + q' (s - s0) with a half-width. The test proves that for each parameter
+s of the segment, each driver position and each mechanism in their intervals exactly one solution lies in the
+tube, and that the Jacobian is regular in all of it (Krawczyk 1969; Neumaier, Interval Methods for Systems of
+Equations, 1990, section 5.1).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.balls import OUTWARD, Ball, ball
+from mechsim.studies.certify.computed_motion import ComputedMotion, Configurations
+from mechsim.studies.certify.loop_equations import ClosureEquations, Number, joined
+
+Bools = NDArray[np.bool_]
+# half-width of a tube relative to the way of the coordinates over the segment, and to the residual's effect
+WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, MIN_WIDTH = 0.3, 4.0, 1e-14
+# factor by which sampled curvature of a motion law is exceeded by the interval of its driver
+CURVATURE_FACTOR = 2.0
+# times that a proven enclosure is contracted by the test
+CONTRACTIONS = 20
+# Newton iterations that correct a segment's centre
+CORRECTIONS = 3
+
+
+@dataclass(frozen=True)
+class Segments:
+    """n segments of a motion with their tubes; coordinates in their units.
+
+    Attributes:
+        low, high: path parameters, (n,).
+        centre: parameter about which the tube is a line, (n,).
+        half: largest distance from the centre, rounded up, (n,).
+        values: coordinates at the centre in [m] and [rad], (n, count).
+        quaternions: of ball joints at the centre, (n, balls, 4).
+        rate: of the unknown coordinates by the parameter, (n, u).
+        width: half-width in which the solution is unique, (n, u).
+        enclosure: half-width in which it is proven to lie, (n, u).
+        singular_value: lower bound of the Jacobian's smallest singular value, (n,).
+        proven: whether the test succeeded, (n,).
+        misses: tests in a row that failed at the centre alone too, of it and what it was halved from, (n,).
+    """
+
+    low: Array
+    high: Array
+    centre: Array
+    half: Array
+    values: Array
+    quaternions: Array
+    rate: Array
+    width: Array
+    enclosure: Array
+    singular_value: Array
+    proven: Bools
+    misses: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.low)
+
+    def select(self, which: Bools | NDArray[np.intp]) -> Self:
+        """Return some of the segments."""
+        return replace(self, **{field.name: getattr(self, field.name)[which] for field in fields(self)})
+
+    def joined_with(self, other: Self) -> Self:
+        """Return the segments of both, in the order of their parameters."""
+        both = {f.name: np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)}
+        return replace(self, **both).select(np.argsort(both["low"]))
+
+
+@dataclass(frozen=True)
+class Tubes:
+    """Tubes to be tested about n configurations; coordinates in their units.
+
+    Attributes:
+        half: largest distance of the parameter from the centre, (n,).
+        start: configurations at the centres.
+        driven_rate: of the prescribed coordinates, (n, driven, 1), as balls.
+        spread: by how much these may leave their tangents in [m] and [rad], (n, driven).
+        inverse: approximate inverse of the Jacobian at the centre, (n, u, u).
+        correction: the inverse times the residual at the centre, (n, u, 1), as balls.
+        rate: of the unknown coordinates, (n, u, 1).
+        width: half-width, (n, u, 1).
+    """
+
+    half: Array
+    start: Configurations
+    driven_rate: Ball
+    spread: Array
+    inverse: Array
+    correction: Ball
+    rate: Array
+    width: Array
+
+
+def _tubes(motion: ComputedMotion, centre: Array, half: Array, guess: Configurations) -> Tubes:
+    equations, units = motion.equations, motion.equations.tree.units[motion.equations.driven]
+    driven, driven_rate, _ = motion.driven(centre)
+    start = _corrected(equations, driven, guess)
+    residual, jacobian = equations.evaluate(ball(start.values[..., None]), rotations(equations, start))
+    rate_of_driven = (ball(driven_rate) * ball(units).reciprocal())[..., None]
+    inverse = _inverse(jacobian.mid[..., equations.unknown])
+    by_driven = inverse @ jacobian.mid[..., equations.driven]
+    rate = -(by_driven @ rate_of_driven.mid)
+    correction = ball(inverse) @ residual
+    spread = _driver_spread(motion, centre, half)
+    effect = correction.magnitude + np.abs(by_driven) @ (spread / units)[..., None]
+    width = WIDTH_BY_RATE * np.abs(rate).max(1, initial=0.0) * half[:, None]
+    width = width + WIDTH_BY_RESIDUAL * effect.max(1, initial=0.0) + MIN_WIDTH
+    width = np.broadcast_to(width[..., None], rate.shape)
+    return Tubes(half, start, rate_of_driven, spread, inverse, correction, rate, width)
+
+
+def _krawczyk(equations: ClosureEquations, tubes: Tubes) -> tuple[Array, Array]:
+    """Return bounds of the Krawczyk operator's offset (n, u, 1) and of |I - C A| (n, u, u) in the tubes."""
+    unknown, driven, units = equations.unknown, equations.driven, equations.tree.units
+    half, inverse = tubes.half[:, None, None], ball(tubes.inverse)
+    radius = np.zeros((*tubes.start.values.shape, 1))
+    radius[:, unknown] = (np.abs(tubes.rate) * half + tubes.width) * units[unknown, None]
+    by_rate = tubes.driven_rate.magnitude * units[driven, None] * half
+    radius[:, driven] = by_rate + tubes.spread[..., None]
+    box = Ball(tubes.start.values[..., None], radius * OUTWARD)
+    _, jacobian = equations.evaluate(box, rotations(equations, tubes.start))
+    by_unknown, by_driven = jacobian[..., unknown], jacobian[..., driven]
+    derivative = by_unknown @ tubes.rate + by_driven @ tubes.driven_rate
+    spread = tubes.spread[..., None] / units[driven, None] * OUTWARD
+    offset = tubes.correction + inverse @ derivative * Ball(np.zeros(half.shape), half)
+    offset = offset + inverse @ (by_driven @ Ball(np.zeros(spread.shape), spread))
+    return offset.magnitude, (np.eye(len(unknown)) - inverse @ by_unknown).magnitude
+
+
+def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Configurations) -> Segments:
+    """Return segments between parameters (n,) with the results of their tests.
+
+    Args:
+        motion: whose drivers and equations they are.
+        low, high: ends of the segments; equal for a test at one parameter.
+        guess: approximate configurations at the middles.
+    """
+    centre = 0.5 * (low + high)
+    half = np.maximum(high - centre, centre - low) * OUTWARD
+    with np.errstate(all="ignore"):
+        tubes = _tubes(motion, centre, half, guess)
+        offset, contraction = _krawczyk(motion.equations, tubes)
+        enclosure = (offset + contraction @ tubes.width * OUTWARD) * OUTWARD
+        proven = (enclosure < tubes.width).all((1, 2)) & (low <= high)
+        for _ in range(CONTRACTIONS):
+            # the solution lies in the enclosure, which the test maps into a smaller one
+            enclosure = np.minimum(enclosure, (offset + contraction @ enclosure * OUTWARD) * OUTWARD)
+        singular_value = _singular_value_bound(tubes.inverse, contraction)
+    return Segments(
+        low,
+        high,
+        centre,
+        half,
+        tubes.start.values,
+        tubes.start.quaternions,
+        tubes.rate[..., 0],
+        tubes.width[..., 0],
+        enclosure[..., 0],
+        singular_value,
+        proven,
+        np.zeros(len(low), dtype=np.intp),
+    )
+
+
+def with_misses(motion: ComputedMotion, failed: Segments) -> Segments:
+    """Return failed segments that count whether the test fails at their centres alone too."""
+    if not len(failed):
+        return failed
+    at_centre = displaced(motion.equations, failed, np.zeros(len(failed)))
+    alone = tested_segments(motion, failed.centre, failed.centre, at_centre)
+    return replace(failed, misses=np.where(alone.proven, 0, failed.misses + 1))
+
+
+def rotations(equations: ClosureEquations, configurations: Configurations) -> list[Number]:
+    """Return rotations (n, 3, 3) that are exactly those of the quaternions of each ball joint."""
+    return [_rotation(ball(configurations.quaternions[:, i])) for i in range(len(equations.tree.balls))]
+
+
+def _rotation(quaternion: Ball) -> Ball:
+    q = quaternion[..., None]
+    outer = q @ q.T
+    w, x, y, z = (outer[..., i : i + 1, :] for i in range(4))
+    rows = [
+        [
+            w[..., 0:1] + x[..., 1:2] - y[..., 2:3] - z[..., 3:4],
+            (x[..., 2:3] - w[..., 3:4]) * 2.0,
+            (x[..., 3:4] + w[..., 2:3]) * 2.0,
+        ],
+        [
+            (x[..., 2:3] + w[..., 3:4]) * 2.0,
+            w[..., 0:1] - x[..., 1:2] + y[..., 2:3] - z[..., 3:4],
+            (y[..., 3:4] - w[..., 1:2]) * 2.0,
+        ],
+        [
+            (x[..., 3:4] - w[..., 2:3]) * 2.0,
+            (y[..., 3:4] + w[..., 1:2]) * 2.0,
+            w[..., 0:1] - x[..., 1:2] - y[..., 2:3] + z[..., 3:4],
+        ],
+    ]
+    matrix = joined([joined(row, -1) for row in rows], -2)
+    return matrix * (q.T @ q).reciprocal()
+
+
+def _corrected(equations: ClosureEquations, driven: Array, guess: Configurations) -> Configurations:
+    """Return configurations corrected by Newton's method, the drivers at these values (n, driven)."""
+    values, quaternions = guess.values.copy(), guess.quaternions.copy()
+    values[:, equations.driven] = driven
+    unknown, units = equations.unknown, equations.tree.units
+    for _ in range(CORRECTIONS):
+        current = Configurations(values, quaternions)
+        residual, jacobian = equations.evaluate(ball(values[..., None]), rotations(equations, current))
+        with np.errstate(all="ignore"):
+            step = -(_inverse(jacobian.mid[..., unknown]) @ residual.mid)[..., 0]
+        step = np.where(np.isfinite(step), step, 0.0)
+        values[:, unknown] += step * units[unknown]
+        for i, first in enumerate(ball_columns(equations)):
+            rotation = np.concatenate([np.ones((len(values), 1)), 0.5 * values[:, first : first + 3]], 1)
+            product = quaternion_product(rotation, quaternions[:, i])
+            quaternions[:, i] = product / np.linalg.norm(product, axis=1, keepdims=True)
+            values[:, first : first + 3] = 0.0
+    return Configurations(values, quaternions)
+
+
+def ball_columns(equations: ClosureEquations) -> list[int]:
+    """Return the index of the first component of each ball joint."""
+    return [branch.first_angle for branch in equations.tree.balls]
+
+
+def quaternion_product(a: Number, b: Number) -> Number:
+    """Return products of quaternions (n, 4), real part first."""
+    a_matrix = [a[..., i : i + 1] for i in range(4)]
+    products = [
+        b @ np.eye(4),
+        b[..., [1, 0, 3, 2]] * np.array([-1.0, 1.0, -1.0, 1.0]),
+        b[..., [2, 3, 0, 1]] * np.array([-1.0, 1.0, 1.0, -1.0]),
+        b[..., [3, 2, 1, 0]] * np.array([-1.0, -1.0, 1.0, 1.0]),
+    ]
+    total = a_matrix[0] * products[0]
+    for factor, product in zip(a_matrix[1:], products[1:], strict=True):
+        total = total + factor * product
+    return total
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return inverses (n, u, u), NaN where there are none."""
+    finite = np.isfinite(matrix).all((1, 2))
+    safe = np.where(finite[:, None, None], matrix, np.nan)
+    try:
+        return np.linalg.inv(safe)
+    except np.linalg.LinAlgError:
+        return np.array([_single_inverse(entry) for entry in safe]).reshape(safe.shape)
+
+
+def _single_inverse(matrix: Array) -> Array:
+    try:
+        return np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return np.full(matrix.shape, np.nan)
+
+
+def _driver_spread(motion: ComputedMotion, centre: Array, half: Array) -> Array:
+    """Return by how much drivers may leave their tangents on the segments, (n, driven)."""
+    if motion.motion_laws.crank:
+        return np.zeros((len(centre), len(motion.equations.driven)))
+    fractions = np.linspace(-1.0, 1.0, 9)
+    seconds = [np.abs(motion.driven(centre + fraction * half)[2]) for fraction in fractions]
+    return CURVATURE_FACTOR * 0.5 * np.max(seconds, 0) * half[:, None] ** 2
+
+
+def _singular_value_bound(inverse: Array, contraction: Array) -> Array:
+    """Return lower bounds of the smallest singular values, (n,): (1 - |I - C A|) / |C| in spectral norm."""
+    if not inverse.shape[1]:
+        return np.full(len(inverse), np.inf)
+    norms: list[Array] = []
+    for matrix in (np.abs(inverse), contraction):
+        columns, rows = (np.sum(matrix, axis).max(1) for axis in (1, 2))
+        norms.append(np.sqrt(columns * rows) * OUTWARD)
+    return np.maximum((1.0 - norms[1]) / norms[0] / OUTWARD, 0.0)
+
+
+def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:
+    """Return for each two neighbours whether both prove the same solution at their common end, (n - 1,).
+
+    A configuration proven to be a solution there must lie where the solution of either segment is unique.
+    """
+    n = len(segments)
+    before, after = segments.select(np.arange(n - 1)), segments.select(np.arange(1, n))
+    guess = displaced(motion.equations, before, before.high - before.centre)
+    common = tested_segments(motion, before.high, before.high, guess)
+    inside = [_inside(motion.equations, common, segment) for segment in (before, after)]
+    return (before.high == after.low) & common.proven & inside[0] & inside[1]
+
+
+def _inside(equations: ClosureEquations, first: Segments, second: Segments) -> Bools:
+    """Return whether the first segments' solutions at their centres lie in the second's tubes, (n,)."""
+    unknown, units = equations.unknown, equations.tree.units[equations.unknown]
+    y = Ball(np.zeros(first.rate.shape), first.enclosure)
+    distance = y + (ball(first.values[:, unknown]) - second.values[:, unknown]) * (
+        ball(1.0) * ball(units).reciprocal()
+    )
+    for i, column in enumerate(ball_columns(equations)):
+        k = np.searchsorted(unknown, column) + np.arange(3)
+        rotation = Ball.joined([ball(np.ones((len(first), 1))), y[:, k] * 0.5], -1)
+        conjugate = ball(second.quaternions[:, i] * np.array([1.0, -1.0, -1.0, -1.0]))
+        relative = quaternion_product(quaternion_product(rotation, ball(first.quaternions[:, i])), conjugate)
+        vector = relative[:, 1:] * relative[:, :1].reciprocal() * 2.0
+        distance.mid[:, k], distance.rad[:, k] = vector.mid, vector.rad
+    along = (ball(first.centre) - second.centre)[:, None] * second.rate
+    return np.asarray(((distance - along).magnitude <= second.width).all(1))
+
+
+def displaced(equations: ClosureEquations, segments: Segments, by: Array) -> Configurations:
+    """Return approximate configurations of segments at distances (n,) from their centres, by the tangents."""
+    values = segments.values.copy()
+    step = np.nan_to_num(segments.rate * by[:, None], posinf=0.0, neginf=0.0)
+    values[:, equations.unknown] += step * equations.tree.units[equations.unknown]
+    return Configurations(values, segments.quaternions)
+
+
+def halves(segments: Segments, equations: ClosureEquations) -> Iterator[tuple[Array, Array, Configurations]]:
+    """Yield both halves of segments: ends, and approximate configurations at their middles."""
+    yield segments.low, segments.centre, displaced(equations, segments, -0.5 * segments.half)
+    yield segments.centre, segments.high, displaced(equations, segments, 0.5 * segments.half)

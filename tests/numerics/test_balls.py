@@ -1,0 +1,101 @@
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mechsim.numerics import balls
+from mechsim.numerics.balls import Ball, ball
+
+DIGITS = 60
+numbers = st.floats(-1e6, 1e6).filter(lambda x: x == 0.0 or abs(x) > 1e-100)
+radii = st.floats(0.0, 1e3)
+
+
+def contains(result, exact):
+    """Whether balls contain exact values of mpmath, compared in 60 digits."""
+    with mpmath.workdps(DIGITS):
+        pairs = zip(result.mid.ravel(), result.rad.ravel(), np.ravel(exact), strict=True)
+        return all(abs(mpmath.mpf(float(mid)) - value) <= mpmath.mpf(float(rad)) for mid, rad, value in pairs)
+
+
+def corners(a, b):
+    """Yield exact numbers of two balls: midpoints and ends."""
+    for one in (-1, 0, 1):
+        for other in (-1, 0, 1):
+            yield (
+                mpmath.mpf(float(a.mid)) + one * mpmath.mpf(float(a.rad)),
+                mpmath.mpf(float(b.mid)) + other * mpmath.mpf(float(b.rad)),
+            )
+
+
+OPERATIONS = {
+    "sum": lambda x, y: x + y,
+    "difference": lambda x, y: x - y,
+    "product": lambda x, y: x * y,
+}
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+@given(numbers, radii, numbers, radii)
+def test_an_operation_contains_the_exact_results_of_all_numbers_of_its_balls(name, a, ra, b, rb):
+    first, second = Ball(np.array(a), np.array(ra)), Ball(np.array(b), np.array(rb))
+    result = OPERATIONS[name](first, second)
+    with mpmath.workdps(DIGITS):
+        for x, y in corners(first, second):
+            assert contains(result, OPERATIONS[name](x, y))
+
+
+@given(numbers, radii)
+def test_reciprocals_and_roots_contain_the_exact_results_and_a_ball_with_zero_has_no_bound(a, ra):
+    value = Ball(np.array(a), np.array(ra))
+    with mpmath.workdps(DIGITS):
+        ends = [x for x, _ in corners(value, ball(0.0))]
+        reciprocal, root = value.reciprocal(), value.sqrt()
+        if min(ends) <= 0 <= max(ends):
+            assert reciprocal.rad == np.inf
+        else:
+            assert all(contains(reciprocal, 1 / x) for x in ends)
+        if min(ends) <= 0:
+            assert root.rad == np.inf
+        else:
+            assert all(contains(root, mpmath.sqrt(x)) for x in ends)
+
+
+@given(st.floats(-1e5, 1e5), st.floats(0.0, 4.0), st.floats(-1.0, 1.0))
+def test_sine_and_cosine_contain_the_exact_values_of_all_angles_of_a_ball(angle, radius, fraction):
+    sine, cosine = Ball(np.array(angle), np.array(radius)).sin_cos()
+    with mpmath.workdps(DIGITS):
+        x = mpmath.mpf(angle) + mpmath.mpf(fraction) * mpmath.mpf(radius)
+        assert contains(sine, mpmath.sin(x))
+        assert contains(cosine, mpmath.cos(x))
+
+
+def test_sines_of_exact_angles_are_tight_and_those_beyond_the_limit_only_that_of_every_sine():
+    angles = np.concatenate([np.linspace(-7.0, 7.0, 2001), np.pi / 4 * np.arange(-9, 10)])
+    sine, cosine = ball(angles).sin_cos()
+    with mpmath.workdps(DIGITS):
+        assert contains(sine, [mpmath.sin(mpmath.mpf(float(x))) for x in angles])
+        assert contains(cosine, [mpmath.cos(mpmath.mpf(float(x))) for x in angles])
+    assert max(sine.rad.max(), cosine.rad.max()) < 1e-14
+    assert ball(2e6).sin_cos()[0].rad >= 1.0
+
+
+def test_matrix_products_contain_exact_products():
+    rng = np.random.default_rng(3)
+    a, b = rng.standard_normal((2, 7, 3, 3)) * 10.0 ** rng.integers(-8, 8, (2, 7, 3, 3))
+    result = ball(a) @ ball(b)
+    with mpmath.workdps(DIGITS):
+        for i in range(7):
+            assert contains(result[i], np.array((mpmath.matrix(a[i]) * mpmath.matrix(b[i])).tolist()))
+
+
+def test_a_radius_without_the_rounding_error_would_be_noticed(monkeypatch):
+    """The check by 60 digits rejects an arithmetic that does not round outward."""
+    monkeypatch.setattr(balls, "ROUNDOFF", 0.0)
+    monkeypatch.setattr(balls, "OUTWARD", 1.0)
+    with mpmath.workdps(DIGITS):
+        product = ball(0.1) * ball(0.1)
+        assert not contains(product, mpmath.mpf(0.1) ** 2)
+        total = ball(0.1) + ball(0.2)
+        assert not contains(total, mpmath.mpf(0.1) + mpmath.mpf(0.2))

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.loops.constraints import cuts_of
+from mechsim.analytic.loops.motion import driven_path
+from mechsim.numerics.balls import Ball, ball
+from mechsim.studies.certify.loop_equations import loop_equations
+
+REGULAR = [
+    "four_bar",
+    "slider_crank",
+    "rssr",
+    "rrsrr",
+    "looper",
+    "five_bar",
+    "cardan_joint",
+    "planetary_gear",
+]
+
+
+@pytest.mark.parametrize("name", REGULAR)
+def test_a_mechanism_without_singularity_is_certified_over_its_range(name):
+    proof = ms.certify(name)
+    assert proof.certified, proof.reason
+    assert proof.proven == pytest.approx(1.0)
+    assert proof.min_singular_value > 1e-3
+
+
+def test_the_bound_of_the_smallest_singular_value_is_below_the_computed_one():
+    path = driven_path(ms.load("four_bar").mechanism, ms.load("four_bar").motion_laws)
+    path.extend(2 * np.pi)
+    q = path.interpolated(np.linspace(0.0, 2 * np.pi, 721))
+    linearised = path.first.linearise(q)
+    computed = linearised.singular_values[:, -1].min()
+    assert 0.3 * computed < ms.certify("four_bar").min_singular_value <= computed
+
+
+def test_equations_in_balls_agree_with_those_of_the_solver_and_their_zeros_are_zeros():
+    rng = np.random.default_rng(0)
+    for name in ("looper", "delta_robot", "warp_knitter", "sarrus", "rack_steering", "double_cardan"):
+        solver = ms.load(name)
+        path = driven_path(solver.mechanism, solver.motion_laws)
+        loops = path.loops
+        equations = loop_equations(
+            loops.tree.mechanism, tuple(offset / (2 * np.pi) for offset in loops.turn_offsets), {}
+        )
+        assert [cut.joint.name for cut in cuts_of(loops.tree)] == [cut.joint.name for cut in equations.cuts]
+        q = loops.displaced(path.start.repeated(5), 0.3 * rng.standard_normal((loops.tree.count, 5)))
+        residual, jacobian, _ = loops.linearise(q)
+        values = q.values.T.copy()
+        values[:, loops.tree.ball_indices] = 0.0
+        turns = [ball(np.moveaxis(turn, -1, 0)) for turn in q.turns]
+        own, own_jacobian = equations.evaluate(ball(values[..., None]), turns)
+        kept = equations.kept
+        assert np.abs(own.mid[..., 0].T - residual[kept]).max() < 1e-14
+        assert np.abs(np.moveaxis(own_jacobian.mid, 0, -1) - jacobian[kept]).max() < 1e-14
+        assert np.abs(np.delete(residual, kept, 0)).max(initial=0.0) < 1e-15
+
+
+def test_jacobians_of_boxes_contain_those_of_points_in_them():
+    solver = ms.load("looper")
+    path = driven_path(solver.mechanism, solver.motion_laws)
+    equations = loop_equations(path.loops.tree.mechanism, path.loops.turn_offsets, {})
+    rng = np.random.default_rng(1)
+    values = path.start.values.T.copy()
+    values[:, equations.tree.ball_indices] = 0.0
+    radius = 0.05
+    turns = [ball(np.moveaxis(turn, -1, 0)) for turn in path.start.turns]
+    box = equations.evaluate(Ball(values[..., None], np.full((*values.shape, 1), radius)), turns)
+    for _ in range(50):
+        inside = values + radius * rng.uniform(-1.0, 1.0, values.shape)
+        point = equations.evaluate(ball(inside[..., None]), turns)
+        for wide, thin in zip(box, point, strict=True):
+            assert (np.abs(wide.mid - thin.mid) <= wide.rad + thin.rad).all()
+
+
+def test_tolerances_that_reach_a_singularity_are_not_certified():
+    # crank + ground = coupler + rocker at the end of this tolerance
+    assert ms.certify("four_bar", within={"crank": "0.02mm"}).certified
+    proof = ms.certify("four_bar", within={"crank": "30mm"})
+    assert not proof.certified
+    assert proof.reason
+
+
+@pytest.mark.parametrize("ends", ["10deg", "20:10deg", "1:2:3"])
+def test_a_range_that_is_none_is_rejected_in_one_sentence(ends):
+    with pytest.raises(ms.InputError, match="range"):
+        ms.certify("four_bar", ends)
+
+
+def test_an_overconstrained_mechanism_is_not_certified_and_says_so():
+    proof = ms.certify("bennett")
+    assert not proof.certified
+    assert "overconstrained" in proof.reason
+
+
+def test_a_range_with_a_change_point_or_a_dead_centre_is_not_certified():
+    assert not ms.certify("elliptic_trammel", "80:100deg").certified
+    assert ms.certify("elliptic_trammel", "0:80deg").certified
+    assert not ms.certify("four_bar", set={"crank": "90mm"}).certified
