@@ -22,7 +22,7 @@ from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equati
 
 
 @dataclass(frozen=True)
-class Configurations:
+class CentreConfigurations:
     """Approximate configurations at n path parameters.
 
     Attributes:
@@ -64,7 +64,7 @@ class ComputedMotion:
         )
         return rows[0].T, rows[1].T, rows[2].T
 
-    def configurations(self, s: Array) -> Configurations:
+    def configurations(self, s: Array) -> CentreConfigurations:
         """Return the computed configurations at path parameters in ascending order, (n,)."""
         tree, reduced = self.path.loops.tree, self.equations.tree
         q = self.path.interpolated(s)
@@ -86,7 +86,7 @@ class ComputedMotion:
             if len(turns)
             else np.empty((len(s), 0, 4))
         )
-        return Configurations(values.T, quaternions)
+        return CentreConfigurations(values.T, quaternions)
 
 
 def _quaternions(rotation: Array) -> Array:

@@ -181,7 +181,7 @@ class Constants:
             numbers: list[Number] = []
             for name, end in (("a", joint.a), ("b", joint.b)):
                 radii = equations.radii.get(f"{joint.name}.{name}", np.zeros((3, 3)))
-                values = (end.point, end.axis, end.mark)
+                values = (end.point, end.axis, end.reference)
                 point, axis, reference = (
                     number(np.array(value)[:, None], radius[:, None])
                     for value, radius in zip(values, radii, strict=True)

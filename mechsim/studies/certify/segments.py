@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
-from mechsim.studies.certify.computed_motion import ComputedMotion, Configurations
+from mechsim.studies.certify.computed_motion import ComputedMotion, CentreConfigurations
 from mechsim.studies.certify.loop_equations import ClosureEquations, Number, joined
 
 Bools = NDArray[np.bool_]
@@ -89,7 +89,7 @@ class Tubes:
     """
 
     half: Array
-    start: Configurations
+    start: CentreConfigurations
     driven_rate: Ball
     spread: Array
     inverse: Array
@@ -98,7 +98,7 @@ class Tubes:
     width: Array
 
 
-def _tubes(motion: ComputedMotion, centre: Array, half: Array, guess: Configurations) -> Tubes:
+def _tubes(motion: ComputedMotion, centre: Array, half: Array, guess: CentreConfigurations) -> Tubes:
     equations, units = motion.equations, motion.equations.tree.units[motion.equations.driven]
     driven, driven_rate, _ = motion.driven(centre)
     start = _corrected(equations, driven, guess)
@@ -134,7 +134,7 @@ def _krawczyk(equations: ClosureEquations, tubes: Tubes) -> tuple[Array, Array]:
     return offset.magnitude, (np.eye(len(unknown)) - inverse @ by_unknown).magnitude
 
 
-def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Configurations) -> Segments:
+def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: CentreConfigurations) -> Segments:
     """Return segments between parameters (n,) with the results of their tests.
 
     Args:
@@ -178,7 +178,7 @@ def with_misses(motion: ComputedMotion, failed: Segments) -> Segments:
     return replace(failed, misses=np.where(alone.proven, 0, failed.misses + 1))
 
 
-def rotations(equations: ClosureEquations, configurations: Configurations) -> list[Number]:
+def rotations(equations: ClosureEquations, configurations: CentreConfigurations) -> list[Number]:
     """Return rotations (n, 3, 3) that are exactly those of the quaternions of each ball joint."""
     return [_rotation(ball(configurations.quaternions[:, i])) for i in range(len(equations.tree.balls))]
 
@@ -208,13 +208,15 @@ def _rotation(quaternion: Ball) -> Ball:
     return matrix * (q.T @ q).reciprocal()
 
 
-def _corrected(equations: ClosureEquations, driven: Array, guess: Configurations) -> Configurations:
+def _corrected(
+    equations: ClosureEquations, driven: Array, guess: CentreConfigurations
+) -> CentreConfigurations:
     """Return configurations corrected by Newton's method, the drivers at these values (n, driven)."""
     values, quaternions = guess.values.copy(), guess.quaternions.copy()
     values[:, equations.driven] = driven
     unknown, units = equations.unknown, equations.tree.units
     for _ in range(CORRECTIONS):
-        current = Configurations(values, quaternions)
+        current = CentreConfigurations(values, quaternions)
         residual, jacobian = equations.evaluate(ball(values[..., None]), rotations(equations, current))
         with np.errstate(all="ignore"):
             step = -(_inverse(jacobian.mid[..., unknown]) @ residual.mid)[..., 0]
@@ -225,7 +227,7 @@ def _corrected(equations: ClosureEquations, driven: Array, guess: Configurations
             product = quaternion_product(rotation, quaternions[:, i])
             quaternions[:, i] = product / np.linalg.norm(product, axis=1, keepdims=True)
             values[:, first : first + 3] = 0.0
-    return Configurations(values, quaternions)
+    return CentreConfigurations(values, quaternions)
 
 
 def ball_columns(equations: ClosureEquations) -> list[int]:
@@ -316,15 +318,17 @@ def _inside(equations: ClosureEquations, first: Segments, second: Segments) -> B
     return np.asarray(((distance - along).magnitude <= second.width).all(1))
 
 
-def displaced(equations: ClosureEquations, segments: Segments, by: Array) -> Configurations:
+def displaced(equations: ClosureEquations, segments: Segments, by: Array) -> CentreConfigurations:
     """Return approximate configurations of segments at distances (n,) from their centres, by the tangents."""
     values = segments.values.copy()
     step = np.nan_to_num(segments.rate * by[:, None], posinf=0.0, neginf=0.0)
     values[:, equations.unknown] += step * equations.tree.units[equations.unknown]
-    return Configurations(values, segments.quaternions)
+    return CentreConfigurations(values, segments.quaternions)
 
 
-def halves(segments: Segments, equations: ClosureEquations) -> Iterator[tuple[Array, Array, Configurations]]:
+def halves(
+    segments: Segments, equations: ClosureEquations
+) -> Iterator[tuple[Array, Array, CentreConfigurations]]:
     """Yield both halves of segments: ends, and approximate configurations at their middles."""
     yield segments.low, segments.centre, displaced(equations, segments, -0.5 * segments.half)
     yield segments.centre, segments.high, displaced(equations, segments, 0.5 * segments.half)

@@ -38,7 +38,7 @@ def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str,
 
 def _joint_numbers(mechanism: Mechanism) -> dict[str, Array]:
     return {
-        f"{joint.name}.{side}": np.array([end.point, end.axis, end.mark])
+        f"{joint.name}.{side}": np.array([end.point, end.axis, end.reference])
         for joint in mechanism.joints
         for side, end in (("a", joint.a), ("b", joint.b))
     }
