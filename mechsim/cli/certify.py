@@ -1,6 +1,5 @@
 """Command `mechsim certify`: interval proof of one regular assembly over a range."""
 
-from dataclasses import asdict
 from typing import Annotated, TypedDict
 
 import typer
@@ -57,9 +56,16 @@ def certify(
     bounds = written_tolerances(within) if within else None
     arguments = driven.as_arguments()
     proof = certificate_of(model, angles, within=bounds, set=changed_parameters(sets), **arguments)
-    data: CertifyJson = {  # type: ignore[typeddict-item]
-        **asdict(proof),
+    data: CertifyJson = {
+        "name": proof.name,
+        "certified": proof.certified,
+        "reason": proof.reason,
         "range": list(proof.range),
+        "segments": proof.segments,
+        "proven": proof.proven,
+        "min_singular_value": proof.min_singular_value,
+        "tube": proof.tube,
+        "equations": proof.equations,
         "singular": [
             {"at": point.parameter, "width": point.width, "kind": point.kind} for point in proof.singular
         ],

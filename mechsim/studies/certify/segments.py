@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
-from mechsim.studies.certify.computed_motion import ComputedMotion, CentreConfigurations
+from mechsim.studies.certify.computed_motion import CentreConfigurations, ComputedMotion
 from mechsim.studies.certify.loop_equations import ClosureEquations, Number, joined
 
 Bools = NDArray[np.bool_]
@@ -252,8 +252,8 @@ def quaternion_product(a: Number, b: Number) -> Number:
 
 def _inverse(matrix: Array) -> Array:
     """Return inverses (n, u, u), NaN where there are none."""
-    finite = np.isfinite(matrix).all((1, 2))
-    safe = np.where(finite[:, None, None], matrix, np.nan)
+    finite = np.isfinite(matrix).all((1, 2), keepdims=True)
+    safe = np.where(finite, matrix, np.nan)
     try:
         return np.linalg.inv(safe)
     except np.linalg.LinAlgError:
@@ -284,7 +284,8 @@ def _singular_value_bound(inverse: Array, contraction: Array) -> Array:
     for matrix in (np.abs(inverse), contraction):
         columns, rows = (np.sum(matrix, axis).max(1) for axis in (1, 2))
         norms.append(np.sqrt(columns * rows) * OUTWARD)
-    return np.maximum((1.0 - norms[1]) / norms[0] / OUTWARD, 0.0)
+    bound: Array = np.maximum((1.0 - norms[1]) / norms[0] / OUTWARD, 0.0)
+    return bound
 
 
 def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:
