@@ -255,14 +255,14 @@ def _inverse(matrix: Array) -> Array:
     finite = np.isfinite(matrix).all((1, 2), keepdims=True)
     safe = np.where(finite, matrix, np.nan)
     try:
-        return np.linalg.inv(safe)
+        return np.asarray(np.linalg.inv(safe), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.array([_single_inverse(entry) for entry in safe]).reshape(safe.shape)
 
 
 def _single_inverse(matrix: Array) -> Array:
     try:
-        return np.linalg.inv(matrix)
+        return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full(matrix.shape, np.nan)
 
