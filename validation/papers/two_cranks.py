@@ -41,7 +41,7 @@ def velocities(
     o2, e = complex(*drive.pivot2), complex(*drive.pivot_rocker)
     turned1, turned2 = (Jet(f, w, np.zeros_like(w)) for f, w in ((f1, w1), (f2, w2)))
     a, d = drive.crank1 * np.exp(1j * turned1), o2 + drive.crank2 * np.exp(1j * turned2)
-    place, turn = carried(*_poses(drive, f1, f2), [a, d, e], drive.platform, drive.sides)
+    place, turn = carried(*_poses(drive, f1, f2), [a, d, e], drive.platform)
     b, c, k = (place + turn * point for point in drive.platform)
     return {name: xyz(point.rate).T for name, point in zip("ABCDK", (a, b, c, d, k), strict=True)}
 

@@ -260,7 +260,7 @@ class WarpKnitter(ClosedForm):
         origin, direction = self._path.poses(angles)
         if not isinstance(angle, Jet):
             return origin, direction
-        return carried(origin, direction, self.pivots.positions_of(angle), self.platform, self.sides)
+        return carried(origin, direction, self.pivots.positions_of(angle), self.platform)
 
     def _points(self, angle: float, origin: complex, direction: complex) -> dict[str, complex]:
         """Return A, B, C, D, K at one crank angle for a pose of the base link."""

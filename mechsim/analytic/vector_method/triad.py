@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, revalued, still
+from mechsim.numerics.jets import Jet, Values, still
 
 
 def flat(point: Array) -> Any:
@@ -224,7 +224,28 @@ def close(
     return position, phase
 
 
-def carried(position: Any, phase: Any, pivots: Three, platform: Three, legs: Three) -> tuple[Any, Any]:
-    """Return a closed pose as jets, from the pivots as jets: two Newton steps, which give one rate each."""
-    moved = close(still(position), still(phase), pivots, platform, legs, steps=2)
-    return revalued(moved[0], position), revalued(moved[1], phase)
+def carried(position: Any, phase: Any, pivots: Sequence[Values], platform: Three) -> tuple[Jet, Jet]:
+    """Return a closed pose as jets, from the pivots as jets.
+
+    The legs keep their lengths: (|leg|^2)/2 has rate zero and second rate zero.
+    """
+    moved = [pivot if isinstance(pivot, Jet) else still(np.asarray(pivot)) for pivot in pivots]
+    arms = [phase * point for point in platform]
+    vectors = leg_vectors(position, phase, [pivot.value for pivot in moved], platform)
+    columns = inverse(vectors, moments(vectors, phase, platform))
+
+    def solved(right: Three) -> list[Any]:
+        return [sum(c * value for c, value in zip(column, right, strict=True)) for column in columns]
+
+    velocity, spin = solved([dot(leg, pivot.rate) for leg, pivot in zip(vectors, moved, strict=True)])
+    rates = [velocity + 1j * spin * arm - pivot.rate for arm, pivot in zip(arms, moved, strict=True)]
+    acceleration, spin_rate = solved(
+        [
+            dot(leg, pivot.second + spin**2 * arm) - dot(rate, rate)
+            for leg, rate, arm, pivot in zip(vectors, rates, arms, moved, strict=True)
+        ]
+    )
+    return (
+        Jet(position, velocity, acceleration),
+        Jet(phase, 1j * spin * phase, (1j * spin_rate - spin**2) * phase),
+    )
