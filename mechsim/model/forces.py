@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
+from mechsim.model.controllers import Controller
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
@@ -169,6 +170,7 @@ class Forces:
         flywheel: moment of inertia that turns with the crank, besides the links', in [kg m2].
         motor: on the crank; its torque on the driven joint's link b, the reverse on its link a. Under
             prescribed motion it is left out: the drive torque is what a motor would have to give.
+        controllers: efforts that depend on the state; they act in runs from an initial state.
     """
 
     gravity: Vector = (0.0, 0.0, 0.0)
@@ -180,6 +182,7 @@ class Forces:
     crank_torque: LoadProfile | None = None
     flywheel: float = 0.0
     motor: Motor | None = None
+    controllers: tuple[Controller, ...] = ()
 
     def __post_init__(self) -> None:
         gravity = numbers(self.gravity)
@@ -218,6 +221,8 @@ class Forces:
             if located(mechanism, load.location)[0] == GROUND:
                 raise InputError(f"the load on {load.location} acts on the frame, which it cannot move")
 
+        for controller in self.controllers:
+            controller.check(mechanism)
         for couple in self.couples:
             if located(mechanism, (couple.link, ORIGIN))[0] == GROUND:
                 raise InputError("a couple acts on the frame, which it cannot turn; name a moving link")

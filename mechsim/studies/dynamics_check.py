@@ -97,6 +97,8 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
     coordinates = {name: float(joint.value[0]) for name, joint in joints.items()}
     rates = {name: float(joint.rate[0]) for name, joint in joints.items()}
     kept = {*initial.coordinates, *initial.rates, *run.driving}
+    for controller in dynamic_model.forces.controllers:
+        kept |= controller.coordinates
     laws = {name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving}
     coarse, fine = (
         stepped_run(

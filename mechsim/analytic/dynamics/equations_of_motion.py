@@ -22,6 +22,7 @@ from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
 from mechsim.analytic.loops.start import assembled
 from mechsim.analytic.vector_method.rotations import cross, skew
+from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.motion_laws import State
@@ -201,12 +202,16 @@ class EquationsOfMotion:
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
         on_crank = self._on_crank(state, loaded.crank)
+        controlled = self._controlled(state, time)
         directions = self._friction_directions(unit, jacobians)
         rubbing = np.zeros_like(on_crank)
         for friction, direction, sign in zip(self.frictions, directions, sliding, strict=True):
             rubbing -= friction.magnitude * sign * direction
         force = (
-            self._generalised(unit, jacobians, wrenches, self._inertial(state, inertia)) + on_crank + rubbing
+            self._generalised(unit, jacobians, wrenches, self._inertial(state, inertia))
+            + on_crank
+            + controlled
+            + rubbing
         )
         _, driven_rates, driven_accelerations = self.prescribed_motion(time)
         gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
@@ -227,7 +232,7 @@ class EquationsOfMotion:
             kinetic=0.5 * np.einsum("ni,nij,nj->n", rates, mass, rates),
             potential=acting.energy,
             power_in=(loaded.wrenches * unit.twist).sum((1, 2))
-            + (on_crank * rates).sum(1)
+            + ((on_crank + controlled) * rates).sum(1)
             + (driving * driven_rates).sum(0),
             power_lost=-(acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
         )
@@ -266,8 +271,10 @@ class EquationsOfMotion:
 
     @property
     def steady(self) -> bool:
-        """Whether nothing depends on time: neither loads nor prescribed motion."""
-        return not self.prescribed and not any(course.over == "time" for course in self.model.forces.courses)
+        """Whether nothing depends on time: neither loads, controllers nor prescribed motion."""
+        return not (self.prescribed or self.model.forces.controllers) and not any(
+            course.over == "time" for course in self.model.forces.courses
+        )
 
     def _rows(
         self,
@@ -381,6 +388,18 @@ class EquationsOfMotion:
             total[:, column] = torque + self.model.forces.motor_torque(state.rates[self.crank])
         return total
 
+    def _controlled(self, state: Kinematics, time: Array) -> Array:
+        """Return the generalised force of the controllers, (n, free)."""
+        total = np.zeros((len(time), len(self.free)))
+        index_of, units = self.loops.tree.index_of, self.loops.units
+        for controller in self.model.forces.controllers:
+            values = {name: state.q.values[index_of[name]] for name in controller.coordinates}
+            rates = {name: state.rates[i] * units[i] for name, i in index_of.items() if name in values}
+            index = index_of[controller.coordinate]
+            column = int(np.searchsorted(self.free, index))
+            total[:, column] += controller.effort(values, rates, time) * units[index]
+        return total
+
     def _friction_directions(self, unit: UnitMotion, jacobians: Array) -> Array:
         """Return the generalised force of a unit effort of each friction, (frictions, n, free)."""
         n, columns = len(unit), jacobians.shape[-1]
@@ -451,7 +470,14 @@ def equations_of_motion(
         AssemblyError: if the loops do not close.
     """
     mechanism, laws = model.mechanism, prescribed or {}
-    kept = {name: 0.0 for name in [*(coordinates or {}), *laws] if name not in mechanism.drivers}
+    controlled = [name for controller in model.forces.controllers for name in sorted(controller.coordinates)]
+    kept = {name: 0.0 for name in [*(coordinates or {}), *laws, *controlled] if name not in mechanism.drivers}
     loops, start = assembled(replace(mechanism, counted={**kept, **mechanism.counted}))
+    for name in controlled:
+        if name not in loops.tree.index_of or name in mechanism.locked:
+            raise InputError(
+                f"{mechanism.name}: a controller names {name!r}, which is locked or closes a loop among the "
+                "coordinates of controllers and initial values; name another one"
+            )
     locked = tuple(loops.tree.index_of[name] for name in mechanism.locked)
     return EquationsOfMotion(model, replace(loops, driven=locked), start, laws)

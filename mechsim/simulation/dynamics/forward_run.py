@@ -172,6 +172,33 @@ def _prepared(model: LoadedModel, settings: Settings, timestep: float) -> mujoco
     return stepped
 
 
+class Controllers:
+    """The controllers of a model, as forces applied to MuJoCo's degrees of freedom.
+
+    Args:
+        model: with the forces.
+    """
+
+    def __init__(self, model: LoadedModel) -> None:
+        self.used = model.forces.controllers
+        names = sorted({name for controller in self.used for name in controller.coordinates})
+        addresses, dofs = _dofs(model, dict.fromkeys(names, 0.0))
+        self.addresses, self.dofs = (
+            dict(zip(names, addresses, strict=True)),
+            dict(zip(names, dofs, strict=True)),
+        )
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Set the applied forces at MuJoCo's state."""
+        if not self.used:
+            return
+        values = {name: data.qpos[[address]] for name, address in self.addresses.items()}
+        rates = {name: data.qvel[[dof]] for name, dof in self.dofs.items()}
+        for controller in self.used:
+            effort = controller.effort(values, rates, np.array([data.time]))
+            data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
+
+
 class Drives:
     """Forces that move degrees of freedom along motion laws, from MuJoCo's own accelerations.
 
@@ -189,13 +216,14 @@ class Drives:
         self.dofs = np.array(_dofs(model, dict.fromkeys(laws, 0.0))[1], dtype=np.int64)
         self.scratch = mujoco.MjData(stepped)
         self.evaluating = False
-        self.forces = np.zeros(len(laws))
+        self.forces, self.others = np.zeros(len(laws)), np.zeros(stepped.nv)
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set the applied forces of a state, once its controls are set."""
         if not self.names or self.evaluating:
             return
         self.evaluating = True
+        self.others = data.qfrc_applied.copy()
         for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
             getattr(self.scratch, name)[:] = getattr(data, name)
         self.scratch.time = data.time
@@ -204,11 +232,12 @@ class Drives:
         columns = [self._accelerations(self.forces + row) - base for row in np.diag(scale)]
         missing = np.array([float(np.ravel(law(np.array([data.time]))[2])[0]) for law in self.laws]) - base
         self.forces = self.forces + scale * np.linalg.solve(np.array(columns).T, missing)
-        data.qfrc_applied[self.dofs] = self.forces
+        data.qfrc_applied[self.dofs] += self.forces
         self.evaluating = False
 
     def _accelerations(self, forces: Array) -> Array:
-        self.scratch.qfrc_applied[self.dofs] = forces
+        self.scratch.qfrc_applied[:] = self.others
+        self.scratch.qfrc_applied[self.dofs] += forces
         mujoco.mj_forward(self.stepped, self.scratch)
         accelerations: Array = self.scratch.qacc[self.dofs].copy()
         return accelerations
@@ -298,17 +327,22 @@ def _steps(
     data = mujoco.MjData(stepped)
     data.qpos[:], data.qvel[:] = start
     crank = model.loops.crank_address if model.mechanism.has_crank else None
+    controllers = Controllers(model)
 
     def control(_: mujoco.MjModel, now: mujoco.MjData) -> None:
+        if drives.evaluating:
+            return
         angle = now.qpos[[crank]] if crank is not None else np.zeros(1)
         controls = model.controls(angle, np.array([now.time]))
         oppose(model.dry, now.actuator_velocity[None], controls)
         now.ctrl[:] = controls[0]
+        now.qfrc_applied[:] = 0.0
+        controllers.apply(now)
         drives.apply(now)
 
     records = [(data.qpos.copy(), data.qvel.copy())]
     before = mujoco.get_mjcb_control()
-    if stepped.nu or drives.names:
+    if stepped.nu or drives.names or controllers.used:
         mujoco.set_mjcb_control(control)
     try:
         for _ in times[1:]:
@@ -336,6 +370,7 @@ def _recorded(
     bodies = {name: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
     energies = np.empty((n, 2))
     driving = {name: np.empty(n) for name in drives.names}
+    controllers = Controllers(model)
     for i in range(n):
         data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
         if stepped.nu:
@@ -344,6 +379,8 @@ def _recorded(
             controls = model.controls(angle, states.time[i : i + 1])
             oppose(model.dry, data.actuator_velocity[None], controls)
             data.ctrl[:] = controls[0]
+        data.qfrc_applied[:] = 0.0
+        controllers.apply(data)
         drives.apply(data)
         for name, effort in zip(drives.names, drives.forces, strict=True):
             driving[name][i] = effort
