@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mechsim.model import load_profile as course
     from mechsim.model import masses as rods
     from mechsim.model import motors
+    from mechsim.model.controllers import Controller
     from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
     from mechsim.model.joints import Coupling, End, Gear, Joint
     from mechsim.model.links import Inertia, Link, Pose
@@ -68,6 +69,7 @@ _HOMES = _MODULES | {
     "AssemblyError": "errors",
     "Certificate": "studies.certify",
     "Check": "verdict.checks",
+    "Controller": "model.controllers",
     "End": "model.joints",
     "Forces": "model.forces",
     "Friction": "model.forces",
@@ -120,6 +122,7 @@ __all__ = [
     "AssemblyError",
     "Certificate",
     "Check",
+    "Controller",
     "Coupling",
     "End",
     "Forces",

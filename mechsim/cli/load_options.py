@@ -15,6 +15,7 @@ from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, requ
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
+from mechsim.model.controllers import Controller
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring
 from mechsim.model.load_profile import table
 from mechsim.model.masses import LinkMass, summary
@@ -105,6 +106,14 @@ def spring_of(text: str) -> Spring | JointSpring:
     if ":" in name:
         return Spring(*_positions(name, "--spring"), *values)
     return JointSpring(name, *values)
+
+
+def controller_of(text: str) -> Controller:
+    """Return a controller written as J=EXPRESSION."""
+    name, equals, expression = text.partition("=")
+    if not equals or not name.strip():
+        raise InputError(f"--controller is {text!r}; write J=EXPRESSION, as in crank=-20*crank.q-2*crank.v")
+    return Controller(name.strip(), expression)
 
 
 def damper_of(text: str) -> Spring | Friction:
@@ -216,6 +225,13 @@ class LoadOptions:
         many=True,
         metavar="A:B=DAMPING",
     )
+    controller: tuple[Controller, ...] = option(
+        (),
+        "Effort on a joint, of J.q, J.v and t in SI; in runs from an initial state.",
+        read=controller_of,
+        many=True,
+        metavar="J=EXPRESSION",
+    )
     flywheel: float = option(0.0, "Moment of inertia on the crank, kg m2.")
     density: float = option(7850.0, "Of links, which are round rods, kg/m3.")
     diameter: float | None = option(None, "Of those rods. Default: 0.05 of the size.", unit="m")
@@ -240,6 +256,7 @@ class LoadOptions:
             joint_springs=(*own.joint_springs, *_of_type(JointSpring, elements)),
             flywheel=self.flywheel or own.flywheel,
             motor=motor or own.motor,
+            controllers=(*own.controllers, *self.controller),
             **loads,
         )
 

@@ -35,8 +35,8 @@ class Controller:
 
     coordinate: str
     text: str
-    inputs: tuple[tuple[str, str], ...] = field(init=False, repr=False)
-    _expression: Expression = field(init=False, repr=False)
+    inputs: tuple[tuple[str, str], ...] = field(init=False, repr=False, compare=False)
+    _expression: Expression = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         inputs = tuple(dict.fromkeys((match[1], match[2]) for match in _STATE.finditer(self.text)))
@@ -46,8 +46,8 @@ class Controller:
             expression = compiled(text, ("t", *names.values()))
         except InputError as error:
             raise InputError(
-                f"the controller of {self.coordinate}, {self.text!r}, {error}; write an expression of J.q, J.v "
-                "and t"
+                f"the controller of {self.coordinate}, {self.text!r}, {error}; "
+                "write an expression of J.q, J.v and t"
             ) from None
         object.__setattr__(self, "inputs", inputs)
         object.__setattr__(self, "_expression", expression)

@@ -237,6 +237,14 @@ class Forces:
         """Return the motor's torque on the crank at crank speeds (n,) in [rad/s]; zeros without a motor."""
         return np.zeros(len(speed)) if self.motor is None else self.motor.torque(speed)
 
+    def require_no_controllers(self, name: str) -> None:
+        """Raise InputError where controllers are given, which have no part in a prescribed motion."""
+        if self.controllers:
+            raise InputError(
+                f"{name}: controllers act in runs from an initial state; give one (--initial J.q=VALUE), or "
+                "leave the controllers out"
+            )
+
     def without_motor(self) -> "Forces":
         """Return the same without the motor."""
         return replace(self, motor=None)

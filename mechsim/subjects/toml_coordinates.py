@@ -125,11 +125,11 @@ def locked_of(
     return locked
 
 
-def _leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+def leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Yield the entries of nested tables that are no tables, and where they are."""
     for key, entry in table.items():
         if isinstance(entry, dict):
-            yield from _leaves(cast(Mapping[str, Any], entry), (*path, key))
+            yield from leaves(cast(Mapping[str, Any], entry), (*path, key))
         else:
             yield (*path, key), entry
 
@@ -137,7 +137,7 @@ def _leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[t
 def initial_of(coordinates: FileCoordinates, read: Mapping[str, Any]) -> dict[str, float]:
     """Return the state of release: J.q and J.v of coordinates J, in SI."""
     source, initial = coordinates.values.source, dict[str, float]()
-    for path, written in _leaves(read.get("initial", {}), ("initial",)):
+    for path, written in leaves(read.get("initial", {}), ("initial",)):
         name, component = ".".join(path[1:-1]), path[-1]
         if component not in ("q", "v"):
             raise source.error(path, "is no state; give q, the coordinate, or v, its rate")

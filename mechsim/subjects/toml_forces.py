@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mechsim.errors import InputError
+from mechsim.model.controllers import Controller
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
 from mechsim.model.joint_kinds import KINDS, KindName
 from mechsim.model.links import ORIGIN
@@ -11,6 +12,7 @@ from mechsim.model.load_profile import LoadProfile, constant
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
+from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_keys import MOTOR_PARAMETERS, Number
 from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
 from mechsim.units import Unit
@@ -41,6 +43,7 @@ def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> 
             crank_torque=_crank_torque(values, mechanism, table),
             flywheel=table.get("flywheel", 0.0),
             motor=_motor(values, table["motor"]) if "motor" in table else None,
+            controllers=tuple(_controllers(values, table)),
         )
         forces.check(mechanism)
     return forces
@@ -86,6 +89,12 @@ def _springs(values: Values, mechanism: Mechanism, tables: Mapping[str, Any]) ->
                 yield Spring(
                     a, b, entry.get("stiffness", 0.0), entry.get("rest", 0.0), entry.get("damping", 0.0)
                 )
+
+
+def _controllers(values: Values, table: Mapping[str, Any]) -> Iterator[Controller]:
+    for path, text in leaves(table.get("controllers", {}), ("forces", "controllers")):
+        with values.source.error_context(path):
+            yield Controller(".".join(path[2:]), text)
 
 
 def _joint_springs(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[JointSpring]:

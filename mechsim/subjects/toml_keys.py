@@ -181,6 +181,10 @@ FORCES = Table(
         "crank_torque": Profile("N m", "a load on the crank, positive as its angle rises"),
         "flywheel": Number("kg m^2", "moment of inertia that turns with the crank"),
         "motor": MOTOR,
+        "controllers": by_coordinate(
+            Text("an effort in N m or N, of J.q, J.v and t in SI, as -20*crank.q - 2*crank.v"),
+            "efforts that depend on the state",
+        ),
     },
     "what acts on the mechanism, for `dynamics` and scenes of level dynamics",
 )

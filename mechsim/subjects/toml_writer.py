@@ -73,6 +73,9 @@ def _force_lines(forces: Forces) -> Iterator[str]:
         yield f"crank_torque = {_components(forces.crank_torque, 'the load on the crank')[0]}"
     if forces.flywheel:
         yield f"flywheel = {number(forces.flywheel)}"
+    for controller in forces.controllers:
+        coordinate = ".".join(key(part) for part in controller.coordinate.split("."))
+        yield f"controllers.{coordinate} = {quoted(controller.text)}"
     if forces.motor is not None:
         yield f"motor = {_table(_motor(forces.motor))}"
     for friction in forces.friction:

@@ -120,7 +120,8 @@ def test_an_incomplete_guess_is_completed_by_the_joints():
 
 
 FACE = """
-    Agreement AssemblyError Certificate Check Coupling End Forces Friction Gear Inertia InputError Joint
+    Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia InputError
+    Joint
     JointSpring Link Load Mechanism MechsimError Motion MotionLaws Pose Run Scene Settings Spring
     Tolerance Verdict __version__ catalog certify check closed_qpos closure compile course crosscheck dynamics
     export fit joint_map list load motors moved optimise plots reduce render rods sample sensitivity show

@@ -359,6 +359,7 @@ def free_run(
     Accuracy: crank angle about 1e-11 rad a turn at the default tolerance; `energy_error` says how
         well the energy balance came out.
     """
+    model.forces.require_no_controllers(model.mechanism.name)
     angle, speed = units.si(angle, "rad", "the start angle"), units.si(speed, "rad/s", "the speed")
     duration = units.si(duration, "s", "the duration")
     instants = None if times is None else np.asarray(times, dtype=np.float64)

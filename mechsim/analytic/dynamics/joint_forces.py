@@ -23,6 +23,10 @@ def joint_forces(model: DynamicModel, run: DynamicRun) -> InverseDynamics:
     Accuracy: without motor and load torque the efforts of drivers are zero to rounding.
     """
     motion = run.motion
+    controlled = {controller.coordinate for controller in model.forces.controllers}
+    if controlled <= {*model.mechanism.drivers}:
+        # the efforts of the drivers include those of their controllers
+        model = replace(model, forces=replace(model.forces, controllers=()))
     if not model.solver.motion_laws.crank:
         # drivers are prescribed over time, which goes on at rate 1
         zero = np.zeros_like(run.time)

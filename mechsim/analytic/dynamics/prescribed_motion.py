@@ -131,6 +131,7 @@ def prescribed(
         AssemblyError: where the loops do not close.
     """
     require("what is to be solved", model, DynamicModel)
+    model.forces.require_no_controllers(model.mechanism.name)
     motion_laws = model.solver.motion_laws
     if as_run is not None:
         instants = PathInstants(as_run.angle, as_run.speed, as_run.acceleration, as_run.time)

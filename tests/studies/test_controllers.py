@@ -1,0 +1,96 @@
+"""Controllers: efforts on joints that are expressions of the state and of time."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.studies.dynamics_check import crosscheck_forward
+from mechsim.subjects.toml_writer import to_toml
+
+START = {"crank.q": "40deg", "crank.v": 2.0}
+STIFFNESS, REST, DAMPING = 3.0, 0.5, 2e-4
+CONTROLLED = ms.Forces(
+    controllers=(ms.Controller("crank", f"-{STIFFNESS}*(crank.q - {REST}) - {DAMPING}*crank.v"),)
+)
+SPRING = ms.Forces(
+    joint_springs=(ms.JointSpring("crank", STIFFNESS, REST),), friction=(ms.Friction("crank", DAMPING),)
+)
+
+
+def released(forces, initial=START, **more):
+    return ms.dynamics.run(
+        ms.catalog.make("four_bar"), forces, initial=initial, duration=0.1, samples=40, **more
+    )
+
+
+def test_a_controller_of_position_and_rate_is_a_spring_and_a_damper():
+    controlled, sprung = released(CONTROLLED), released(SPRING)
+    crank = controlled.motion.joints["crank"]
+    assert crank.value == pytest.approx(sprung.motion.joints["crank"].value, abs=1e-9)
+    assert np.ptp(crank.value) > 0.1
+    assert controlled.energy_error < 1e-9
+    # of a controller the energy is work, of a spring and a damper it is stored and lost
+    assert controlled.work - controlled.work[0] == pytest.approx(
+        sprung.potential[0] - sprung.potential - sprung.lost, abs=1e-9
+    )
+
+
+def test_modes_under_a_controller_are_those_of_spring_and_damper():
+    modes = [
+        ms.dynamics.modes(ms.catalog.make("four_bar"), forces, initial={"crank.q": REST})
+        for forces in (CONTROLLED, SPRING)
+    ]
+    for controlled, sprung in zip(*modes, strict=True):
+        assert controlled.frequency == pytest.approx(sprung.frequency, rel=1e-9)
+        assert controlled.damping_ratio == pytest.approx(sprung.damping_ratio, rel=1e-7)
+
+
+@pytest.mark.parametrize("more", [{}, {"drive": {"left": "2rad+0.3rad*sin(2*pi*t)"}}])
+def test_mujoco_steps_under_the_same_controllers_and_notices_another_gain(more):
+    def model(gain):
+        forces = ms.Forces(
+            controllers=(ms.Controller("right", f"-{gain}*(right.q - 1) + 0.1*sin(9*t) - 0.01*left.v"),)
+        )
+        return ms.dynamics.dynamic_model(ms.load("five_bar", **more), forces)
+
+    initial = {"right.v": 1.0}
+    controlled = model(0.5)
+    run = ms.dynamics.run(
+        controlled, initial=initial, prescribed=list(more.get("drive", ())), duration=0.15, samples=30
+    )
+    start = initial_values(controlled, initial)
+    verdict = crosscheck_forward(run, controlled, start)
+    assert verdict.passed, verdict
+    assert not crosscheck_forward(run, model(0.501), start).passed
+
+
+def test_a_file_states_controllers_and_is_written_with_them(tmp_path):
+    text = to_toml(ms.catalog.make("four_bar"))
+    text += f'\n[forces]\ncontrollers.crank = "{CONTROLLED.controllers[0].text}"\n'
+    path = tmp_path / "controlled.toml"
+    path.write_text(text)
+    loaded = ms.load(path)
+    assert loaded.forces.controllers == CONTROLLED.controllers
+    assert CONTROLLED.controllers[0].text in to_toml(loaded)
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "text", "message"),
+    [
+        ("crank", "-20*crank.a", "crank"),
+        ("crank", "-20*angle", "names 'angle', which is nothing here"),
+        ("crank", "-20*", "write an expression of J.q, J.v and t"),
+        ("crank", "wheel.q", "names 'wheel', no coordinate of four_bar"),
+        ("wheel", "1", "names 'wheel', no coordinate of four_bar"),
+    ],
+)
+def test_what_is_no_controller_ends_in_one_sentence(coordinate, text, message):
+    with pytest.raises(ms.InputError, match=message):
+        released(ms.Forces(controllers=(ms.Controller(coordinate, text),)))
+
+
+def test_a_prescribed_motion_has_no_controllers():
+    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), CONTROLLED)
+    with pytest.raises(ms.InputError, match="controllers act in runs from an initial state"):
+        ms.dynamics.prescribed(model, speed=1.0)
