@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
-from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.numerics.rank import RANK_TOLERANCE, least_norm
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
-from mechsim.simulation.state import HINGE, SCALAR, limited_joints, scalar_joints
+from mechsim.simulation.state import FREE, HINGE, SCALAR, limited_joints, scalar_joints
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
@@ -36,7 +36,7 @@ PROBES = 3
 LIMIT_TOLERANCE = 1e-9
 # draws for each configuration that is requested, before the search ends with an error
 MAX_DRAWS = 50
-# columns of actuated joints count less, so that loops determine the other joints; any small number does
+# columns of actuated and free joints count less, so that loops determine the others; any small number does
 ACTUATED_WEIGHT = 1e-3
 
 
@@ -89,16 +89,17 @@ class StraightPath:
         Each step extrapolates the one before and is corrected once; the last is iterated.
         """
         displacements = targets - self.reference[self.addresses]
-        scaled = np.abs(displacements / self.loops.units[self.drivers])
-        count = max(1, int(np.ceil(scaled.max(initial=0.0) / STEP)))
+        scaled = np.abs(displacements / self.loops.units[self.drivers]).max(1, initial=0.0)
+        counts = np.maximum(1, np.ceil(scaled / STEP)).astype(np.int64)
         qpos, lost = np.repeat(self.reference[None], len(targets), 0), np.zeros(len(targets), dtype=np.bool_)
         before = self.loops.linearise(self.reference[None])[1]
         moved = np.zeros((len(targets), self.loops.model.nv))
-        moved[:, self.drivers] = displacements / count
+        moved[:, self.drivers] = displacements / counts[:, None]
         rates = (before[:, :, self.drivers] @ moved[:, self.drivers, None])[..., 0]
         before = np.repeat(before[:, :, self.passive], len(targets), 0)
         moved[:, self.passive] = -least_squares(before, rates)
-        for _ in range(count):
+        for i in range(counts.max(initial=0)):
+            moved[i >= counts] = 0.0
             qpos = self.loops.displaced(qpos, moved)
             residual, jacobian = self.loops.linearise(qpos)
             matrix = jacobian[:, :, self.passive]
@@ -244,13 +245,13 @@ def straight_path(
         raise InputError("the model has no loops; add equality constraints that close them")
     starts = start[None] if start is not None else _starts(model)
     reference = starts[np.argmin([loops.closure_error(loops.residual(q[None]))[0] for q in starts])]
-    jacobian = loops.linearise(reference[None])[1][0] * loops.units
-    weights = np.ones(model.nv)
     kinds = model.jnt_type[model.dof_jntid]
-    if drivers is None:
-        hinges = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-        weights[model.jnt_dofadr[model.actuator_trnid[hinges, 0]]] = ACTUATED_WEIGHT
-    others = np.setdiff1d(np.arange(model.nv), drivers or [])
+    weights = np.where(kinds == FREE, ACTUATED_WEIGHT, 1.0)
+    actuated = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    weights[model.jnt_dofadr[model.actuator_trnid[actuated, 0]]] = ACTUATED_WEIGHT
+    others = np.setdiff1d(np.arange(model.nv), drivers or []).astype(np.int64)
+    closed = _closed_reference(loops, reference, others, loops.units[others] * weights[others])
+    jacobian = loops.linearise(closed[None])[1][0] * loops.units
     rank = int(np.linalg.matrix_rank(jacobian, tol=RANK_TOLERANCE * np.linalg.norm(jacobian)))
     pivoted: Any = qr(jacobian[:, others] * weights[others], mode="economic", pivoting=True)
     r, order = pivoted[1], pivoted[2]
@@ -261,11 +262,23 @@ def straight_path(
     if drivers is None:
         free = np.setdiff1d(np.arange(model.nv), passive)
         drivers = [int(dof) for dof in free if kinds[dof] in SCALAR]
-    path = StraightPath(loops, reference, np.array(drivers, dtype=np.int64), passive)
-    closed = path.newton(reference[None], 20).q
+    return StraightPath(loops, closed, np.array(drivers, dtype=np.int64), passive)
+
+
+def _closed_reference(loops: ModelLoops, reference: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
+    """Return the closed configuration next to a reference, (nq,); DOFs of small weight move least."""
+
+    def step(jacobian: Array, scaled_residual: Array) -> Array:
+        result = np.zeros((len(jacobian), loops.model.nv))
+        matrix = jacobian[:, :, dofs] * loops.scale[:, None] * weights
+        result[:, dofs] = weights * least_norm(matrix, scaled_residual)
+        return result
+
+    settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
+    closed = newton(LoopEquations(loops), reference[None], settings, step).q
     if not loops.closure_error(loops.residual(closed))[0] < CLOSED:
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
-    return StraightPath(loops, closed[0], path.drivers, passive)
+    return closed[0]
 
 
 def _starts(model: mujoco.MjModel) -> Array:

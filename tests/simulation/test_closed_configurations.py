@@ -121,3 +121,19 @@ def test_an_overconstrained_linkage_keeps_its_assembly_over_the_whole_turn() -> 
     states = ms.sample("bennett", 100)
     assert states.accepted == 1.0
     assert np.ptp(states.qpos[:, 0]) > 5.0
+
+
+def test_states_do_not_depend_on_those_drawn_with_them(model: mujoco.MjModel) -> None:
+    states = ms.sample(model, 5).qpos
+    alone = [ms.closed_qpos(model, {"crank": qpos[7]})[0] for qpos in states]
+    assert np.array(alone) == pytest.approx(states, abs=1e-13)
+
+
+def test_a_start_that_is_slightly_open_leaves_the_floating_base_at_rest() -> None:
+    floating = FOUR_BAR.replace(
+        '<body><joint name="crank"', '<body><freejoint/><geom size=".1"/><body><joint name="crank"'
+    )
+    floating = floating.replace("</body></worldbody>", "</body></body></worldbody>")
+    states = ms.sample(mujoco.MjModel.from_xml_string(floating.replace(".02 .06 0", ".02 .062 0")), 50)
+    assert states.accepted > 0.5
+    assert np.ptp(states.qpos[:, :14], axis=0).max() == 0.0
