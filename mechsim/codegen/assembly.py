@@ -86,7 +86,7 @@ def assembly(source: KinematicSolver) -> SolvedAssembly:
         InputError: where a link is left to spin by joints for which no code is generated.
     """
     mechanism = _rounded(with_closed_guess(source.mechanism))
-    solver = LoopForm(mechanism, motion_laws=source.motion_laws)
+    solver = LoopForm(mechanism, motion_laws=source.motion_laws, ranges=source.ranges)
     interval, parameters = _range(solver)
     q = _sampled(solver, parameters)
     first = checked_start(mechanism)

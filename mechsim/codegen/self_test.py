@@ -13,7 +13,8 @@ from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 
-CONFIGURATIONS = 36
+# configurations of a test: steps of 5 degrees over a turn
+CONFIGURATIONS = 72
 # fraction of a limited range that is left out at either end
 INSET = 0.02
 # speed and acceleration of the crank, in [rad/s] and [rad/s2]
@@ -104,12 +105,15 @@ for (let k = 0; k < COUNT; k++) {
 #if LIMITED
 if (solver.solve(s, [@HIGH + 1], [0], [0]) === solver.SOLVED) { worst = Infinity; }
 #endif
-const begin = process.hrtime.bigint();
-let solved = 0;
-for (; process.hrtime.bigint() - begin < 2e8; solved += 2 * COUNT) {
-  for (let k = 0; k < 2 * COUNT; k++) { solve(k < COUNT ? k : 2 * COUNT - 1 - k); }
+let us = 0;
+for (const seconds of [0.5, 0.5]) { // the first round is for node to compile the code
+  const begin = process.hrtime.bigint();
+  let solved = 0;
+  for (; Number(process.hrtime.bigint() - begin) < 1e9 * seconds; solved += 2 * COUNT) {
+    for (let k = 0; k < 2 * COUNT; k++) { solve(k < COUNT ? k : 2 * COUNT - 1 - k); }
+  }
+  us = Number(process.hrtime.bigint() - begin) / 1e3 / solved;
 }
-const us = Number(process.hrtime.bigint() - begin) / 1e3 / solved;
 console.log(`NAME: largest relative error ${worst}, allowed TOLERANCE; ${us.toFixed(3)} us a configuration`);
 process.exitCode = worst <= TOLERANCE ? 0 : 1;
 """
