@@ -302,6 +302,14 @@ static inline void @solve_links(const @state *s, @link *links) {
   (void)s; (void)links;
   LINK_MOTIONS
 }
+#if JOINTS
+
+/* Fills in value, rate and acceleration of coordinates of joints that close loops; angles in (-pi, pi]. */
+static inline void @solve_joints(const @state *s, @joint *joints) {
+  (void)s; (void)joints;
+  JOINT_MOTIONS
+}
+#endif
 #if TORQUES
 
 /* Fills in the torques or forces of the drivers that the links' inertia and weight require at the state's

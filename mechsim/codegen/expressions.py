@@ -160,6 +160,10 @@ class ExpressionTable:
             return positive if a.op == b.op else -positive
         return self._entry("*", *sorted((a, b), key=_index))
 
+    def angle(self, sine: Operand, cosine: Operand) -> SymbolicExpression:
+        """Return the angle in (-pi, pi] of a sine and a cosine with a common positive factor."""
+        return self._entry("atan2", self.expression(sine), self.expression(cosine))
+
 
 def _index(expression: SymbolicExpression) -> int:
     return expression.index
@@ -251,6 +255,8 @@ class Emission:
         if expression.op == "neg":
             return f"(-{a})"
         (b,) = rest
+        if expression.op == "atan2":
+            return f"atan2({_bare(a)}, {_bare(b)})"
         return f"{a} * {b}" if expression.op == "*" else f"({a} {expression.op} {b})"
 
 

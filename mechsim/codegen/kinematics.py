@@ -4,7 +4,7 @@ The functions of `analytic.loops` run on arrays of expressions, so that the code
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,8 @@ from mechsim.analytic.loops.kinematics import (
 )
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import Block, ExpressionTable, SymbolicExpression, statements
+from mechsim.model.joint_kinds import COLUMN, KINDS
+from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
 
@@ -33,6 +35,8 @@ LINK = {
     "acceleration": 3,
     "angular_acceleration": 3,
 }
+# value, rate and acceleration of a coordinate
+JOINT = {"motion": 3}
 # mass, centre of mass, and moments xx, yy, zz, xy, xz, yz about it, in the link's frame
 INERTIA_NUMBERS = 10
 # where each element of an inertia matrix lies among the moments
@@ -69,6 +73,13 @@ class SolverFormulas:
         self.names = [plain[name] for name in self.coordinates]
         self.links = [link.name for link in self.tree.original.links]
         self.points = [name for name, (link, _) in self.tree.original.points.items() if link != GROUND]
+        # those whose coordinates follow from where their sides are
+        self.closing_joints = [
+            joint
+            for joint in self.tree.original.joints
+            if self.tree.first_index(joint.name) is None and KINDS[joint.kind].aligned
+        ]
+        self.joints = [name for joint in self.closing_joints for name in joint.coordinates]
         self.symbols: dict[str, str] = {}
         for i, name in enumerate(self.names):
             self.symbols |= {
@@ -192,6 +203,51 @@ class SolverFormulas:
                 self._record_block(f"point {name} of link {link}", f"points[{k}]", POINT, (position, *rates))
             )
         return statements(blocks, self.symbols)
+
+    def joint_motions(self) -> list[str]:
+        """Return the code of value, rate and acceleration of the joints that close loops."""
+        blocks = self._link_blocks()
+        k = 0
+        for joint in self.closing_joints:
+            values: dict[str, SymbolicExpression] = {}
+            for motion in self._closing_motion(joint):
+                values |= {f"joints[{k}].motion[{i}]": self._expression(motion[i]) for i in range(3)}
+                k += 1
+            blocks.append(Block(f"{joint.kind} joint {joint.name}", values))
+        return statements(blocks, self.symbols)
+
+    def _closing_motion(self, joint: Joint) -> Iterator[tuple[Any, Any, Any]]:
+        """Yield value, rate and acceleration of each coordinate of a joint that closes a loop."""
+        kind = KINDS[joint.kind]
+        (point_a, frame_a, twist_a, spatial_a), (point_b, frame_b, twist_b, spatial_b) = map(
+            self._side, (joint.a, joint.b)
+        )
+        rates_a, rates_b = point_rates(twist_a, spatial_a, point_a), point_rates(twist_b, spatial_b, point_b)
+        gap, spin = point_b - point_a, twist_a[3:]
+        # as seen from side a
+        relative = rates_b[0] - rates_a[0] - cross(spin, gap)
+        second = (
+            rates_b[1]
+            - rates_a[1]
+            - cross(spatial_a[3:], gap)
+            - cross(spin, 2.0 * relative + cross(spin, gap))
+        )
+        for axis in kind.slides:
+            direction = frame_a[:, COLUMN[axis]]
+            yield direction @ gap, direction @ relative, direction @ second
+        if kind.turns:
+            axis_a, reference = frame_a[:, 2], frame_b[:, 0]
+            angle = self.table.angle(frame_a[:, 1] @ reference, frame_a[:, 0] @ reference)
+            yield angle, axis_a @ (twist_b - twist_a)[3:], axis_a @ (spatial_b - spatial_a)[3:]
+
+    def _side(self, end: End) -> tuple[Array, Array, Array, Array]:
+        """Return point, frame, twist and spatial acceleration of a side of a joint."""
+        if end.link == GROUND:
+            zero = np.full(6, self.table.expression(0.0), dtype=object)
+            return np.array(end.point, dtype=object), end.frame.astype(object), zero, zero
+        i = self.tree.index[end.link]
+        twist, spatial = (values[i, :, 0] for values in self.motion)
+        return self._point(i, np.array(end.point)), self.poses.rotation[i, ..., 0] @ end.frame, twist, spatial
 
     def torques(self) -> list[str]:
         """Return the code of the generalised forces on all coordinates that inertia and weight require."""

@@ -40,7 +40,7 @@ TRANSLATION: Sequence[tuple[str, str]] = (
     (r"\bR\(", "("),
     (r"\((-?[\d.e-]+)\)", r"\1"),
     (r"\bfabs\(", "Math.abs("),
-    (r"\b(sqrt|cos|sin)\(", r"Math.\1("),
+    (r"\b(sqrt|cos|sin|atan2)\(", r"Math.\1("),
     (r"@EPSILON", "Number.EPSILON"),
 )
 
@@ -88,6 +88,7 @@ def javascript(code: SolverCode) -> str:
         functions = re.sub(pattern, replacement, functions, flags=re.MULTILINE)
     arrays = [f"{kind.lower()}s: {json.dumps([*names])}" for kind, names in code.names.items()]
     exported = ["state", "start", "solve", "point", "link", "solve_links"]
+    exported += ["joint", "solve_joints"] if code.sizes["JOINTS"] else []
     exported += ["solve_points"] if code.sizes["POINTS"] else []
     exported += ["solve_torques"] if code.inertias is not None else []
     entries = [f"{name}: @{name}" for name in exported]

@@ -10,7 +10,7 @@ from mechsim.analytic.dynamics.forward_dynamics import quaternion
 from mechsim.codegen import algorithm
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
-from mechsim.codegen.kinematics import INERTIA_NUMBERS, LINK, POINT, SolverFormulas, identifiers
+from mechsim.codegen.kinematics import INERTIA_NUMBERS, JOINT, LINK, POINT, SolverFormulas, identifiers
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.masses import with_inertia
@@ -57,6 +57,7 @@ class SolverCode:
             "COORDINATE": self.formulas.coordinates,
             "LINK": self.formulas.links,
             "POINT": self.formulas.points,
+            "JOINT": self.formulas.joints,
         }
 
 
@@ -79,6 +80,7 @@ def solver_code(assembly: SolvedAssembly) -> SolverCode:
         "ANGLES": bool(integers["ANGLE"][0]),
         "BALLS": bool(integers["BALL"][0]),
         "POINTS": bool(formulas.points),
+        "JOINTS": bool(formulas.joints),
         "ONE_DRIVER": len(assembly.drivers) == 1,
         "LIMITED": assembly.interval is not None,
         "TORQUES": inertias is not None,
@@ -108,6 +110,7 @@ def _sizes(assembly: SolvedAssembly, formulas: SolverFormulas) -> dict[str, int]
         "BALLS": len(tree.balls),
         "LINKS": len(formulas.links),
         "POINTS": len(formulas.points),
+        "JOINTS": len(formulas.joints),
         "SIGN": int(assembly.determinant_sign),
         "ATTEMPTS": algorithm.ATTEMPTS,
         "ITERATIONS": algorithm.ITERATIONS,
@@ -197,6 +200,7 @@ def _records(flags: Mapping[str, bool]) -> dict[str, list[tuple[str, str, str]]]
         "configuration": configuration,
         "state": state,
         "point": [(name, str(count), "") for name, count in POINT.items()],
+        "joint": [(name, str(count), "value, rate, acceleration") for name, count in JOINT.items()],
         "link": [(name, str(count), "") for name, count in LINK.items()],
     }
 
@@ -207,6 +211,7 @@ def _functions(formulas: SolverFormulas, flags: Mapping[str, bool]) -> str:
         "VELOCITY_PRODUCTS": formulas.velocity_products(),
         "LINK_MOTIONS": formulas.link_motions(),
         "POINT_MOTIONS": formulas.point_motions() if flags["POINTS"] else [],
+        "JOINT_MOTIONS": formulas.joint_motions() if flags["JOINTS"] else [],
         "FORCES": formulas.torques() if flags["TORQUES"] else [],
     }
     text = chosen(algorithm.SOLVER.strip(), flags)

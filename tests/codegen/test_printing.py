@@ -1,5 +1,6 @@
 """The header under two compilers, warnings as errors, sanitizers and floats; the same in JavaScript."""
 
+import ctypes
 import json
 import shutil
 import subprocess
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli import main
 from mechsim.codegen.self_test import c_test, javascript_test
 
@@ -78,6 +80,33 @@ def test_the_test_rejects_a_solver_that_leaves_its_range(compiled, tmp_path):
     result = run(built("gcc", source))
     assert result.returncode == 1
     assert "outside the range is not rejected" in result.stdout
+
+
+JOINTS = """#include "solver.h"
+int joints_at(double angle, double speed, double acceleration, double *out) {
+  @state s;
+  @joint joints[@JOINTS];
+  int status = @start(&s) + @solve(&s, &angle, &speed, &acceleration);
+  @solve_joints(&s, joints);
+  for (int i = 0; i < 3 * @JOINTS; i++) { out[i] = joints[i / 3].motion[i % 3]; }
+  return status;
+}
+"""
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "jansen", "oldham_coupling", "quick_return"])
+def test_joints_that_close_loops_have_values_and_rates(compiled, tmp_path, name):
+    solver = compiled(name)
+    written(solver, tmp_path)
+    (tmp_path / "joints.c").write_text(JOINTS.replace("@", f"{name}_"))
+    library = built("gcc", tmp_path / "joints.c", "-shared", "-fPIC")
+    function, names = ctypes.CDLL(str(library)).joints_at, solver.code.formulas.joints
+    out = (ctypes.c_double * (3 * len(names)))()
+    assert function(ctypes.c_double(1.1), ctypes.c_double(2.0), ctypes.c_double(3.0), out) == 0
+    exact = LoopForm(solver.code.assembly.source.mechanism).solve([1.1], 2.0, 3.0).joints
+    for i, joint in enumerate(names):
+        expected = [exact[joint].value[0], exact[joint].rate[0], exact[joint].acceleration[0]]
+        assert out[3 * i : 3 * i + 3] == pytest.approx(expected, abs=1e-12)
 
 
 def test_names_of_joints_and_links_are_in_the_code(compiled):

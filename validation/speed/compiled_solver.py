@@ -1,9 +1,10 @@
 """Speed, size and error of generated solvers, in 64 and 32 bits, beside the loop equations in numpy.
 
 Each mechanism of the reference data is compiled by gcc and clang. Errors are those of points, their rates
-and drive torques against the data to 30 digits, relative to the largest value; those of floats are against the
-analytic solution. The time is that of a configuration with rates and accelerations at steps of 5 degrees, the
-best of several runs on one core; numpy solves 1,000 at once. Size is that of all functions, optimised for size.
+and drive torques against the data to 30 digits, relative to the largest value; those of floats are against
+the analytic solution. The time is that of a configuration with rates and accelerations at steps of 5 degrees,
+the best of several runs on one core; numpy solves 1,000 at once. Size is that of all functions, optimised for
+size.
 
 Run: python validation/speed/compiled_solver.py [NAME ...]
 """
