@@ -25,6 +25,7 @@ class CompileJson(TypedDict):
     range: list[float] | None
     lines: int
     torques: bool
+    certified: bool
     test: str | None
 
 
@@ -37,6 +38,9 @@ def compile_solver(
         str | None,
         typer.Option(metavar="FILE.c|FILE.js", help="Also write a test that checks and times the solver."),
     ] = None,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Prove one regular configuration over the range of the solver.")
+    ] = False,
 ) -> Result[CompileJson]:
     """Write a solver without dependencies: a C99 header, or JavaScript.
 
@@ -44,13 +48,13 @@ def compile_solver(
 
     Examples:
     mechsim compile rssr -o rssr.h --test rssr_test.c
-    mechsim compile leg.toml -o leg.js
+    mechsim compile leg.toml -o leg.js --certify
     """
     path = writable(output, ".h", ".js")
     test_path = None if test is None else writable(test, ".c" if path.suffix == ".h" else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
-    code = solver_code(assembly(options.load()))
+    code = solver_code(assembly(options.load(), certify))
     in_c = path.suffix.lower() == ".h"
     text = c_header(code) if in_c else javascript(code)
     _write(path, text)
@@ -65,6 +69,7 @@ def compile_solver(
         "range": None if limits is None else [float(limits[0]), float(limits[1])],
         "lines": len(text.splitlines()),
         "torques": code.inertias is not None,
+        "certified": code.assembly.certificate is not None,
         "test": test,
     }
     return Result(data, lambda: _print(data, code.prefix), files=(output, test))

@@ -17,12 +17,15 @@ from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.expressions import ROUNDING
 from mechsim.codegen.passive_spin import without_passive_spin
+from mechsim.errors import InputError
 from mechsim.model.joints import End
 from mechsim.model.links import Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import interval_around
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
+from mechsim.studies.certify.certificate import Certificate, certified_motion
 
 # configurations over the range at which rows are compared
 SAMPLES = 49
@@ -42,6 +45,7 @@ class SolvedAssembly:
             crank turns fully, or no crank drives.
         spinning: links whose spin nothing determines -> its axis in the link's frame, (3,).
         samples: configurations over the range.
+        certificate: proof of one regular configuration over the range; None if none was requested.
     """
 
     source: KinematicSolver
@@ -50,6 +54,7 @@ class SolvedAssembly:
     interval: tuple[float, float] | None
     spinning: dict[str, Array]
     samples: Coordinates
+    certificate: Certificate | None = None
 
     @property
     def loops(self) -> TreeLoops:
@@ -77,13 +82,18 @@ class SolvedAssembly:
         return float(self.solver.at_reference.determinant_sign[0]) if len(self.loops.unknown) else 1.0
 
 
-def assembly(source: KinematicSolver) -> SolvedAssembly:
+def assembly(source: KinematicSolver, certify: bool = False) -> SolvedAssembly:
     """Return the assembly of a mechanism that its guess selects.
+
+    Args:
+        source: the mechanism.
+        certify: whether the range is the one over which one regular configuration is proven to exist.
 
     Raises:
         AssemblyError: where the loops do not close at the start.
         MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
-        InputError: where a link is left to spin by joints for which no code is generated.
+        InputError: where a link is left to spin by joints for which no code is generated, and where the range
+            cannot be certified.
     """
     mechanism = _rounded(with_closed_guess(source.mechanism))
     solver = LoopForm(mechanism, motion_laws=source.motion_laws, ranges=source.ranges)
@@ -95,7 +105,27 @@ def assembly(source: KinematicSolver) -> SolvedAssembly:
         mechanism, spinning = without_passive_spin(first, link_poses(first.loops.tree, q))
         q = _sampled(replace(solver, mechanism=mechanism), parameters)
         first = checked_start(mechanism)
-    return SolvedAssembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
+    solved = SolvedAssembly(source, mechanism, _with_best_rows(first, q), interval, spinning, q)
+    return _certified(solved) if certify else solved
+
+
+def _certified(assembly: SolvedAssembly) -> SolvedAssembly:
+    """Return an assembly whose range is proven.
+
+    Raises:
+        InputError: where it cannot be proven.
+    """
+    interval = assembly.interval
+    if interval is not None:
+        inset = INSET * (interval[1] - interval[0])
+        interval = interval[0] + inset, interval[1] - inset
+    certificate = certified_motion(assembly.source, interval, {})
+    if not certificate.certified:
+        raise InputError(
+            f"{assembly.mechanism.name} is not certified: {certificate.reason}; leave certify out, and the "
+            "code checks the determinant alone"
+        )
+    return replace(assembly, interval=interval, certificate=certificate)
 
 
 def _rounded(mechanism: Mechanism) -> Mechanism:
@@ -129,8 +159,9 @@ def _range(solver: LoopForm) -> tuple[tuple[float, float] | None, Array]:
     low, high = (
         (start - np.pi, start + np.pi) if arcs.full else interval_around(arcs, start) or (start, start)
     )
+    low, high = float(low), float(high)
     for point in change_points:
-        for angle in point + 2.0 * np.pi * np.arange(-1, 2):
+        for angle in (point - REVOLUTION, point, point + REVOLUTION):
             low, high = (max(low, angle), high) if angle < start else (low, min(high, angle))
     inset = INSET * (high - low)
     return (low, high), np.linspace(low + inset, high - inset, SAMPLES)

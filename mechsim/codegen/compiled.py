@@ -164,7 +164,13 @@ class CompiledSolver:
         )
 
 
-def compile(model: Any, *, set: Mapping[str, str | float] | None = None, **options: Any) -> CompiledSolver:
+def compile(
+    model: Any,
+    *,
+    set: Mapping[str, str | float] | None = None,
+    certify: bool = False,
+    **options: Any,
+) -> CompiledSolver:
     """Return a mechanism whose motion generated C code solves, compiled by the system's C compiler.
 
     The library is kept in the user's cache, so that the same mechanism is compiled once.
@@ -172,13 +178,14 @@ def compile(model: Any, *, set: Mapping[str, str | float] | None = None, **optio
     Args:
         model: what `load` takes.
         set: parameter -> its value, as `load` takes it.
+        certify: whether interval arithmetic must prove that one regular configuration exists over the range.
         options: of `load`, as drive= and lock=.
 
     Raises:
         MissingToolError: without a C compiler.
         AssemblyError: where the loops do not close at the start.
         MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
-        InputError: for what is no mechanism, or has no driver.
+        InputError: for what is no mechanism, has no driver, or cannot be certified.
     """
-    code = solver_code(assembly(load(model, set=set, **options)))
+    code = solver_code(assembly(load(model, set=set, **options), certify))
     return CompiledSolver(code, Library(code, library(code)))

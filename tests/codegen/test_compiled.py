@@ -151,6 +151,18 @@ def test_beyond_the_workspace_of_several_drivers_a_status_says_so(compiled):
         solver.solve_drivers(start + np.array([3.0, 0, 0, 0, 0, 0]))
 
 
+def test_a_certified_range_is_proven_and_what_is_not_proven_is_rejected():
+    solver = ms.compile("elliptic_trammel", certify=True)
+    low, high = solver.code.assembly.interval
+    assert "Certified by interval arithmetic from -1.567" in solver.header
+    assert solver.code.assembly.certificate.range == (low, high)
+    solver.solve([low, high])
+    with pytest.raises(AssemblyError, match="outside"):
+        solver.solve([high + 1e-9])
+    with pytest.raises(InputError, match=r"bennett is not certified: overconstrained.*; leave certify out"):
+        ms.compile("bennett", certify=True)
+
+
 def test_a_library_is_compiled_once(compiled, monkeypatch):
     code = compiled("rssr").code
     path = build.library(code)

@@ -34,7 +34,7 @@ ALLOWED_IMPORTS = {
         "files",
         "units",
     },
-    "codegen": {"numerics", "model", "analytic", "subjects"},
+    "codegen": {"numerics", "model", "analytic", "studies", "subjects"},
     "report": {
         "numerics",
         "model",

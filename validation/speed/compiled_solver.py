@@ -1,4 +1,4 @@
-"""Speed, size and error of generated solvers, in 64 and 32 bits, beside the loop equations in numpy.
+"""Speed, size and error of generated solvers, in 64 and 32 bits, compared with the loop equations in numpy.
 
 Each mechanism of the reference data is compiled by gcc and clang. Errors are those of points, their rates
 and drive torques against the data to 30 digits, relative to the largest value; those of floats are against
@@ -37,7 +37,7 @@ void links(const @state *s, @link *links) { @solve_links(s, links); }
 
 
 def run(*command: object) -> str:
-    return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True).stdout
+    return subprocess.run([str(word) for word in command], capture_output=True, text=True, check=True).stdout
 
 
 def reference_error(solver: CompiledSolver, name: str) -> float:
@@ -56,11 +56,11 @@ def reference_error(solver: CompiledSolver, name: str) -> float:
     return float(max(*out, np.abs(torques - exact).max() / np.abs(exact).max()))
 
 
-def printed_test(program: Path | str, *arguments: object) -> tuple[float, float]:
+def printed_test(command: Path | str, *arguments: object) -> tuple[float, float]:
     """Return the error and the least time in microseconds that a test prints."""
-    texts = [run(program, *arguments) for _ in range(ROUNDS)]
-    found = [re.search(r"error ([\d.e+-]+),.*; ([\d.]+) us", text) for text in texts]
-    values = [(float(match[1]), float(match[2])) for match in found if match]
+    texts = [run(command, *arguments) for _ in range(ROUNDS)]
+    matches = [re.search(r"error ([\d.e+-]+),.*; ([\d.]+) us", text) for text in texts]
+    values = [(float(match[1]), float(match[2])) for match in matches if match]
     return values[0][0], min(seconds for _, seconds in values)
 
 
@@ -79,14 +79,14 @@ def code_size(solver: CompiledSolver, folder: Path) -> int:
 def numpy_time(solver: CompiledSolver) -> float:
     """Return the microseconds a configuration that the loop equations take in numpy, 1,000 at once."""
     source = solver.code.assembly.source
-    form = LoopForm(source.mechanism, motion_laws=source.motion_laws)
+    loops = LoopForm(source.mechanism, motion_laws=source.motion_laws)
     low, high = solver.code.assembly.interval or (0.0, min(source.period, 2.0 * np.pi))
     inset = 0.02 * (high - low)
     parameter = np.linspace(low + inset, high - inset, 1000)
     times = []
     for _ in range(ROUNDS):
         begin = time.perf_counter()
-        form.solve_along(parameter)
+        loops.solve_along(parameter)
         times.append(time.perf_counter() - begin)
     return 1e3 * min(times)
 
@@ -107,10 +107,10 @@ def study(name: str, folder: Path) -> bool:
             single = error
         times.append(seconds)
     script = printed_test("node", folder / "test.js")[1]
-    error, size = reference_error(solver, name), code_size(solver, folder)
+    error, kibibytes = reference_error(solver, name), code_size(solver, folder) / 1024
     print(
         f"| {name} | {solver.code.sizes['UNKNOWNS']} | {times[0]:.2f} | {times[1]:.2f} | {times[2]:.2f} | "
-        f"{script:.1f} | {numpy_time(solver):.1f} | {error:.1e} | {single:.1e} | {size / 1024:.1f} |",
+        f"{script:.1f} | {numpy_time(solver):.1f} | {error:.1e} | {single:.1e} | {kibibytes:.1f} |",
         flush=True,
     )
     return error <= ALLOWED and min(times[:2]) <= LIMITS.get(name, np.inf)
