@@ -160,9 +160,9 @@ class ExpressionTable:
             return positive if a.op == b.op else -positive
         return self._entry("*", *sorted((a, b), key=_index))
 
-    def angle(self, sine: Operand, cosine: Operand) -> SymbolicExpression:
+    def angle(self, sine: SymbolicExpression, cosine: SymbolicExpression) -> SymbolicExpression:
         """Return the angle in (-pi, pi] of a sine and a cosine with a common positive factor."""
-        return self._entry("atan2", self.expression(sine), self.expression(cosine))
+        return self._entry("atan2", sine, cosine)
 
 
 def _index(expression: SymbolicExpression) -> int:

@@ -237,7 +237,8 @@ class SolverFormulas:
             yield direction @ gap, direction @ relative, direction @ second
         if kind.turns:
             axis_a, reference = frame_a[:, 2], frame_b[:, 0]
-            angle = self.table.angle(frame_a[:, 1] @ reference, frame_a[:, 0] @ reference)
+            sine, cosine = (self._expression(frame_a[:, k] @ reference) for k in (1, 0))
+            angle = self.table.angle(sine, cosine)
             yield angle, axis_a @ (twist_b - twist_a)[3:], axis_a @ (spatial_b - spatial_a)[3:]
 
     def _side(self, end: End) -> tuple[Array, Array, Array, Array]:
