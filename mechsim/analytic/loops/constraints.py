@@ -16,12 +16,12 @@ from mechsim.analytic.loops.kinematics import (
     LinkPoses,
     carried_frame,
     carried_point,
-    cross,
     link_poses,
     on_ground,
     product,
 )
 from mechsim.analytic.loops.tree import Index, SpanningTree, as_slice, spanning_tree
+from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.model.design_arrays import Sides
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
 from mechsim.model.joints import Coupling, Joint

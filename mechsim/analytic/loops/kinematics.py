@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint
+from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.numerics.arrays import Array
 
 EYE = np.eye(3)[..., None]
-# of three components those that come next, and those before
-NEXT, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,10 +201,3 @@ def _summed(tree: SpanningTree, terms: Array) -> Array:
 def product(a: Array, b: Array) -> Array:
     """Return matrix products of (3, 3, n)."""
     return np.einsum("ijn,jkn->ikn", a, b)
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return vector products, (3, n) or with more axes between."""
-    result = a.take(NEXT, 0) * b.take(BEFORE, 0)
-    result -= a.take(BEFORE, 0) * b.take(NEXT, 0)
-    return result

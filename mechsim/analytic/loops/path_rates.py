@@ -6,10 +6,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.kinematics import Coordinates, cross, product, twists, velocity_products
+from mechsim.analytic.loops.kinematics import Coordinates, product, twists, velocity_products
 from mechsim.analytic.loops.path import ContinuationPath
 from mechsim.analytic.loops.solver import Linearised, LoopSolver
 from mechsim.analytic.loops.tree import SpanningTree
+from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array

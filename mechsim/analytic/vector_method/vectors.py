@@ -18,16 +18,18 @@ Sign = Literal[1, -1]
 ROUNDING = 16.0 * np.finfo(np.float64).eps
 # a sine below this says more of its angle than the cosine
 SMALL = 0.5
+# of three components those that come next, and those before
+NEXT, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def dot(a: Values, b: Values) -> Any:
     """Return the scalar product of vectors, (3, ...) and (3, ...) -> (...)."""
-    return product(_dot, a, b)
+    return product(array_dot, a, b)
 
 
 def cross(a: Values, b: Values) -> Any:
     """Return the vector product of vectors, (3, ...) and (3, ...) -> (3, ...)."""
-    return product(_cross, a, b)
+    return product(array_cross, a, b)
 
 
 def norm(a: Values) -> Any:
@@ -188,13 +190,13 @@ def _possible(square: Values) -> Any:
     return revalued(square, np.where(number >= -ROUNDING, np.maximum(number, 0.0), np.nan))
 
 
-def _dot(a: Array, b: Array) -> Array:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def array_dot(a: Array, b: Array) -> Array:
+    """Return scalar products, (3, n) or (3, 1) each: (n,) or (1,)."""
+    return (a * b).sum(0)
 
 
-def _cross(a: Array, b: Array) -> Array:
-    out = np.empty(np.broadcast(a, b).shape)
-    np.subtract(a[1] * b[2], a[2] * b[1], out=out[0, ...])
-    np.subtract(a[2] * b[0], a[0] * b[2], out=out[1, ...])
-    np.subtract(a[0] * b[1], a[1] * b[0], out=out[2, ...])
-    return out
+def array_cross(a: Array, b: Array) -> Array:
+    """Return vector products, (3, n) or with more axes between."""
+    result = a.take(NEXT, 0) * b.take(BEFORE, 0)
+    result -= a.take(BEFORE, 0) * b.take(NEXT, 0)
+    return result

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.loops.constraints import TreeLoops
-from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, cross, twists
+from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists
 from mechsim.analytic.loops.path_rates import regularised, smallest_singular_values
 from mechsim.analytic.loops.solver import NEARBY, Linearised, LoopSolver
 from mechsim.analytic.loops.tree import SpanningTree
+from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.errors import MobilityError
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
