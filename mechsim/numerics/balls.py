@@ -78,20 +78,26 @@ class Ball:
         return Ball(-self.mid, self.rad)
 
     def __add__(self, other: "Ball | ArrayLike") -> "Ball":
+        if isinstance(other, DualBall):
+            return NotImplemented
         other = ball(other)
         mid = self.mid + other.mid
         return Ball(mid, (self.rad + other.rad + ROUNDOFF * np.abs(mid)) * OUTWARD)
 
     def __sub__(self, other: "Ball | ArrayLike") -> "Ball":
-        return self + -ball(other)
+        return self + -(other if isinstance(other, DualBall) else ball(other))
 
     def __mul__(self, other: "Ball | ArrayLike") -> "Ball":
+        if isinstance(other, DualBall):
+            return NotImplemented
         other = ball(other)
         mid = self.mid * other.mid
         spread = np.abs(self.mid) * other.rad + self.rad * (np.abs(other.mid) + other.rad)
         return Ball(mid, (spread + ROUNDOFF * np.abs(mid)) * OUTWARD + UNDERFLOW)
 
     def __matmul__(self, other: "Ball | ArrayLike") -> "Ball":
+        if isinstance(other, DualBall):
+            return NotImplemented
         other = ball(other)
         # a sum of k products is off by at most k roundoffs of the sum of their absolute values
         relative = (self.mid.shape[-1] + 2) * ROUNDOFF
@@ -141,6 +147,82 @@ class Ball:
         sine, cosine = where(turns >= 2, -sine, sine), where((turns == 1) | (turns == 2), -cosine, cosine)
         rad = np.where(bounded, self.rad, np.inf)
         return _spread(sine, cosine, rad), _spread(cosine, sine, rad)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DualBall:
+    """An array of balls with their derivatives by d variables.
+
+    Attributes:
+        value: the balls, any shape.
+        derivative: of the balls, (d, *shape) or broadcast to it.
+    """
+
+    value: Ball
+    derivative: Ball
+
+    __array_ufunc__ = None
+
+    @property
+    def T(self) -> "DualBall":  # noqa: N802
+        """The balls with the last two axes exchanged."""
+        return DualBall(self.value.T, self.derivative.T)
+
+    @staticmethod
+    def joined(balls: "list[DualBall | Ball]", axis: int) -> "DualBall":
+        """Return matrices joined along axis -1 or -2; balls without derivatives are constants."""
+        count = max(len(item.derivative.mid) for item in balls if isinstance(item, DualBall))
+        derivatives = [
+            item.derivative if isinstance(item, DualBall) else ball(np.zeros((count, *item.shape)))
+            for item in balls
+        ]
+        values = [item.value if isinstance(item, DualBall) else item for item in balls]
+        return DualBall(Ball.joined(values, axis), Ball.joined(derivatives, axis))
+
+    def __getitem__(self, index: Any) -> "DualBall":
+        return DualBall(self.value[index], self.derivative[index])
+
+    def __neg__(self) -> "DualBall":
+        return DualBall(-self.value, -self.derivative)
+
+    def __add__(self, other: "DualBall | Ball | ArrayLike") -> "DualBall":
+        if isinstance(other, DualBall):
+            return DualBall(self.value + other.value, self.derivative + other.derivative)
+        value = self.value + other
+        return DualBall(value, self.derivative + np.zeros(value.shape))
+
+    def __sub__(self, other: "DualBall | Ball | ArrayLike") -> "DualBall":
+        return self + -(other if isinstance(other, DualBall) else ball(other))
+
+    def __rsub__(self, other: "Ball | ArrayLike") -> "DualBall":
+        return -self + other
+
+    def __mul__(self, other: "DualBall | Ball | ArrayLike") -> "DualBall":
+        if isinstance(other, DualBall):
+            derivative = self.derivative * other.value + other.derivative * self.value
+            return DualBall(self.value * other.value, derivative)
+        return DualBall(self.value * other, self.derivative * other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __matmul__(self, other: "DualBall | Ball | ArrayLike") -> "DualBall":
+        if isinstance(other, DualBall):
+            derivative = self.derivative @ other.value + self.value @ other.derivative
+            return DualBall(self.value @ other.value, derivative)
+        return DualBall(self.value @ other, self.derivative @ other)
+
+    def __rmatmul__(self, other: "Ball | ArrayLike") -> "DualBall":
+        return DualBall(ball(other) @ self.value, ball(other) @ self.derivative)
+
+    def reciprocal(self) -> "DualBall":
+        """Return 1/x; no bound for a ball that contains zero."""
+        value = self.value.reciprocal()
+        return DualBall(value, -(value * value) * self.derivative)
+
+    def sin_cos(self) -> "tuple[DualBall, DualBall]":
+        """Return sine and cosine."""
+        sine, cosine = self.value.sin_cos()
+        return DualBall(sine, cosine * self.derivative), DualBall(cosine, -sine * self.derivative)
 
 
 def ball(values: "Ball | ArrayLike") -> Ball:

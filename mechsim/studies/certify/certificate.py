@@ -12,12 +12,14 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion
 from mechsim.studies.certify.segments import (
+    Bools,
     Segments,
     halves,
     segments_that_join,
     tested_segments,
     with_misses,
 )
+from mechsim.studies.certify.singular_points import SingularPoint, enclosed_singular_point
 from mechsim.studies.certify.tolerances import joint_radii
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances
 from mechsim.subjects.readers import load, parametric_model
@@ -29,21 +31,8 @@ if TYPE_CHECKING:
 FIRST_PER_UNIT, SHORTEST, MAX_SEGMENTS = 20, 1e-10, 200_000
 # tests in a row that fail at a single driver position: shorter segments do not help
 MAX_MISSES = 4
-
-
-@dataclass(frozen=True)
-class SingularPoint:
-    """A singular configuration on the path, enclosed.
-
-    Attributes:
-        parameter: path parameter.
-        width: half-width of the interval that contains it.
-        kind: "dead centre", "change point", or "not enclosed" where no test located it.
-    """
-
-    parameter: float
-    width: float
-    kind: str
+# intervals without proof in which singular points are sought
+MAX_SINGULAR = 20
 
 
 @dataclass(frozen=True)
@@ -109,7 +98,7 @@ def certified_motion(
         )
         return _uncertified(solver.name, whole, reason, solved)
     proven, rest = proven_segments(motion)
-    return _certificate(solver.name, motion, proven, rest)
+    return _certificate(solver.name, motion, between or whole, proven, rest)
 
 
 def _uncertified(name: str, between: tuple[float, float], reason: str, equations: int) -> Certificate:
@@ -154,35 +143,70 @@ def _merged(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _certificate(
-    name: str, motion: ComputedMotion, segments: Segments, rest: list[tuple[float, float]]
+    name: str,
+    motion: ComputedMotion,
+    between: tuple[float, float],
+    segments: Segments,
+    rest: list[tuple[float, float]],
 ) -> Certificate:
-    joins = segments_that_join(motion, segments)
-    proven = float((segments.high - segments.low).sum()) / (motion.high - motion.low)
-    covered = len(segments) > 0 and segments.low[0] == motion.low and segments.high[-1] == motion.high
-    reason = ""
-    if motion.end_message:
-        reason = motion.end_message
-    elif rest:
-        reason = (
-            f"no test succeeded at {len(rest)} intervals, the first from {rest[0][0]:.9g} to {rest[0][1]:.9g}"
-        )
-    elif not joins.all():
-        first = int(np.argmin(joins))
-        reason = f"solutions are not proven to join at {segments.high[first]:.9g}"
-    elif not covered:
-        reason = "segments do not cover the range"
+    joins = segments_that_join(motion, segments) if len(segments) else np.ones(0, dtype=np.bool_)
+    ends = [end for end, target in zip((motion.low, motion.high), between, strict=True) if end != target]
+    singular = _singular_points(motion, rest, ends if motion.end_message else [])
+    reason = _reason(motion, segments, rest, joins, singular)
     return Certificate(
         name,
         not reason,
         reason,
-        (motion.low, motion.high),
+        between,
         len(segments),
-        proven,
-        (),
+        float((segments.high - segments.low).sum()) / (between[1] - between[0]),
+        singular,
         float(segments.singular_value.min(initial=np.inf)),
         float(segments.enclosure.max(initial=0.0)),
         len(motion.equations.kept),
     )
+
+
+def _singular_points(
+    motion: ComputedMotion, rest: list[tuple[float, float]], ends: list[float]
+) -> tuple[SingularPoint, ...]:
+    """Return singular points in the intervals that are not proven and where the motion ends."""
+    if len(rest) > MAX_SINGULAR:
+        return ()
+    approximate = [
+        *ends,
+        *(0.5 * (low + high) for low, high in rest if not any(low <= end <= high for end in ends)),
+    ]
+    points: list[SingularPoint] = []
+    for parameter in sorted(approximate):
+        point = enclosed_singular_point(motion, parameter)
+        same = points and abs(point.parameter - points[-1].parameter) <= point.width + points[-1].width
+        if not same or not np.isfinite(point.width):
+            points.append(point)
+    return tuple(points)
+
+
+def _reason(
+    motion: ComputedMotion,
+    segments: Segments,
+    rest: list[tuple[float, float]],
+    joins: Bools,
+    singular: tuple[SingularPoint, ...],
+) -> str:
+    """Return why a motion is not certified; empty if it is."""
+    enclosed = [point for point in singular if np.isfinite(point.width)]
+    if singular and len(enclosed) == len(singular):
+        labels = ", ".join(f"{point.parameter:.9g} ({point.kind})" for point in singular)
+        return f"the motion is singular at {labels}"
+    if motion.end_message:
+        return motion.end_message
+    if rest:
+        low, high = rest[0]
+        return f"no test succeeded on {len(rest)} intervals, the first from {low:.9g} to {high:.9g}"
+    if not joins.all():
+        return f"segments are not proven to join at {segments.high[int(np.argmin(joins))]:.9g}"
+    covered = len(segments) and segments.low[0] == motion.low and segments.high[-1] == motion.high
+    return "" if covered else "segments do not cover the range"
 
 
 def certify(

@@ -33,6 +33,10 @@ class CentreConfigurations:
     values: Array
     quaternions: Array
 
+    def select(self, which: list[int]) -> "CentreConfigurations":
+        """Return some of the configurations."""
+        return CentreConfigurations(self.values[which], self.quaternions[which])
+
 
 @dataclass(frozen=True)
 class ComputedMotion:

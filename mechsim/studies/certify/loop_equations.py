@@ -20,7 +20,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.balls import Ball, ball
+from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.exact_numbers import rational, unit_vector, unknown
 
 # a ball, a ball with derivatives, or an array of exact numbers
@@ -222,7 +222,8 @@ def joined(matrices: list[Number], axis: int) -> Number:
     """Return arrays of any kind of number joined along an axis."""
     if isinstance(matrices[0], np.ndarray):
         return np.concatenate(matrices, axis)
-    return type(matrices[0]).joined(matrices, axis)
+    dual = any(isinstance(matrix, DualBall) for matrix in matrices)
+    return (DualBall if dual else Ball).joined(matrices, axis)
 
 
 def cross(a: Number, b: Number) -> Number:

@@ -284,8 +284,8 @@ def _singular_value_bound(inverse: Array, contraction: Array) -> Array:
     for matrix in (np.abs(inverse), contraction):
         columns, rows = (np.sum(matrix, axis).max(1) for axis in (1, 2))
         norms.append(np.sqrt(columns * rows) * OUTWARD)
-    bound: Array = np.maximum((1.0 - norms[1]) / norms[0] / OUTWARD, 0.0)
-    return bound
+    smallest: Array = np.maximum((1.0 - norms[1]) / norms[0] / OUTWARD, 0.0)
+    return smallest
 
 
 def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:

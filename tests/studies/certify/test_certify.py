@@ -4,7 +4,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.loops.constraints import cuts_of
 from mechsim.analytic.loops.motion import driven_path
-from mechsim.numerics.balls import Ball, ball
+from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.loop_equations import loop_equations
 
 REGULAR = [
@@ -99,3 +99,36 @@ def test_a_range_with_a_change_point_or_a_dead_centre_is_not_certified():
     assert not ms.certify("elliptic_trammel", "80:100deg").certified
     assert ms.certify("elliptic_trammel", "0:80deg").certified
     assert not ms.certify("four_bar", set={"crank": "90mm"}).certified
+
+
+def test_change_points_and_dead_centres_are_enclosed():
+    def enclosed(kind, exact, name, **options):
+        proof = ms.certify(name, **options)
+        points = [point for point in proof.singular if point.kind == kind]
+        assert not proof.certified
+        assert len(points) == len(proof.singular) == len(exact)
+        for point, angle in zip(points, sorted(exact), strict=True):
+            assert abs(point.parameter - angle) <= point.width + 4e-15
+            assert point.width < 1e-9
+
+    enclosed("change point", [np.pi / 2], "elliptic_trammel", angles="60:120deg")
+    # ground and crank span coupler plus rocker, in a triangle of known sides
+    four_bar = ms.catalog.make("four_bar", crank=0.09)
+    ground, crank = four_bar.ground, four_bar.crank
+    reach = four_bar.coupler + four_bar.rocker
+    inner = abs(four_bar.coupler - four_bar.rocker)
+    angles = [np.arccos((ground**2 + crank**2 - side**2) / (2 * ground * crank)) for side in (reach, inner)]
+    enclosed("dead centre", [-angle for angle in angles], "four_bar", set={"crank": "90mm"})
+
+
+def test_derivatives_of_equations_in_dual_balls_are_the_jacobian():
+    solver = ms.load("looper")
+    path = driven_path(solver.mechanism, solver.motion_laws)
+    equations = loop_equations(path.loops.tree.mechanism, path.loops.turn_offsets, {})
+    values = path.start.values.T.copy()
+    values[:, equations.tree.ball_indices] = 0.3
+    turns = [ball(np.moveaxis(turn, -1, 0)) for turn in path.start.turns]
+    seeds = np.diag(equations.tree.units)[:, None, :, None]
+    residual, jacobian = equations.evaluate(DualBall(ball(values[..., None]), ball(seeds)), turns)
+    derivative = np.moveaxis(residual.derivative.mid[..., 0], 0, -1)
+    assert np.abs(derivative - jacobian.value.mid).max() < 1e-14
