@@ -108,7 +108,7 @@ def determined_subsets(jacobians: Array) -> list[tuple[Indices, Indices]]:
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    pattern = (np.abs(jacobians) > DEPENDENT).any(0)
+    pattern: NDArray[np.bool_] = np.abs(jacobians).max(0) > DEPENDENT
     matched = maximum_bipartite_matching(csr_array(pattern), perm_type="column")
     if (matched < 0).any():
         return []
