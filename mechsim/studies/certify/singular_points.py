@@ -167,13 +167,13 @@ def _variables(x: Ball) -> DualBall:
 
 def _enclosure(system: System, x: Array) -> Ball | None:
     """Return balls in which a solution of the system is proven to lie, from a guess (d,); None for none."""
-    inverse = np.eye(len(x))
+    inverse: Array = np.eye(len(x))
     for _ in range(ITERATIONS):
         result = system(_variables(ball(x)))
         matrix = result.derivative.mid[:, 0, :, 0].T
         if not np.isfinite(matrix).all() or np.linalg.matrix_rank(matrix) < len(x):
             return None
-        inverse = np.linalg.inv(matrix)
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         step = inverse @ result.value.mid[0, :, 0]
         x = x - step
         if np.abs(step).max() < FIRST_WIDTH:
