@@ -190,7 +190,7 @@ class DesignPaths(ContinuationPath):
         error = closed.error
         valid = closed.valid & (error <= self.control.max_error) & (signs == sign).all(0)
         if not valid.any():
-            return None, 0.5 * step
+            return None, self.control.shrink * step
         growth = self.growth(step, direction, error, closed.displacement)[valid]
         longer = min(self.control.max_length, step * float(np.quantile(growth, GROWTH_QUANTILE)))
         segment = replace(segment, adequate=segment.solver.adequate(closed.linearised.last(self.count))[0])
@@ -201,7 +201,7 @@ class DesignPaths(ContinuationPath):
         segments.append(segment)
         kept = self.select(valid)
         kept.sign = sign[valid]
-        raise Divided((kept, longer), (rejected, 0.5 * step))
+        raise Divided((kept, longer), (rejected, self.control.shrink * step))
 
     def _solver(self, current: float, direction: int) -> LoopSolver:
         adequate = self.segments[direction][-1].adequate if self.segments[direction] else None

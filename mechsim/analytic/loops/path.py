@@ -164,7 +164,7 @@ class ContinuationPath(PathStates):
         nodes, weights = nodes_between(current, current + direction * step, CONTROL.nodes)
         closed = self.closed(solver, nodes, self.predicted(current, direction, solver, nodes), NODE_RESIDUAL)
         if closed is None:
-            return None, 0.5 * step
+            return None, self.control.shrink * step
         return self.accepted(Segment(nodes, closed.states, weights, solver), closed, direction)
 
     def accepted(self, segment: Segment, closed: ClosedNodes, direction: int) -> tuple[Segment | None, float]:
@@ -174,19 +174,19 @@ class ContinuationPath(PathStates):
             closed = self.closed(solver, segment.nodes, closed.states) or closed
         error, loops = closed.error, closed.linearised
         if error[0] > CONTROL.max_error:
-            return None, 0.5 * step
+            return None, self.control.shrink * step
         adequate, by_determinant = solver.adequate(loops)
         segment = replace(segment, states=closed.states, adequate=adequate[-1:])
         if not by_determinant.all():
             segment, loops = self._with_adequate_rows(segment, loops, by_determinant)
         share, signs = segment.solver.share(loops), np.sign(loops.signed_distance)
         if share.min() < MIN_SHARE_RATIO * share.max():
-            return None, 0.5 * step
+            return None, self.control.shrink * step
         sign_changes = np.flatnonzero(signs[1:] != signs[:-1])
         if len(sign_changes):
             return None, step if self._approached_change_point(
                 segment, int(sign_changes[0]), direction
-            ) else 0.5 * step
+            ) else self.control.shrink * step
         if (index := even_change_point(loops.log_determinant)) is not None and self._approached_change_point(
             segment, index, direction
         ):
@@ -195,7 +195,7 @@ class ContinuationPath(PathStates):
         if self.sign[0] * middle_sign < 0.0 and segment.solver is segments[-1].solver:
             # the change point lies at the end of the last segment
             length = segments[-1].length
-            return None, 0.6 * length if self.drop_last_segment(direction) else 0.5 * step
+            return None, 0.6 * length if self.drop_last_segment(direction) else self.control.shrink * step
         self.sign = np.array([middle_sign])
         growth = float(self.growth(step, direction, error, closed.displacement)[0])
         return segment, min(self.control.max_length, step * growth)
