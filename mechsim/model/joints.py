@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates
-from mechsim.model.links import EX, EY, EZ, FARTHEST, ORIGIN, Pose, Vector
+from mechsim.model.links import EX, EY, EZ, FARTHEST, ORIGIN, Pose, Vector, vector
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number, numbers, require
 
@@ -202,10 +202,6 @@ class End:
         return _frame(self.axis, self.reference)
 
 
-def _vector(values: Array) -> Vector:
-    return (float(values[0]), float(values[1]), float(values[2]))
-
-
 @cache
 def _frame(axis: Vector, reference: Vector) -> Array:
     frame = np.column_stack([reference, np.cross(axis, reference), axis])
@@ -274,7 +270,7 @@ class Joint:
             side = self.a.frame
             reference = smallest_rotation_reference(np.array(self.b.axis), side[:, 2], side[:, 0])
             if np.abs(reference - np.array(self.b.reference)).max() > ROUNDED:
-                object.__setattr__(self, "b", replace(self.b, reference=_vector(reference)))
+                object.__setattr__(self, "b", replace(self.b, reference=vector(reference)))
                 object.__setattr__(self, "without_reference", True)
 
     @property

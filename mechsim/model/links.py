@@ -1,7 +1,8 @@
 """What a link is, and where it stands."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,12 @@ Matrix = tuple[Vector, Vector, Vector]
 HEAVIEST = 1e60
 # how far moments may miss symmetry and the triangle inequality: rounding of a rotated laminar body
 SLACK = 1e-9
+
+
+def vector(numbers: Array | Sequence[Any]) -> Vector:
+    """Return three numbers as a plain tuple."""
+    x, y, z = (float(number) for number in numbers)
+    return x, y, z
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from mechsim.model.masses import summary
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.model.quantities import moving_points
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces, rank
 from mechsim.pictures.render.drawn_model import drawn_as
@@ -255,7 +256,7 @@ def _hand_grid(mechanism: Mechanism, name: str, moved: Sequence[str], box: Box, 
     Row by row the last driver goes either way from where it starts, as far as its assembly can be followed.
     """
     nodes = [np.linspace(box.low[driver], box.high[driver], count) for driver in moved]
-    shape, points = (count,) * len(moved), _moving(mechanism)
+    shape, points = (count,) * len(moved), moving_points(mechanism)
     position = {link.name: np.full((*shape, 3), np.nan) for link in mechanism.links}
     quaternion = {link.name: np.full((*shape, 4), np.nan) for link in mechanism.links}
     point_positions = {point: np.full((*shape, 3), np.nan) for point in points}
@@ -298,10 +299,6 @@ def _error(mechanism: Mechanism, grid: PoseGrid, box: Box) -> float:
                 # next to a node without a pose the page shows nothing, or interpolates linearly
                 worst = float(np.fmax(worst, np.linalg.norm(approximate - expected)))
     return worst
-
-
-def _moving(mechanism: Mechanism) -> list[str]:
-    return [name for name, (link, _) in mechanism.points.items() if link != GROUND]
 
 
 def _row(

@@ -13,10 +13,9 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector
+from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
-from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
 from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
 from mechsim.subjects.pose_drivers import with_pose_drivers
@@ -346,9 +345,5 @@ def _fixed_joint(joint: Joint, poses: Mapping[str, Pose]) -> Joint:
     a, b = poses[joint.a.link], poses[joint.b.link]
     frame = a.rotation.T @ b.rotation @ joint.b.frame
     point = a.rotation.T @ (b.point(joint.b.point) - a.position)
-    end = End(joint.a.link, _vector(point), _vector(frame[:, 2]), _vector(frame[:, 0]))
-    return Joint(joint.name, FIXED, end, replace(joint.b, reference=_vector(joint.b.frame[:, 0])))
-
-
-def _vector(values: Array) -> Vector:
-    return (float(values[0]), float(values[1]), float(values[2]))
+    end = End(joint.a.link, vector(point), vector(frame[:, 2]), vector(frame[:, 0]))
+    return Joint(joint.name, FIXED, end, replace(joint.b, reference=vector(joint.b.frame[:, 0])))

@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, number, offset
 from mechsim.analytic.vector_method import trig_polynomial
-from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
+from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
 from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION, shifted_into
 from mechsim.numerics.arrays import Array

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, position
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
+from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import (
     Sign,
     circle_sphere,
@@ -24,7 +24,7 @@ from mechsim.analytic.vector_method.vectors import (
 )
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, Pose
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, Pose, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array

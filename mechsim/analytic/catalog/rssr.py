@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, position
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
-from mechsim.analytic.vector_method.link_frames import LinkFrame, vector
+from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import (
     Sign,
     circle_sphere,
@@ -23,7 +23,7 @@ from mechsim.analytic.vector_method.vectors import (
     unit_at_angles,
 )
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link
+from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values

@@ -23,7 +23,7 @@ from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import rough_poses, starts
-from mechsim.model.links import Vector
+from mechsim.model.links import vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces, significant
@@ -184,11 +184,7 @@ def _moved(end: End, change: Array, length: float) -> End:
         return end
     rotated = turned_by(end.frame[None], change[None, 3:])[0]
     point = np.array(end.point) + length * change[:3]
-    return End(end.link, _vector(point), _vector(rotated[:, 2]), _vector(rotated[:, 0]))
-
-
-def _vector(values: Array) -> Vector:
-    return float(values[0]), float(values[1]), float(values[2])
+    return End(end.link, vector(point), vector(rotated[:, 2]), vector(rotated[:, 0]))
 
 
 def _sizes(mechanism: Mechanism, change: Array) -> tuple[float, float]:

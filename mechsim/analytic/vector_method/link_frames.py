@@ -13,7 +13,7 @@ import numpy as np
 from mechsim.analytic.vector_method.vectors import column, cross, dot
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.links import EX, EY, EZ, Vector
+from mechsim.model.links import EX, EY, EZ, vector
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, values
@@ -86,12 +86,6 @@ def _counts(number: Any) -> bool:
 
 
 GROUND_FRAME = LinkFrame(np.zeros((3, 1)), column(EX), column(EY), column(EZ))
-
-
-def vector(numbers: Array | Sequence[Any]) -> Vector:
-    """Return three numbers as a plain tuple."""
-    x, y, z = (float(number) for number in numbers)
-    return x, y, z
 
 
 def rows(position: Values, n: int) -> Array:

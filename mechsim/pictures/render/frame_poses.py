@@ -197,7 +197,7 @@ def frame_poses(
             raise InputError(f"the motion of link {name!r} holds NaN or infinity and cannot be drawn")
     step = max(1, len(motion) // PATH_POINTS)
     fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
-    paths = {name: _picked(poses[link], fine).point(local) for name, (link, local) in _moving(mechanism)}
+    paths = {name: poses[link].select(fine).point(local) for name, (link, local) in _moving(mechanism)}
     passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
     requested = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
     vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
@@ -251,10 +251,6 @@ def _vectors(
             if not np.isfinite(vector).all():
                 raise InputError(f"{kind} at {name!r} holds NaN or infinity and cannot be drawn")
     return vectors
-
-
-def _picked(pose: Pose, samples: NDArray[np.intp]) -> Pose:
-    return Pose(pose.position[samples], pose.rotation[samples])
 
 
 def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, float, float]]]]:

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from mechsim.model.forces import Forces, Friction, JointSpring
-from mechsim.model.links import Inertia, Link
+from mechsim.model.links import Inertia, Link, vector
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier, vector
+from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
 from mechsim.simulation.state import SCALAR, gravity, rotation_matrix
 
 # fraction of the heaviest link's mass that a massless link gets: negligible, but not zero

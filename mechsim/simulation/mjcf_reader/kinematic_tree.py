@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.model.joint_kinds import KINDS, KindName, displaced
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector
+from mechsim.model.links import EX, EZ, GROUND, IDENTITY, ORIGIN, VIRTUAL_PREFIX, Link, Pose, Vector, vector
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.state import BALL, FREE, HINGE, SLIDE, rotation_matrix
 
@@ -54,12 +54,6 @@ def link_name(model: mujoco.MjModel, body: int) -> str:
 def shifted(pose: Pose, position: Array, quaternion: Array) -> Pose:
     """Return the pose of a frame whose position and quaternion are relative to a frame at `pose`."""
     return Pose(pose.position + pose.rotation @ position, pose.rotation @ rotation_matrix(quaternion))
-
-
-def vector(values: Array) -> Vector:
-    """Return three numbers as a point or direction."""
-    x, y, z = (float(value) for value in values)
-    return x, y, z
 
 
 OF_JOINT: dict[int, KindName] = {

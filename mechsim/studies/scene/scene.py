@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.links import GROUND, Vector
+from mechsim.model.links import GROUND, Vector, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
@@ -18,7 +18,7 @@ from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies, fix_bodies_in_scene
-from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, link_name, vector
+from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, link_name
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.studies.scene.exact_closure import ASSEMBLED, ExactClosure, exact_closure
 
