@@ -49,7 +49,9 @@ def c_header(code: SolverCode) -> str:
     """Return the solver as one C99 header."""
     prefix = code.prefix
     lines = [f"#ifndef MECHSIM_{prefix}_H", f"#define MECHSIM_{prefix}_H", *_comment(code), C_HEAD, ""]
-    lines.append("#define @EPSILON ((@real)(sizeof(@real) < sizeof(double) ? FLT_EPSILON : DBL_EPSILON))")
+    lines.append(
+        "#define @EPSILON ((@real)(sizeof(@real) < sizeof(double) ? (double)FLT_EPSILON : DBL_EPSILON))"
+    )
     sizes = ", ".join(f"@{name} = {value}" for name, value in code.sizes.items())
     lines += ["", "/* numbers, limits and statuses */", *_wrapped(f"enum {{ {sizes} }};")]
     for kind, names in code.names.items():
