@@ -5,14 +5,12 @@ from mechsim.model.motion_laws import CrankProfile, constant, swing, table
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.run import Run, simulate
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.stepping import check_step
 
 __all__ = [
     "REVOLUTION",
     "CrankProfile",
     "Run",
     "Settings",
-    "check_step",
     "constant",
     "simulate",
     "swing",

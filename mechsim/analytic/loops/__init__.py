@@ -5,28 +5,23 @@ link has six coordinates and each joint is a few rows that must vanish (`equatio
 is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses together.
 """
 
-from mechsim.analytic.loops.maximal_coordinates import Poses, Rows, equations, residual_norms
+from mechsim.analytic.loops.maximal_coordinates import Rows, equations, residual_norms
 from mechsim.analytic.loops.mobility import DofCount, dof_count
 from mechsim.analytic.loops.motion import follow, solve
 from mechsim.analytic.loops.oracle import assemble, conditioning, rates, singular_values
-from mechsim.analytic.loops.record import point_on
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.link_poses import rough_poses
-from mechsim.model.links import Pose
 from mechsim.numerics.rank import RANK_TOLERANCE
 
 __all__ = [
     "RANK_TOLERANCE",
     "DofCount",
-    "Pose",
-    "Poses",
     "Rows",
     "assemble",
     "conditioning",
     "dof_count",
     "equations",
     "follow",
-    "point_on",
     "rates",
     "residual_norms",
     "rough_poses",

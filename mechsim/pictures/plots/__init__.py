@@ -5,50 +5,28 @@ one. Axes carry units, colours stay apart for colour-blind eyes.
 """
 
 from mechsim.pictures.plots.dynamics import dynamics_sheet, energy_plot, free_plot, reaction_plot, torque_plot
-from mechsim.pictures.plots.figure import (
-    COLOURS,
-    FORMATS,
-    Format,
-    blank,
-    decades,
-    drawn,
-    format_of,
-    styled,
-    write,
-)
+from mechsim.pictures.plots.figure import blank, drawn, format_of, write
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
 from mechsim.pictures.plots.paths import (
     AssemblyTable,
-    DrawablePlan,
     assembly_plot,
     coupler_curve,
     schematic_plot,
     space_curve,
     velocity_plan_plot,
 )
-from mechsim.pictures.plots.studies import (
-    Band,
-    PathBand,
-    ToleranceSheet,
-    sensitivity_plot,
-    tolerance_plot,
-)
+from mechsim.pictures.plots.studies import Band, PathBand, ToleranceSheet, sensitivity_plot, tolerance_plot
 from mechsim.pictures.plots.vibration import bode_plot, history_plot, mode_plot, phase_plot, quantity_plot
 
 __all__ = [
-    "COLOURS",
-    "FORMATS",
     "AssemblyTable",
     "Band",
-    "DrawablePlan",
-    "Format",
     "PathBand",
     "ToleranceSheet",
     "assembly_plot",
     "blank",
     "bode_plot",
     "coupler_curve",
-    "decades",
     "drawn",
     "dynamics_sheet",
     "energy_plot",
@@ -64,7 +42,6 @@ __all__ = [
     "schematic_plot",
     "sensitivity_plot",
     "space_curve",
-    "styled",
     "tolerance_plot",
     "torque_plot",
     "transmission_plot",
