@@ -53,7 +53,7 @@ from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
-from mechsim.studies.motion_source import driven_as, profile_of
+from mechsim.studies.reference import driven_as, profile_of
 from mechsim.units import crank_speed, option, parse
 from mechsim.verdict.checks import Verdict
 

@@ -30,7 +30,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
-from mechsim.studies.motion_source import MOST_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
+from mechsim.studies.reference import MOST_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
 from mechsim.studies.release import Release
 from mechsim.units import crank_speed, option, parse_angle
 

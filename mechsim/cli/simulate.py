@@ -40,7 +40,7 @@ from mechsim.model.motion_laws import interval_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
-from mechsim.studies.motion_source import driven_as
+from mechsim.studies.reference import driven_as
 from mechsim.studies.scene.errors import divergence_reason, start_error
 from mechsim.studies.scene.run import SceneRun
 from mechsim.studies.scene.scene import UserScene

@@ -13,8 +13,8 @@ from mechsim.model.limits import require_revolutions
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.collocation import quintic_spline
 from mechsim.numerics.inputs import number, numbers, units_remedy
-from mechsim.numerics.interpolation import quintic_spline
 
 # a crank that cannot turn fully swings over this part of its range
 PART_OF_RANGE = 0.9

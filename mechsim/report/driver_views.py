@@ -38,7 +38,7 @@ from mechsim.pictures.view.pose_grid import (
     motion_grid,
     quaternions,
 )
-from mechsim.studies.motion_source import simulated
+from mechsim.studies.reference import simulated
 from mechsim.studies.release import Release
 
 SHOWN, MIDDLES = slice(None, None, 2), slice(1, None, 12)

@@ -24,8 +24,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
-from mechsim.studies.motion_source import drawn_motion, profile_of, simulated_forces, weighing
 from mechsim.studies.plots import extremes_map, work_precision
+from mechsim.studies.reference import drawn_motion, profile_of, simulated_forces, weighing
 from mechsim.studies.release import Release
 from mechsim.studies.tradeoff.subject import subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff

@@ -29,7 +29,7 @@ from mechsim.pictures.view.pose_grid import (
     motion_grid,
 )
 from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid, platform_of
-from mechsim.studies.motion_source import simulated
+from mechsim.studies.reference import simulated
 from mechsim.studies.validate import Case
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, even_motion

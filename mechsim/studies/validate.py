@@ -24,7 +24,7 @@ from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.agreement.agreement import Agreement, compare_model
-from mechsim.studies.motion_source import profile_of, simulated
+from mechsim.studies.reference import profile_of, simulated
 from mechsim.studies.scene.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.readers import parametric_model as dimension_family

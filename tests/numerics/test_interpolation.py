@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.numerics.interpolation import quintic_spline
+from mechsim.numerics.collocation import quintic_spline
 
 TIME = np.array([0.0, 0.3, 0.5, 1.1, 1.4, 2.0, 2.2])
 

@@ -18,8 +18,7 @@ from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure.assur import assur_groups
-from mechsim.theory.structure.mobility_count import mobility
-from mechsim.theory.structure.planar import plane_normal
+from mechsim.theory.structure.mobility_count import mobility, plane_normal
 
 Places = Mapping[str, tuple[str, str, tuple[float, float]]]
 

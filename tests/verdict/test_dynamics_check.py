@@ -18,7 +18,7 @@ from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.free_motion import AGREEING, REDUNDANT, free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
-from mechsim.studies.motion_source import weighing
+from mechsim.studies.reference import weighing
 from mechsim.verdict.record_errors import of_reactions
 
 DRIVE = catalog.make("rrsrr")

@@ -29,7 +29,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import within_range
 from mechsim.simulation.dynamics import applied_forces
 from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
-from mechsim.studies.motion_source import weighing
+from mechsim.studies.reference import weighing
 from mechsim.subjects import gallery
 from mechsim.verdict.quantities import force_scales
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
-from mechsim.analytic.loops.assembly_errors import CLOSED, close_nearest
 from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.start import CLOSED, close_nearest
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE

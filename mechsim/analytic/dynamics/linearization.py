@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
-from mechsim.analytic.loops.assembly_errors import CLOSED, close_nearest
 from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.start import CLOSED, close_nearest
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm, significant

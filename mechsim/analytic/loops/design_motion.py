@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.loops.assembly_errors import ASSEMBLY, CLOSED
 from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops, axes_aligned
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.mobility import checked_start
@@ -17,6 +16,7 @@ from mechsim.analytic.loops.path_rates import Instants, LoopMotion, closed_chunk
 from mechsim.analytic.loops.path_segments import ClosedNodes, Segment
 from mechsim.analytic.loops.record import link_motion, point_on
 from mechsim.analytic.loops.solver import LoopSolver, loop_solver
+from mechsim.analytic.loops.start import ASSEMBLY, CLOSED
 from mechsim.analytic.loops.tree import JointSides
 from mechsim.analytic.vector_method.rotations import dot
 from mechsim.errors import AssemblyError

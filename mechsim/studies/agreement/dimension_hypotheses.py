@@ -23,9 +23,16 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantities import AXES
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.evaluation_points import EvaluationPoints
+from mechsim.studies.agreement.evaluation_points import (
+    NAMED,
+    PLACED,
+    EvaluationPoints,
+    Hypothesis,
+    Values,
+    discrete,
+    sized,
+)
 from mechsim.studies.agreement.fitting import linearly_explains
-from mechsim.studies.agreement.hypothesis import NAMED, PLACED, Hypothesis, Values, discrete, sized
 from mechsim.studies.agreement.misfit import Misfit
 
 # number of positions of joints, those that explain most to first order, that are solved again

@@ -13,8 +13,15 @@ from mechsim.model.links import Inertia
 from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array, rms
-from mechsim.studies.agreement.evaluation_points import EvaluationPoints
-from mechsim.studies.agreement.hypothesis import NAMED, Hypothesis, Rows, Values, discrete, sized
+from mechsim.studies.agreement.evaluation_points import (
+    NAMED,
+    EvaluationPoints,
+    Hypothesis,
+    Rows,
+    Values,
+    discrete,
+    sized,
+)
 from mechsim.studies.agreement.misfit import Misfit
 
 DEG = 180.0 / np.pi

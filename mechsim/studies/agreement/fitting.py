@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.numerics.arrays import Array, rms
-from mechsim.studies.agreement.hypothesis import Hypothesis
+from mechsim.studies.agreement.evaluation_points import Hypothesis
 from mechsim.studies.agreement.misfit import Misfit
 
 # twice the logarithm of the odds by which another cause must explain less to be left out

@@ -15,8 +15,12 @@ from mechsim.model.quantities import Quantity
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.candidate import Candidate
-from mechsim.studies.agreement.evaluation_points import EvaluationPoints, derivatives_by_dimension
-from mechsim.studies.agreement.hypothesis import Rows, Values
+from mechsim.studies.agreement.evaluation_points import (
+    EvaluationPoints,
+    Rows,
+    Values,
+    derivatives_by_dimension,
+)
 from mechsim.studies.agreement.noise import Noise, noise_of
 from mechsim.verdict.checks import Check, check_of
 from mechsim.verdict.quantities import force_scales, reach_of, stroke_of

@@ -10,7 +10,7 @@ from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.quantities import AXES, Quantity
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
-from mechsim.studies.agreement.hypothesis import (
+from mechsim.studies.agreement.evaluation_points import (
     DISCRETE,
     SIX,
     THREE,

@@ -28,7 +28,7 @@ from mechsim.simulation.many.stepped_designs import (
 )
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.run import simulate
-from mechsim.studies.motion_source import weighing
+from mechsim.studies.reference import weighing
 from mechsim.studies.release import SHOWN, Release
 from mechsim.studies.sweep.measures import TurnMeasure, Turns
 from mechsim.studies.sweep.task import Measured, SweepTask, assembled_designs

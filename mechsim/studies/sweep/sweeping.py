@@ -17,7 +17,7 @@ from mechsim.numerics.resources import require_memory
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.run import simulate
 from mechsim.simulation.settings import Settings
-from mechsim.studies.motion_source import weighing
+from mechsim.studies.reference import weighing
 from mechsim.studies.release import DURATION, Release
 from mechsim.studies.sweep.chunks import (
     EXTRA_BYTES,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.theory.structure.planar import Pairs, planar_pairs, plane_normal, rigid
+from mechsim.theory.structure.mobility_count import Pairs, planar_pairs, plane_normal, rigid
 
 if TYPE_CHECKING:
     import networkx as nx
