@@ -98,7 +98,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if self.sign[0] * middle_sign < 0.0 and segment.solver is segments[-1].solver:",
         "if self.sign[0] / middle_sign < 0.0 and segment.solver is segments[-1].solver:",
     ): "both are signs",
-    (PATH, "return (None, 0.5 * step)", "return (None, 0.05 * step)"): SPEED,
     (PATH, "NEXT_LENGTH = 0.3", "NEXT_LENGTH = 3.0"): SPEED,
     (PATH, "OVERSHOOT = 0.2137", "OVERSHOOT = 2.137"): SPEED,
     (
