@@ -19,7 +19,12 @@ from mechsim.codegen.solver_code import STATUSES, SolverCode, solver_code
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import numbers
+from mechsim.numerics.resources import require_memory
 from mechsim.subjects.readers import load
+
+# bytes of a configuration for each coordinate and link: 24 numbers a link, held twice
+BYTES, FEWER = 400.0, "give {most} at the most"
 
 
 @dataclass(frozen=True)
@@ -77,13 +82,16 @@ class CompiledSolver:
 
         Raises:
             AssemblyError: at the first instant that cannot be reached in this assembly.
+            InputError: for several drivers without motion laws, and for more instants than memory holds.
 
         Accuracy: that of `LoopForm.solve`, whose equations the code has.
         """
         source = self.code.assembly.source
         laws = source.motion_laws
+        laws.require_drivers(source.mechanism)
         instants = path_instants(source.mechanism, laws, angles, speed, acceleration, t)
         parameter = np.atleast_1d(np.asarray(instants.parameter, dtype=np.float64))
+        self._require_memory(len(parameter))
         rate, second = (
             np.broadcast_to(np.asarray(x, dtype=np.float64), parameter.shape)
             for x in (instants.rate, instants.second)
@@ -102,6 +110,8 @@ class CompiledSolver:
 
         Raises:
             AssemblyError: at the first configuration that cannot be reached in this assembly.
+            InputError: for another number of drivers, rates that are not finite, and more configurations than
+                memory holds.
         """
         drivers = np.atleast_2d(np.asarray(values, dtype=np.float64))
         if drivers.shape[1] != len(self.drivers):
@@ -109,13 +119,18 @@ class CompiledSolver:
                 f"{self.name}: values of drivers have {drivers.shape[1]} columns; give {len(self.drivers)}: "
                 f"{', '.join(self.drivers)}"
             )
-        both = (
-            np.broadcast_to(np.asarray(x, dtype=np.float64), drivers.shape) for x in (rates, accelerations)
-        )
-        solved = self.library.solve(drivers, *both)
+        first, second = (np.broadcast_to(numbers(x), drivers.shape) for x in (rates, accelerations))
+        if not (np.isfinite(first).all() and np.isfinite(second).all()):
+            raise InputError(f"{self.name}: rates or accelerations of drivers are not finite; give numbers")
+        self._require_memory(len(drivers))
+        solved = self.library.solve(drivers, first, second)
         if solved.count < len(drivers):
             raise AssemblyError(self._failure(drivers[solved.count], solved.status))
         return solved
+
+    def _require_memory(self, count: int) -> None:
+        each = BYTES * (self.code.sizes["COORDINATES"] + self.code.sizes["LINKS"])
+        require_memory(f"motion of {count:,} configurations", count, each, FEWER)
 
     def _failure(self, drivers: Array, status: int) -> str:
         values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.drivers, drivers, strict=True))

@@ -71,7 +71,7 @@ class SolverFormulas:
         self.coordinates = [names[i] for i in range(count)]
         plain = identifiers(self.coordinates)
         self.names = [plain[name] for name in self.coordinates]
-        self.links = [link.name for link in self.tree.original.links]
+        self.links = [link.name for link in self.tree.original.links if link.is_body]
         self.points = [name for name, (link, _) in self.tree.original.points.items() if link != GROUND]
         # those whose coordinates follow from where their sides are
         self.closing_joints = [

@@ -122,7 +122,8 @@ def _integers(assembly: SolvedAssembly) -> dict[str, tuple[Sequence[int], str]]:
     tree, unknown = assembly.loops.tree, assembly.loops.unknown
     balls = [int(np.searchsorted(unknown, ball.first_angle)) for ball in tree.balls]
     return {
-        "UNKNOWN": (unknown.tolist(), "coordinates that the loops determine"),
+        # C has no empty arrays
+        "UNKNOWN": (unknown.tolist() or [0], "coordinates that the loops determine"),
         "DRIVEN": (assembly.driven, "coordinates that are driven"),
         "ANGLE": (sorted(i for branch in tree.branches for i in branch.angles), "those that are angles"),
         "BALL": (balls, "first of the three rotations of each ball among the unknowns"),
@@ -135,7 +136,10 @@ def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
     initial[loops.tree.ball_indices] = 0.0
     return {
         "START": (initial, "coordinates at the start, rad and m"),
-        "UNIT": (units[loops.unknown], "one unit of each unknown in the equations"),
+        "UNIT": (
+            units[loops.unknown] if len(loops.unknown) else np.ones(1),
+            "one unit of each unknown in the equations",
+        ),
         "DRIVER_UNIT": (units[driven], "likewise, of each driver"),
         "STEP": (algorithm.STEP * units[driven], "largest step of each driver"),
         "START_BALLS": (

@@ -183,5 +183,9 @@ def test_without_a_compiler_one_sentence_says_so(monkeypatch):
 def test_invalid_input_is_one_sentence(compiled):
     with pytest.raises(InputError, match="columns; give 6: l1"):
         compiled("stewart_gough").solve_drivers([[0.0, 1.0]])
+    with pytest.raises(InputError, match="are not finite"):
+        compiled("rssr").solve([0.1], np.nan)
+    with pytest.raises(InputError, match="do not fit into memory"):
+        compiled("rssr").solve(np.broadcast_to(0.0, 10**12))
     with pytest.raises(InputError, match="no instants"):
         compiled("rssr").solve()

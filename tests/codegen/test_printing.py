@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli import main
 from mechsim.codegen.self_test import c_test, javascript_test
@@ -80,6 +81,32 @@ def test_the_test_rejects_a_solver_that_leaves_its_range(compiled, tmp_path):
     result = run(built("gcc", source))
     assert result.returncode == 1
     assert "outside the range is not rejected" in result.stdout
+
+
+ARM = """
+name = "2 link arm */"
+drivers = ["hüft j", "q2.turn", "q2.way"]
+duration = 1
+[joints]
+"hüft j" = { kind = "revolute", a = { link = "ground" }, b = { link = "1" } }
+q2 = { kind = "cylindrical", a = { link = "1", at = [0.1, 0, 0] }, b = { link = "arm b" } }
+[points]
+P = { link = "arm b", at = [0.05, 0, 0.01] }
+[motion_laws]
+"hüft j" = "30deg*sin(2*pi*t)"
+"q2.turn" = "360deg*t"
+"q2.way" = "10mm*sin(2*pi*t)"
+[links]
+"arm b" = {}
+"""
+
+
+def test_an_open_chain_with_names_that_no_language_takes(tmp_path):
+    (tmp_path / "arm.toml").write_text(ARM)
+    solver = ms.compile(tmp_path / "arm.toml")
+    result = run(built("gcc", written(solver, tmp_path)))
+    assert result.returncode == 0, result.stdout
+    assert solver.header.count("*/") == solver.header.count("/*")
 
 
 JOINTS = """#include "solver.h"
