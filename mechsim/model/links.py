@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
@@ -163,7 +164,7 @@ class Pose:
         """Return the place of a point given in the link's frame, (..., 3) in [m]."""
         return self.position + self.rotation @ np.asarray(local)
 
-    def select(self, index: int | slice) -> "Pose":
+    def select(self, index: int | slice | NDArray[np.intp]) -> "Pose":
         """Return the pose or poses at an index of the leading axis."""
         return Pose(self.position[index], self.rotation[index])
 
