@@ -281,3 +281,16 @@ def test_that_loops_hardly_hold_their_links_is_told_of_stepped_forces():
         said[aside] = run.note
     assert "the loops hardly hold the links" in said[1e-4]
     assert said[0.03] == ""
+
+
+def test_the_energy_of_a_start_under_a_stiff_motor_balances_and_another_motor_is_missed():
+    motor = motors.TorqueSpeedLine(100.0, 60.0)
+    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
+    found = free_run(machine.mechanism, machine.forces, turns=0.2, samples=20)
+    verdict = crosscheck_free(found, machine)
+    assert verdict.passed, verdict
+    # the motor is at its speed before the second record
+    assert found.free.speed[1] == pytest.approx(60.0, rel=1e-2)
+    assert found.free.energy_error <= 1e-6
+    weaker = machine.with_forces(replace(machine.forces, motor=motors.TorqueSpeedLine(100.0, 59.99)))
+    assert not crosscheck_free(found, weaker).passed

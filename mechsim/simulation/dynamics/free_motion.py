@@ -17,7 +17,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
-from mechsim.simulation.dynamics.free_steps import expect_speed, step_freely
+from mechsim.simulation.dynamics.free_steps import DECAYS, PART_OF_DECAY, StartUp, expect_speed, step_freely
 from mechsim.simulation.dynamics.inverse_dynamics import (
     forces_of_states,
     loaded_state,
@@ -196,23 +196,50 @@ class _Plan:
             step = duration / total
         every = max(1, likely // record_step // self.samples)
         settings = replace(self.settings, steps_per_turn=steps)
+        start_up = self._start_up(step, record_step, per_record)
         step, total, record_step = step / per_record, total * per_record, record_step * per_record
         loops = _prepared(self.loaded, settings, step)
         begin = timer.perf_counter()
         run = step_freely(
-            self.loaded, loops, self.start, total, record_step, self.turns, self.fastest, self.progress
+            self.loaded,
+            loops,
+            self.start,
+            total,
+            record_step,
+            self.turns,
+            self.fastest,
+            self.progress,
+            start_up,
         )
         seconds = timer.perf_counter() - begin
         return FreeStepping(run, loops, settings, seconds, every)
 
+    def _start_up(self, step: float, record_step: int, per_record: int) -> StartUp | None:
+        """Return how to start under a stiff motor; None without one, or where the run ends before."""
+        end = self.duration if self.turns is None else abs(self.turns) * self._slowest
+        if not self._is_stiff or end is None:
+            return None
+        steps = record_step * int(np.ceil(DECAYS / PART_OF_DECAY * self.longest / step / record_step))
+        return StartUp(steps * per_record, per_record) if steps * step < end else None
+
+    @property
+    def _is_stiff(self) -> bool:
+        """Whether the motor brings the crank to its speed in a small part of a turn."""
+        return self.longest <= STIFF * self._slowest
+
+    @property
+    def _slowest(self) -> float:
+        """Time of a turn at the motor's speed without load in [s]; 0 without a motor."""
+        motor = self.loaded.forces.motor
+        return 0.0 if motor is None else REVOLUTION / abs(motor.no_load) if motor.no_load else np.inf
+
     def _require_feasible(self, step: float, likely: int) -> None:
         """Raise InputError where a stiff motor makes explicit steps too many: it holds the crank's speed."""
-        motor, steps = self.loaded.forces.motor, float(likely)
-        slowest = 0.0 if motor is None else REVOLUTION / abs(motor.no_load) if motor.no_load else np.inf
-        if self.longest > STIFF * slowest:
+        if not self._is_stiff:
             return
+        steps = float(likely)
         if self.turns is not None:
-            steps = max(steps, abs(self.turns) * slowest / step)
+            steps = max(steps, abs(self.turns) * self._slowest / step)
         name = self.loaded.mechanism.name
         what = f"{name}: a free run under so stiff a motor, stepped by {step:.2g} s,"
         require_steps(what, steps, STIFF_REMEDY, MAX_STIFF_STEPS)
@@ -266,9 +293,12 @@ def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoop
 def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     """Return the run at every so many of its records, the last one too; work is summed over all."""
     loaded, run, loops = plan.loaded, stepping.steps, stepping.loops
-    kept = np.unique(np.append(np.arange(0, len(run.time), stepping.every), len(run.time) - 1))
+    shown = np.unique([0, *range(run.started, len(run.time), stepping.every), len(run.time) - 1])
+    kept = shown.astype(np.intp)
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
-    work, lost = _work(loaded, States(run.time, run.qpos, run.qvel))
+    parts = [slice(0, run.started + 1), slice(run.started, None)]
+    sums = [_work(loaded, States(run.time[part], run.qpos[part], run.qvel[part])) for part in parts]
+    work, lost = (np.append(first[:-1], first[-1] + second) for first, second in zip(*sums, strict=True))
     forces = forces_of_states(loaded, loops.model, stepping.settings.compliance_used, states)
     motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=forces.acceleration)
     return SteppedFreeRun(
