@@ -16,7 +16,7 @@ Exits with 1 if fewer than 20 models are compared or a bound is missed.
 """
 
 import sys
-from itertools import pairwise, product
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import mujoco
@@ -53,41 +53,59 @@ def determined(closure, x):
     return np.abs(loose).max(0, initial=0.0).reshape(-1, 7).max(-1) < MOVED
 
 
-def solved_apart(model, size, names, qpos, random):
+class HeldClosure(Closure):
+    """A closure whose coordinates at some addresses of qpos have prescribed values."""
+
+    def __init__(self, model, size, qpos, addresses):
+        super().__init__(model, size, {})
+        self.addresses, self.values = addresses, qpos[addresses]
+
+    def residual(self, x, t):
+        coordinates = x[..., self.places :]
+        return np.concatenate([super().residual(x, t), coordinates[..., self.addresses] - self.values], -1)
+
+
+def held_addresses(model, path):
+    """Return the addresses in qpos of drivers and free joints."""
+    free = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
+    return np.concatenate([path.addresses, (free[:, None] + np.arange(7)).ravel()]).astype(int)
+
+
+def solved_apart(model, path, qpos, random):
     """Return the closure at the driver positions of qpos, from another start: itself and its unknowns."""
-    values = {name: float(qpos[model.joint(name).qposadr[0]]) for name in names}
-    closure = Closure(model, size, {name: (lambda _, value=value: value) for name, value in values.items()})
+    closure = HeldClosure(model, path.loops.characteristic_length, qpos, held_addresses(model, path))
     start = closure.begun(qpos)
     x = closure.solved(start + OFF * random.normal(size=len(start)) * np.abs(start).max(), 0.0)
     return closure, x
 
 
-def worst_apart(model, size, names, states, random):
+def worst_apart(model, path, states, random):
     """Return the largest differences from the closure solved apart, and its own residual."""
-    worst, left = 0.0, 0.0
+    worst, left = np.nan, 0.0
     for qpos in states:
-        closure, x = solved_apart(model, size, names, qpos, random)
+        closure, x = solved_apart(model, path, qpos, random)
         (position, rotation), (own, own_rotation) = (
             bodies_at(closure, x),
             bodies_at(closure, closure.begun(qpos)),
         )
         fixed = determined(closure, x)
-        worst = max(worst, float(np.abs(position - own)[fixed].max(initial=0.0)))
-        worst = max(worst, float(np.abs(rotation - own_rotation)[fixed].max(initial=0.0)))
+        if fixed.any():
+            worst = np.nanmax([worst, np.abs(position - own)[fixed].max()])
+            worst = np.nanmax([worst, np.abs(rotation - own_rotation)[fixed].max()])
         left = max(left, float(np.abs(closure.residual(x, 0.0)).max()))
     return worst, left
 
 
 def coordinates(model, path):
-    """Return as many coordinates of one body as there are drivers, which they move well; None without one."""
+    """Return coordinates of one body that the drivers move well, and the drivers that they replace.
+
+    Up to three drivers are replaced all, of more of them one.
+    """
     count = len(path.drivers)
-    if not 1 <= count <= 3:
-        return None
     jacobian = path.loops.linearise(path.reference[None])[1][0]
     rates = np.zeros((model.nv, count))
     rates[path.drivers] = np.diag(path.loops.units[path.drivers])
-    passive = np.linalg.lstsq(jacobian[:, path.passive], -jacobian @ rates, rcond=None)[0]
-    rates[path.passive] = passive
+    rates[path.passive] = np.linalg.lstsq(jacobian[:, path.passive], -jacobian @ rates, rcond=None)[0]
     data = mujoco.MjData(model)
     data.qpos[:] = path.reference
     mujoco.mj_fwdPosition(model, data)
@@ -95,10 +113,12 @@ def coordinates(model, path):
     for body in range(1, model.nbody):
         point = np.zeros((3, model.nv))
         mujoco.mj_jacBody(model, data, point, None, body)
-        for axes in product(range(3), repeat=count):
-            if sorted(set(axes)) == list(axes) and model.body(body).name:
-                least = float(np.linalg.svd(point[list(axes)] @ rates)[1][-1])
-                best = max(best, (least, (body, axes)), key=lambda item: item[0])
+        for axes in combinations(range(3), min(count, 3) if count < 4 else 1):
+            moved = point[list(axes)] @ rates
+            replaced = list(range(count)) if count < 4 else [int(np.argmax(np.abs(moved[0])))]
+            least = float(np.linalg.svd(moved[:, replaced])[1][-1])
+            if model.body(body).name and least > best[0]:
+                best = (least, (body, axes, replaced, data.xpos[body].copy()))
     return best[1] if best[0] > 0.05 * path.loops.characteristic_length else None
 
 
@@ -112,22 +132,21 @@ def swing(start, reach):
     )
 
 
-def inverse(path_of_file, model, path, size, names, random):
+def inverse(file, model, path, names, random):
     """Return how far a body is from where it was prescribed, over the size; nan where none was."""
-    chosen = coordinates(model, path)
+    chosen = coordinates(model, path) if np.abs(path.reference - model.qpos0).max() < 1e-6 else None
     if chosen is None:
         return np.nan
-    body, axes = chosen
-    data = mujoco.MjData(model)
-    data.qpos[:] = path.reference
-    mujoco.mj_fwdPosition(model, data)
-    times, start = np.linspace(0.0, 1.0, 9), data.xpos[body].copy()
-    reason = ""
+    body, axes, replaced, start = chosen
+    times, size, reason = np.linspace(0.0, 1.0, 9), path.loops.characteristic_length, ""
+    values = zip(names, path.reference[path.addresses], strict=True)
+    still = {n: swing(value, 0.0) for i, (n, value) in enumerate(values) if i not in replaced}
+    free = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)).any()
     for reach in (0.02 * size, -0.02 * size):  # one way a limit may stop it
         laws = {axis: swing(start[axis], reach) for axis in axes}
-        drive = {f"{model.body(body).name}.{'xyz'[axis]}": law for axis, law in laws.items()}
+        drive = {f"{model.body(body).name}.{'xyz'[axis]}": law for axis, law in laws.items()} | still
         try:
-            motion = ms.load(path_of_file, drive=drive, duration=1.0).solve(t=times)
+            motion = ms.load(file, drive=drive, fix_base=bool(free), duration=1.0).solve(t=times)
             drivers = np.stack([motion.joints[n].value for n in names], 1)
             states = ms.closed_qpos(model, dict(zip(names, drivers.T, strict=True)))
             break
@@ -138,7 +157,7 @@ def inverse(path_of_file, model, path, size, names, random):
         return np.nan
     worst = 0.0
     for t, qpos in zip(times, states, strict=True):
-        closure, x = solved_apart(model, size, names, qpos, random)
+        closure, x = solved_apart(model, path, qpos, random)
         position = closure.body(x, body)[0]
         worst = max(worst, *(abs(position[axis] - laws[axis](t)[0]) / size for axis in axes))
     return worst
@@ -191,21 +210,19 @@ def compiled_copy_without_limits(model):
 
 @quiet()
 def compared(file):
-    """Return the figures of one model, or why it was not compared."""
+    """Return the figures of one model."""
     model = compiled_model(file)
-    path = straight_path(model, None)
+    path, random = straight_path(model, None), np.random.default_rng(1)
     names = [model.joint(int(model.dof_jntid[dof])).name for dof in path.drivers]
-    if not all(names) or len(set(names)) < len(names):
-        return "a driver has no name"
-    size, random = path.loops.characteristic_length, np.random.default_rng(1)
     states = ms.sample(model, STATES).qpos
-    apart, left = worst_apart(model, size, names, states, random)
-    prescribed = inverse(file, model, path, size, names, random)
-    try:
-        jacobian = worst_jacobian(model, path, names, states)
-    except MechsimError as error:
-        print(f"      jacobian: {str(error)[:150]}")
-        jacobian = np.nan
+    apart, left = worst_apart(model, path, states, random)
+    prescribed = jacobian = np.nan
+    if all(names):
+        try:
+            prescribed = inverse(file, model, path, names, random)
+            jacobian = worst_jacobian(model, path, names, states)
+        except MechsimError as error:
+            print(f"      jacobian: {str(error)[:150]}")
     return apart, left, prescribed, jacobian
 
 

@@ -1,6 +1,6 @@
 """Faults seeded into public models, what is found of them, and gaps of loops against what was foretold.
 
-Problem: `mechsim show` accuses a scene of faults. Reference: we know the faults, for we put them there, one
+Problem: `mechsim check` accuses a scene of faults. Reference: we know the faults, for we put them there, one
 at a time; of the originals every accusation is printed, to be judged by eye; and of soft loops MuJoCo's own
 steps tell by how much they open.
 
@@ -14,7 +14,6 @@ import tomllib
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from unittest import mock
 
 import mujoco
 import numpy as np
@@ -23,8 +22,9 @@ from mechsim.errors import MechsimError
 from mechsim.simulation.findings import findings
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, swing
 from mechsim.simulation.findings.predicted_gap import drive_directions, gaps_in, loop_forces
+from mechsim.simulation.findings.rules import BY_KIND, violations
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.mjcf_reader import MjcfModel, parsed_file, read_model, reading
+from mechsim.simulation.mjcf_reader import MjcfModel, read_model
 
 Spec = mujoco.MjSpec
 CONNECT = mujoco.mjtEq.mjEQ_CONNECT
@@ -191,14 +191,9 @@ FAULTS: dict[str, tuple[Callable[[Spec, float], None], str]] = {
 
 
 def found_in(spec, asked):
-    """Return what is found in a specification: the reader takes it as it takes a file."""
-
-    def given(path):
-        with warnings.catch_warnings(action="ignore"):
-            return (spec, *parsed_file.compile_repaired(path, spec))
-
-    with mock.patch.object(reading, "parse_file", given):
-        return findings(read_model("seeded.xml", **asked))
+    """Return what the rules of `check` find in a specification."""
+    with warnings.catch_warnings(action="ignore"):
+        return violations(read_model(spec, **asked))
 
 
 @quiet()
@@ -220,15 +215,10 @@ def seeded(read: MjcfModel, asked, before):
         except MechsimError as error:
             missed.append(f"{name} ({error})"[:160])
             continue
-        known = {(one.kind, one.what) for one in before}
-        sizes = {(one.kind, one.what): one.by for one in before}
-        new = [
-            one
-            for one in after
-            if (one.kind, one.what) not in known or one.by > 1.01 * sizes[one.kind, one.what]
-        ]
-        if kind not in {one.kind for one in new}:
-            missed.append(f"{name} ({', '.join(one.kind for one in new) or 'nothing new'})")
+        sizes = {(one.rule, one.object): one.value for one in before}
+        new = [one.rule for one in after if one.value > 1.01 * sizes.get((one.rule, one.object), -np.inf)]
+        if BY_KIND[kind].code not in new:
+            missed.append(f"{name} ({', '.join(new) or 'nothing new'})")
     return missed, tried
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -131,7 +132,8 @@ class Inspected:
     @cached_property
     def included(self) -> Mapping[tuple[str, ...], FilePosition]:
         """Where the parts of included files stand, by kind and name."""
-        return included_lines(self.read.path)
+        # an object is in no file
+        return included_lines(self.read.path) if Path(self.read.path).is_file() else {}
 
     def in_metres(self, loop: Loop) -> bool:
         """Whether the gap of a loop is a length: of points, slides or tendons through sites."""

@@ -8,6 +8,7 @@ the loops.
 """
 
 from collections.abc import Mapping
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -61,11 +62,16 @@ RANK_TOLERANCE = 1e-9
 
 
 def gaps_at_rest(scene: Inspected) -> dict[int, float]:
-    """Return by how much each loop will stand open under what acts at the start, in [m] or [rad]."""
-    data = mujoco.MjData(scene.loops_only)
+    """Return by how much each loop will stand open under what acts at the start, in [m] or [rad].
+
+    Actuators are off: a servo away from its target only begins with a large force.
+    """
+    model = copy(scene.loops_only)
+    model.opt.disableflags |= int(OFF.mjDSBL_ACTUATION)
+    data = mujoco.MjData(model)
     data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
     with quiet():
-        mujoco.mj_forward(scene.loops_only, data)
+        mujoco.mj_forward(model, data)
     force = data.efc_force[data.efc_type == EQUALITY]
     return _gaps(scene, data, force, np.zeros(len(force)), {})
 

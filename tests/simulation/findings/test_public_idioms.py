@@ -118,3 +118,25 @@ def test_meshes_become_boxes_and_bodies_keep_their_inertias():
 def test_meshes_still_collide():
     assert not found(MESHED.format(0.5), "MS106")
     assert found(MESHED.format(0.05), "MS106")
+
+
+def test_a_servo_away_from_its_target_does_not_make_a_loop_soft():
+    servo = '</equality><actuator><position joint="left" kp="1000" ctrlrange="0 1"/></actuator>'
+    offset = SLIDES.replace('name="left" type="slide"', 'name="left" type="slide" ref="0.1" damping="40"')
+    # with a joint that nothing determines no swing is, and the forces at the start are judged
+    idle = '<body pos="3 0 0"><joint axis="0 0 1"/><geom size=".1" pos=".3 0 0"/></body></worldbody>'
+    offset = offset.replace("</worldbody>", idle)
+    assert not found(offset.format(gravity="0 0 -9.81").replace("</equality>", servo), "MS110")
+    assert found(offset.format(gravity="0 -9.81 0").replace("</equality>", servo), "MS110")
+
+
+def test_an_object_with_included_files_is_checked(tmp_path):
+    (tmp_path / "loops.xml").write_text(
+        '<mujocoinclude><connect name="loop" site1="a" site2="b"/></mujocoinclude>'
+    )
+    main = IN_LINE.replace('<connect name="loop" site1="a" site2="b"/>', '<include file="loops.xml"/>')
+    (tmp_path / "main.xml").write_text(
+        main.replace('site name="b" pos="0 .08 0"', 'site name="b" pos="0 .09 0"')
+    )
+    spec = mujoco.MjSpec.from_file(str(tmp_path / "main.xml"))
+    assert "MS102" in {violation.rule for violation in ms.check(spec)}
