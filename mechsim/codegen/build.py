@@ -20,7 +20,7 @@ from mechsim.errors import MissingToolError
 from mechsim.numerics.arrays import Array
 
 COMPILERS = ("cc", "gcc", "clang")
-FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared")
+FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
 # numbers of a link's motion
 LINK_NUMBERS = sum(LINK.values())
 WRAPPER = """

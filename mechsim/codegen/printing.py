@@ -2,12 +2,11 @@
 
 import json
 import re
-import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from mechsim._version import __version__
-from mechsim.codegen.kinematics import identifiers
-from mechsim.codegen.solver_code import SolverCode
+from mechsim.codegen.kinematics import INERTIA_NUMBERS, identifiers
+from mechsim.codegen.solver_code import STATUSES, SolverCode
 from mechsim.numerics.arrays import Array
 
 # numbers of a line in a constant array
@@ -52,12 +51,11 @@ def c_header(code: SolverCode) -> str:
     lines.append(
         "#define @EPSILON ((@real)(sizeof(@real) < sizeof(double) ? (double)FLT_EPSILON : DBL_EPSILON))"
     )
-    sizes = ", ".join(f"@{name} = {value}" for name, value in code.sizes.items())
-    lines += ["", "/* numbers, limits and statuses */", *_wrapped(f"enum {{ {sizes} }};")]
-    for kind, names in code.names.items():
-        entries = [f"@{kind}_{plain} = {i}" for i, plain in enumerate(identifiers(names).values())]
-        if entries:
-            lines += [f"/* index of each {kind.lower()} */", *_wrapped(f"enum {{ {', '.join(entries)} }};")]
+    lines += _enumeration("numbers and limits", code.sizes)
+    lines += _enumeration("statuses", {status: i for i, status in enumerate(STATUSES)})
+    for kind, (comment, names) in code.names.items():
+        plain = identifiers(names).values()
+        lines += _enumeration(comment, {f"{kind}_{name}": i for i, name in enumerate(plain)})
     for name, (values, comment) in code.integers.items():
         lines += _array("int", name, [str(value) for value in values], comment)
     for name, (numbers, comment) in code.reals.items():
@@ -77,6 +75,7 @@ def javascript(code: SolverCode) -> str:
     prefix = code.prefix
     lines = [*_comment(code), f"const {prefix}_solver = (() => {{", '"use strict";']
     lines += [f"const @{name} = {value};" for name, value in code.sizes.items()]
+    lines += [f"const @{name} = {i};" for i, name in enumerate(STATUSES)]
     for name, (values, comment) in code.integers.items():
         lines.append(f"const @{name} = {json.dumps([*values])}; /* {comment} */")
     for name, (numbers, comment) in code.reals.items():
@@ -88,15 +87,13 @@ def javascript(code: SolverCode) -> str:
     functions = code.functions
     for pattern, replacement in TRANSLATION:
         functions = re.sub(pattern, replacement, functions, flags=re.MULTILINE)
-    arrays = [f"{kind.lower()}s: {json.dumps([*names])}" for kind, names in code.names.items()]
+    arrays = [f"{kind.lower()}s: {json.dumps([*names])}" for kind, (_, names) in code.names.items()]
     exported = ["state", "start", "solve", "point", "link", "solve_links"]
     exported += ["joint", "solve_joints"] if code.sizes["JOINTS"] else []
     exported += ["solve_points"] if code.sizes["POINTS"] else []
     exported += ["solve_torques"] if code.inertias is not None else []
     entries = [f"{name}: @{name}" for name in exported]
-    entries += [
-        f"{name}: @{name}" for name in code.sizes if name in ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
-    ]
+    entries += [f"{name}: @{name}" for name in STATUSES]
     entries += ["GRAVITY: @GRAVITY"] + (["INERTIAS: @INERTIAS"] if code.inertias is not None else [])
     lines += [functions, f"return {{ {', '.join([*arrays, *entries])} }};", "})();"]
     lines.append(f'if (typeof module !== "undefined") {{ module.exports = {prefix}_solver; }}')
@@ -130,17 +127,19 @@ def comment_text(name: str) -> str:
     return name.replace("*/", "* /").replace("/*", "/ *")
 
 
+def _enumeration(comment: str, values: Mapping[str, int]) -> list[str]:
+    entries = [f"  @{name} = {value}," for name, value in values.items()]
+    return ["", f"/* {comment} */", "enum {", *entries, "};"] if entries else []
+
+
 def _array(kind: str, name: str, values: Sequence[str], comment: str) -> Iterator[str]:
     yield f"/* {comment} */"
     yield f"static const {kind} @{name}[{len(values)}] = {{"
-    for i in range(0, len(values), PER_LINE):
-        yield f"  {', '.join(values[i : i + PER_LINE])},"
+    width = INERTIA_NUMBERS if name == "INERTIAS" else PER_LINE
+    for i in range(0, len(values), width):
+        yield f"  {', '.join(values[i : i + width])},"
     yield "};"
 
 
 def _numbers(values: Array) -> list[str]:
-    return [f"MECHSIM_C({value!r})" for value in values.tolist()]
-
-
-def _wrapped(text: str) -> Iterator[str]:
-    yield from textwrap.wrap(text, 110, subsequent_indent="  ", break_long_words=False)
+    return [repr(value) for value in values.tolist()]

@@ -50,14 +50,14 @@ class SolverCode:
     gravity: Array
 
     @property
-    def names(self) -> dict[str, Sequence[str]]:
-        """Kind -> names of what arrays hold, by index."""
+    def names(self) -> dict[str, tuple[str, Sequence[str]]]:
+        """Kind -> a comment, and the names of what arrays hold, by index."""
         return {
-            "DRIVER": self.assembly.drivers,
-            "COORDINATE": self.formulas.coordinates,
-            "LINK": self.formulas.links,
-            "POINT": self.formulas.points,
-            "JOINT": self.formulas.joints,
+            "DRIVER": ("index of each driver", self.assembly.drivers),
+            "COORDINATE": ("index of each coordinate of the spanning tree", self.formulas.coordinates),
+            "LINK": ("index of each link", self.formulas.links),
+            "POINT": ("index of each point", self.formulas.points),
+            "JOINT": ("index of each coordinate of a joint that closes a loop", self.formulas.joints),
         }
 
 
@@ -114,7 +114,6 @@ def _sizes(assembly: SolvedAssembly, formulas: SolverFormulas) -> dict[str, int]
         "SIGN": int(assembly.determinant_sign),
         "ATTEMPTS": algorithm.ATTEMPTS,
         "ITERATIONS": algorithm.ITERATIONS,
-        **{status: i for i, status in enumerate(STATUSES)},
     }
 
 
