@@ -181,7 +181,7 @@ def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
 
 def test_what_is_asked_for_twice_or_not_at_all_is_refused():
     mechanism, moves = CASES["five-bar"]()
-    with pytest.raises(InputError, match="both programs and a crank's motion"):
+    with pytest.raises(InputError, match="both motion laws and a crank's motion"):
         simulate(mechanism, motion_laws=moves, speed=1.0)
     with pytest.raises(InputError, match="left, right have no motion law; give each one"):
         simulate(mechanism, speed=1.0)
