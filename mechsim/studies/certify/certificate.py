@@ -28,9 +28,11 @@ if TYPE_CHECKING:
     from mechsim.subjects.readers import Model
 
 # segments at first of a radian of the path parameter; the shortest, relative to the range; and the most
-FIRST_PER_UNIT, SHORTEST, MAX_SEGMENTS = 20, 1e-10, 200_000
+FIRST_PER_UNIT, SHORTEST, MAX_SEGMENTS = 20, 1e-9, 200_000
 # tests in a row that fail at a single driver position: shorter segments do not help
 MAX_MISSES = 4
+# half length of segments, relative to the range, from which on they are tested so
+COARSE = 1e-3
 # intervals without proof in which singular points are sought
 MAX_SINGULAR = 20
 
@@ -117,15 +119,16 @@ def proven_segments(motion: ComputedMotion) -> tuple[Segments, list[tuple[float,
     while waiting:
         segments = waiting.pop()
         proven.append(segments.select(segments.proven))
-        failed = with_misses(motion, segments.select(~segments.proven))
+        failed = segments.select(~segments.proven)
+        if failed.half.max(initial=0.0) < COARSE * (motion.high - motion.low):
+            failed = with_misses(motion, failed)
         count += len(failed)
         final = (failed.half < shortest) | (failed.misses >= MAX_MISSES) | (count > MAX_SEGMENTS)
         rest += [*zip(failed.low[final].tolist(), failed.high[final].tolist(), strict=True)]
         failed = failed.select(~final)
         if len(failed):
-            both = [tested_segments(motion, *half) for half in halves(failed, motion.equations)]
-            first, second = (replace(half, misses=failed.misses) for half in both)
-            waiting.append(first.joined_with(second))
+            tested = tested_segments(motion, *halves(failed, motion.equations))
+            waiting.append(replace(tested, misses=np.tile(failed.misses, 2)))
     segments = proven[0]
     for chunk in proven[1:]:
         segments = segments.joined_with(chunk)

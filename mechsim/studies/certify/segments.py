@@ -6,7 +6,6 @@ tube, and that the Jacobian is regular in all of it (Krawczyk 1969; Neumaier, In
 Equations, 1990, section 5.1).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
@@ -25,8 +24,10 @@ WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, MIN_WIDTH = 0.3, 4.0, 1e-14
 CURVATURE_FACTOR = 2.0
 # times that a proven enclosure is contracted by the test
 CONTRACTIONS = 20
-# Newton iterations that correct a segment's centre
-CORRECTIONS = 3
+# most Newton iterations that correct a segment's centre
+CORRECTIONS = 4
+# correction in radians or parts of the characteristic length below which a centre stays
+CORRECTED = 1e-13
 
 
 @dataclass(frozen=True)
@@ -221,6 +222,8 @@ def _corrected(
         with np.errstate(all="ignore"):
             step = -(_inverse(jacobian.mid[..., unknown]) @ residual.mid)[..., 0]
         step = np.where(np.isfinite(step), step, 0.0)
+        if np.abs(step).max(initial=0.0) < CORRECTED:
+            break
         values[:, unknown] += step * units[unknown]
         for i, first in enumerate(ball_columns(equations)):
             rotation = np.concatenate([np.ones((len(values), 1)), 0.5 * values[:, first : first + 3]], 1)
@@ -327,9 +330,12 @@ def displaced(equations: ClosureEquations, segments: Segments, by: Array) -> Cen
     return CentreConfigurations(values, segments.quaternions)
 
 
-def halves(
-    segments: Segments, equations: ClosureEquations
-) -> Iterator[tuple[Array, Array, CentreConfigurations]]:
-    """Yield both halves of segments: ends, and approximate configurations at their middles."""
-    yield segments.low, segments.centre, displaced(equations, segments, -0.5 * segments.half)
-    yield segments.centre, segments.high, displaced(equations, segments, 0.5 * segments.half)
+def halves(segments: Segments, equations: ClosureEquations) -> tuple[Array, Array, CentreConfigurations]:
+    """Return ends of both halves of segments, and approximate configurations at their middles."""
+    first, second = (displaced(equations, segments, sign * 0.5 * segments.half) for sign in (-1.0, 1.0))
+    guess = CentreConfigurations(
+        np.concatenate([first.values, second.values]),
+        np.concatenate([first.quaternions, second.quaternions]),
+    )
+    low = np.concatenate([segments.low, segments.centre])
+    return low, np.concatenate([segments.centre, segments.high]), guess

@@ -182,8 +182,8 @@ def _enclosure(system: System, x: Array) -> Ball | None:
     width = np.full((len(x), 1), FIRST_WIDTH)
     while width.max() < MAX_WIDTH:
         box = system(_variables(Ball(x, width[:, 0])))
-        matrix = box.derivative[:, 0, :, 0].T
-        contraction = (np.eye(len(x)) - ball(inverse) @ matrix).magnitude
+        enclosed = box.derivative[:, 0, :, 0].T
+        contraction = (np.eye(len(x)) - ball(inverse) @ enclosed).magnitude
         image = (offset.magnitude + contraction @ width * OUTWARD) * OUTWARD
         if (image < width).all():
             return Ball(x, image[:, 0])
