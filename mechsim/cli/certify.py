@@ -75,17 +75,9 @@ def certify(
 
 def _print(proof: Certificate) -> None:
     """Print the verdict, the reason and the singular points."""
-    low, high = (number(end, 9) for end in proof.range)
-    print_text(f"{proof.name}: {pass_or_fail(proof.certified)}, {low} to {high}")
-    if proof.certified:
-        print_text(
-            f"One configuration in the tube at each driver position: {proof.segments} segments joined, "
-            f"half-width {number(proof.tube, 3)} at most, smallest singular value at least "
-            f"{number(proof.min_singular_value, 3)} (rad, parts of the longest link)"
-        )
-        return
-    print_text(f"Not certified: {proof.reason}")
+    print_text(f"{proof.name}  {pass_or_fail(proof.certified)}")
+    print_text(proof.summary)
     for point in proof.singular:
         print_text(f"{point.kind} at {number(point.parameter, 12)} ± {number(point.width, 2)}")
-    if proof.segments:
+    if proof.segments and not proof.certified:
         print_text(f"Proven on {proof.segments} segments, {proof.proven:.6%} of the range")

@@ -24,7 +24,7 @@ from mechsim.cli.options import (
     load_parametric,
     writable,
 )
-from mechsim.cli.output import print_json
+from mechsim.cli.output import print_json, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import CheckJson, Settings
 from mechsim.cli.verdict_text import (
@@ -43,6 +43,7 @@ from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import agreement_plot
 from mechsim.report.validation import worst_first, write_agreement_report, write_validation_report
 from mechsim.studies.agreement.agreement import compare_model
+from mechsim.studies.certify.certificate import certified_motion
 from mechsim.studies.reference import by_reference
 from mechsim.studies.validate import BUDGET, Case, validate_all
 from mechsim.subjects import gallery, reference_data
@@ -141,6 +142,7 @@ class CaseJson(TypedDict):
     published: NotRequired[PublishedJson]
     findings: NotRequired[list[Finding]]
     masses: NotRequired[list[LinkMass]]
+    certificate: NotRequired[str]
 
 
 class ValidateJson(TypedDict):
@@ -173,6 +175,12 @@ def validate(
         str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page to a folder.")
     ] = None,
     speed: Speed = "600rpm",
+    certify: Annotated[
+        bool,
+        typer.Option(
+            "--certify", help="Also prove by interval arithmetic that no singularity lies in the range."
+        ),
+    ] = False,
     budget: Annotated[
         str,
         typer.Option(help="Processor time for the stepped runs of each mechanism; the result is reported."),
@@ -216,6 +224,7 @@ def validate(
         quick=() if models or whole_gallery else list(gallery.files()),
         tolerance=comparison.tolerance_in_metres,
         budget=units.parse_time(budget, "the budget"),
+        certify=certify,
     )
     return _validated(designs, task, folder, verbose=verbose, as_json=as_json)
 
@@ -229,12 +238,14 @@ class ValidationTask:
         quick: names of mechanisms that are not stepped.
         tolerance: on positions in [m]; None for the default.
         budget: processor time for the stepped runs of each mechanism in [s].
+        certify: whether interval proofs are attempted; one that fails is reported and is no failure.
     """
 
     speed: float
     quick: Sequence[str]
     tolerance: float | None
     budget: float
+    certify: bool = False
 
 
 def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
@@ -274,11 +285,15 @@ def _validated(
             print_json({"passed": False, "mechanisms": entries})
         raise
     findings = {name: _findings(case) for name, case in cases.items()}
+    proofs = {name: certified_motion(case.solver) for name, case in cases.items() if task.certify}
     passed = all(case.passed for case in cases.values())
     data: Any = {
         "passed": passed,
         "mechanisms": {
-            name: case.as_dict() | findings_in_json(findings[name]) for name, case in cases.items()
+            name: case.as_dict()
+            | findings_in_json(findings[name])
+            | ({"certificate": proofs[name].summary} if proofs else {})
+            for name, case in cases.items()
         },
     }
     if folder is not None:
@@ -289,6 +304,8 @@ def _validated(
 
     def text() -> None:
         print_cases(cases, findings, f"{task.speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
+        for name, proof in proofs.items():
+            print_text(f"{name}: {proof.summary}")
         _print_report(folder)
 
     return Result(data, text, passed)

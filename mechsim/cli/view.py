@@ -42,6 +42,10 @@ def view(
             metavar="AXIS", help="Axis that points up: x, y, z, -x, ... Default: against gravity, else y."
         ),
     ] = None,
+    certify: Annotated[
+        bool,
+        typer.Option("--certify", help="Prove by interval arithmetic what the page shows, and say so there."),
+    ] = False,
 ) -> Result[ViewJson]:
     """Write an interactive page that works offline; without -o the browser opens it.
 
@@ -51,10 +55,14 @@ def view(
     mechsim view four_bar --mode 1 --initial crank.q=-95deg
     """
     from mechsim.pictures.view.offline_page import page
+    from mechsim.studies.certify.certificate import certified_motion
 
     require_axis("--up", up)
     path = None if output is None else writable(output, ".html")
     contents = replace(_contents(source, loads, release, speed), up=up)
+    if certify:
+        proof = certified_motion(source.load_moving())
+        contents = replace(contents, facts=[*contents.facts, f"{proof.summary}."])
     browser = None
     if path is None:
         browser = _browser()

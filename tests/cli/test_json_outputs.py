@@ -37,7 +37,7 @@ trace four_bar --set crank=90mm
 tradeoff slider_crank --budget 3s
 sensitivity four_bar --of B.x --to crank --angles 0:90:45deg --tolerances crank=0.02mm --samples 100
 fit slider_crank --to tests/measured_slider.csv --vary crank,rod
-validate slider_crank
+validate slider_crank --certify
 validate --reference four_bar
 export five_bar --format toml
 export four_bar -o {folder}/model.xml
@@ -49,7 +49,7 @@ certify elliptic_trammel --angles 80:100deg
 check examples/own_model.xml --explain --target urdf
 sample examples/own_model.xml -n 4 -o {folder}/states.npz
 map four_bar --from crank=20deg:80deg --to rocker,B.x --degree 4 -o {folder}/map.npz
-view slider_crank -o {folder}/page.html
+view slider_crank --certify -o {folder}/page.html
 compile slider_crank -o {folder}/solver.h --test {folder}/test.c
 """.strip().splitlines()
 # long runs, pictures, and what is JSON by itself

@@ -33,6 +33,8 @@ FIRST_PER_UNIT, SHORTEST, MAX_SEGMENTS = 20, 1e-9, 200_000
 MAX_MISSES = 4
 # half length of segments, relative to the range, from which on they are tested so
 COARSE = 1e-3
+# accuracy of interpolated configurations, in radians and parts of the characteristic length
+COMPUTED = 1e-9
 # intervals without proof in which singular points are sought
 MAX_SINGULAR = 20
 
@@ -70,21 +72,35 @@ class Certificate:
     def __bool__(self) -> bool:
         return self.certified
 
+    @property
+    def summary(self) -> str:
+        """What is proven, or why nothing is, in one sentence."""
+        low, high = self.range
+        if not self.certified:
+            return f"Not certified from {low:.6g} to {high:.6g}: {self.reason}"
+        return (
+            f"Certified from {low:.6g} to {high:.6g}: one configuration in the tube at each driver position "
+            f"({self.segments} segments, half-width at most {self.tube:.2g}), no singularity (smallest "
+            f"singular value at least {self.min_singular_value:.2g})"
+        )
+
 
 def certified_motion(
-    solver: KinematicSolver, between: tuple[float, float] | None, radii: Mapping[str, Array]
+    solver: KinematicSolver,
+    between: tuple[float, float] | None = None,
+    radii: Mapping[str, Array] | None = None,
 ) -> Certificate:
     """Return the certificate of a motion.
 
     Args:
         solver: of the mechanism.
         between: range of the path parameter; None for all of it.
-        radii: half-widths of the mechanism's dimensions, as in `ClosureEquations`.
+        radii: half-widths of the mechanism's dimensions, as in `ClosureEquations`; None for none.
     """
     if between is not None and not between[0] < between[1]:
         raise InputError(f"the range {between[0]:g} to {between[1]:g} rad is empty; give from < to")
     try:
-        motion = computed_motion(solver, between, radii)
+        motion = computed_motion(solver, between, radii or {})
     except AssemblyError as error:
         return _uncertified(solver.name, between or (0.0, 0.0), str(error), 0)
     equations = motion.equations
@@ -95,12 +111,16 @@ def certified_motion(
             solver.name, whole, f"{unknown - solved} coordinates are free at fixed drivers", solved
         )
     if solved > unknown:
-        reason = (
-            f"overconstrained: {solved} equations for {unknown} unknowns, none of which holds identically"
-        )
-        return _uncertified(solver.name, whole, reason, solved)
+        motion = motion.with_independent_rows()
     proven, rest = proven_segments(motion)
-    return _certificate(solver.name, motion, between or whole, proven, rest)
+    proof = _certificate(solver.name, motion, between or whole, proven, rest)
+    if solved == unknown or not proof.certified:
+        return proof
+    reason = (
+        f"overconstrained: {unknown} of {solved} equations have exactly one solution in the tube, a regular "
+        "one; that it satisfies the others is not proven, for they hold only with exact dimensions"
+    )
+    return replace(proof, certified=False, reason=reason)
 
 
 def _uncertified(name: str, between: tuple[float, float], reason: str, equations: int) -> Certificate:
@@ -208,8 +228,20 @@ def _reason(
         return f"no test succeeded on {len(rest)} intervals, the first from {low:.9g} to {high:.9g}"
     if not joins.all():
         return f"segments are not proven to join at {segments.high[int(np.argmin(joins))]:.9g}"
+    if not _about_computed_motion(motion, segments):
+        return "the tube leaves the computed motion"
     covered = len(segments) and segments.low[0] == motion.low and segments.high[-1] == motion.high
     return "" if covered else "segments do not cover the range"
+
+
+def _about_computed_motion(motion: ComputedMotion, segments: Segments) -> bool:
+    """Return whether the computed configurations lie in the tubes, to `COMPUTED`."""
+    unknown = np.setdiff1d(motion.equations.unknown, motion.equations.tree.ball_indices)
+    computed = motion.configurations(segments.centre).values[:, unknown]
+    gaps = np.abs(computed - segments.values[:, unknown]) / motion.equations.tree.units[unknown]
+    return bool(
+        (gaps <= segments.width[:, np.searchsorted(motion.equations.unknown, unknown)] + COMPUTED).all()
+    )
 
 
 def certify(

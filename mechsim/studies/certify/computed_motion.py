@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,11 @@ from mechsim.model.mechanism import starting_at
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.balls import ball
 from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equations
+
+# configurations at which independent equations are selected
+SAMPLES = 9
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,30 @@ class ComputedMotion:
         )
         return CentreConfigurations(values.T, quaternions)
 
+    def with_independent_rows(self) -> "ComputedMotion":
+        """Return the motion with as many equations as unknowns: those best conditioned at samples of it."""
+        from scipy.linalg import qr
+
+        equations, unknown = self.equations, self.equations.unknown
+        s = np.linspace(self.low, self.high, SAMPLES)
+        samples = self.configurations(s)
+        samples.values[:, equations.driven] = self.driven(s)[0]
+        turns = [ball(rotation) for rotation in rotation_matrices(samples.quaternions)]
+        jacobians = equations.evaluate(ball(samples.values[..., None]), turns)[1].mid[..., unknown]
+        orders = [qr(jacobian.T, mode="economic", pivoting=True)[2] for jacobian in jacobians]
+        choices = [np.sort(order[: len(unknown)]) for order in orders]
+        smallest = [np.linalg.svd(jacobians[:, rows], compute_uv=False).min() for rows in choices]
+        chosen = equations.kept[choices[int(np.argmax(smallest))]]
+        return replace(self, equations=replace(equations, selected=tuple(chosen.tolist())))
+
+
+def rotation_matrices(quaternions: Array) -> list[Array]:
+    """Return rotations (n, 3, 3) of each ball joint from quaternions (n, balls, 4)."""
+    from scipy.spatial.transform import Rotation
+
+    count = quaternions.shape[1]
+    return [Rotation.from_quat(quaternions[:, i], scalar_first=True).as_matrix() for i in range(count)]
+
 
 def _quaternions(rotation: Array) -> Array:
     """Return unit quaternions (n, 4) of rotations (n, 3, 3)."""
@@ -124,7 +152,7 @@ def computed_motion(
         except AssemblyError as error:
             message = str(error)
             ends.append(path.end(direction))
-    offsets = tuple(offset / REVOLUTION for offset in path.loops.turn_offsets)
+    offsets = tuple(float(round(offset / REVOLUTION)) for offset in path.loops.turn_offsets)
     equations = loop_equations(path.loops.tree.mechanism, offsets, radii)
     return ComputedMotion(path, solver.motion_laws, equations, ends[0], ends[1], message)
 

@@ -17,7 +17,7 @@ from mechsim.analytic.loops.constraints import CoupledRow, Cut, coupled_rows, cu
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint, spanning_tree
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND
+from mechsim.model.links import GROUND, ORIGIN
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball, DualBall, ball
@@ -31,6 +31,8 @@ COSINE = np.diag([1, 1, 0])
 SINE = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])
 NEXT, BEFORE = [1, 2, 0], [2, 0, 1]
 RIGHT_ANGLE = np.pi / 2
+# largest distance of axes from the centre of a spherical linkage, in parts of its size: rounding
+CONCENTRIC = 1e-15
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class ClosureEquations:
         rod_joints: ball joints of these.
         turn_offsets: of each coupling, the whole turns between its sides, in revolutions.
         radii: JOINT.a or JOINT.b -> radii of point, axis and mark, (3, 3), for mechanisms within tolerances.
+        selected: indices of the equations to solve; None for all that do not hold identically.
     """
 
     tree: SpanningTree
@@ -80,6 +83,7 @@ class ClosureEquations:
     rod_joints: tuple[Joint, ...]
     turn_offsets: tuple[float, ...]
     radii: Mapping[str, Array]
+    selected: tuple[int, ...] | None = None
 
     @cached_property
     def cuts(self) -> tuple[Cut, ...]:
@@ -109,7 +113,9 @@ class ClosureEquations:
 
     @cached_property
     def kept(self) -> NDArray[np.intp]:
-        """Indices of the equations that do not hold identically."""
+        """Indices of the equations that are solved."""
+        if self.selected is not None:
+            return np.array(self.selected, dtype=np.intp)
         values = self._exact_residual
         return np.array([i for i, value in enumerate(values) if value != 0], dtype=np.intp)
 
@@ -431,6 +437,7 @@ def loop_equations(
             points={name: location for name, location in mechanism.points.items() if location[0] not in rods},
             guess={name: pose for name, pose in mechanism.guess.items() if name not in rods},
         )
+    mechanism = concentric(mechanism)
     tree = spanning_tree(mechanism)
     index = {**tree.index, GROUND: -1}
     return ClosureEquations(
@@ -440,6 +447,22 @@ def loop_equations(
         turn_offsets,
         radii,
     )
+
+
+def concentric(mechanism: Mechanism) -> Mechanism:
+    """Return a spherical linkage with all joints in one point, moved along their axes; others as they are.
+
+    It is one if all joints are revolute and their axes pass the origins of their links within `CONCENTRIC`.
+    """
+    moved: list[Joint] = []
+    for joint in mechanism.joints:
+        shift = float(np.dot(joint.b.point, joint.b.axis))
+        ends = [np.array(end.point) - shift * np.array(end.axis) for end in (joint.a, joint.b)]
+        if not KINDS[joint.kind].hinge or np.abs(ends).max() > CONCENTRIC * mechanism.characteristic_length:
+            return mechanism
+        a, b = (replace(end, point=ORIGIN) for end in (joint.a, joint.b))
+        moved.append(replace(joint, a=a, b=b))
+    return replace(mechanism, joints=tuple(moved))
 
 
 def _rod(name: str, first: Joint, second: Joint, index: Mapping[str, int]) -> Rod:

@@ -26,8 +26,10 @@ CURVATURE_FACTOR = 2.0
 CONTRACTIONS = 20
 # most Newton iterations that correct a segment's centre
 CORRECTIONS = 4
-# correction in radians or parts of the characteristic length below which a centre stays
+# correction in radians or parts of the characteristic length below which a centre stays,
 CORRECTED = 1e-13
+# and relative to the way of the coordinates over the segment
+CORRECTED_SHARE = 3e-3
 
 
 @dataclass(frozen=True)
@@ -99,22 +101,81 @@ class Tubes:
     width: Array
 
 
+@dataclass(frozen=True)
+class Centres:
+    """Corrected centres of tubes, and the equations linearised there.
+
+    Attributes:
+        start: configurations.
+        residual: of the equations, (n, u, 1), as balls.
+        inverse: approximate inverse of the Jacobian, (n, u, u).
+        by_driven: the inverse times the Jacobian by the prescribed coordinates, (n, u, driven).
+        rate: of the unknown coordinates, (n, u, 1).
+    """
+
+    start: CentreConfigurations
+    residual: Ball
+    inverse: Array
+    by_driven: Array
+    rate: Array
+
+
+def _centres(
+    equations: ClosureEquations, driven: Array, rate: Array, half: Array, guess: CentreConfigurations
+) -> Centres:
+    """Return centres corrected by Newton's method until the correction is small compared with the tube.
+
+    Args:
+        equations: to be solved.
+        driven: prescribed coordinates, (n, driven).
+        rate: of these in their units, (n, driven, 1).
+        half: of the segments, (n,).
+        guess: approximate configurations.
+    """
+    values = guess.values.copy()
+    values[:, equations.driven] = driven
+    start = CentreConfigurations(values, guess.quaternions)
+    for iteration in range(CORRECTIONS + 1):
+        residual, jacobian = equations.evaluate(ball(start.values[..., None]), rotations(equations, start))
+        inverse = _inverse(jacobian.mid[..., equations.unknown])
+        by_driven = inverse @ jacobian.mid[..., equations.driven]
+        own_rate = -(by_driven @ rate)
+        step = -(inverse @ residual.mid)[..., 0]
+        largest = np.abs(step).max(1, initial=0.0)
+        limit = CORRECTED + CORRECTED_SHARE * np.abs(own_rate).max((1, 2), initial=0.0) * half
+        move = np.isfinite(largest) & (largest > limit)
+        if not move.any() or iteration == CORRECTIONS:
+            break
+        start = _moved(equations, start, np.where(move[:, None], step, 0.0))
+    return Centres(start, residual, inverse, by_driven, own_rate)
+
+
+def _moved(equations: ClosureEquations, start: CentreConfigurations, step: Array) -> CentreConfigurations:
+    """Return configurations displaced by steps of the unknown coordinates in their units, (n, u)."""
+    values, quaternions = start.values.copy(), start.quaternions.copy()
+    values[:, equations.unknown] += step * equations.tree.units[equations.unknown]
+    for i, first in enumerate(ball_columns(equations)):
+        rotation = np.concatenate([np.ones((len(values), 1)), 0.5 * values[:, first : first + 3]], 1)
+        product = quaternion_product(rotation, quaternions[:, i])
+        quaternions[:, i] = product / np.linalg.norm(product, axis=1, keepdims=True)
+        values[:, first : first + 3] = 0.0
+    return CentreConfigurations(values, quaternions)
+
+
 def _tubes(motion: ComputedMotion, centre: Array, half: Array, guess: CentreConfigurations) -> Tubes:
     equations, units = motion.equations, motion.equations.tree.units[motion.equations.driven]
     driven, driven_rate, _ = motion.driven(centre)
-    start = _corrected(equations, driven, guess)
-    residual, jacobian = equations.evaluate(ball(start.values[..., None]), rotations(equations, start))
     rate_of_driven = (ball(driven_rate) * ball(units).reciprocal())[..., None]
-    inverse = _inverse(jacobian.mid[..., equations.unknown])
-    by_driven = inverse @ jacobian.mid[..., equations.driven]
-    rate = -(by_driven @ rate_of_driven.mid)
-    correction = ball(inverse) @ residual
+    centres = _centres(equations, driven, rate_of_driven.mid, half, guess)
+    correction = ball(centres.inverse) @ centres.residual
     spread = _driver_spread(motion, centre, half)
-    effect = correction.magnitude + np.abs(by_driven) @ (spread / units)[..., None]
-    width = WIDTH_BY_RATE * np.abs(rate).max(1, initial=0.0) * half[:, None]
+    effect = correction.magnitude + np.abs(centres.by_driven) @ (spread / units)[..., None]
+    width = WIDTH_BY_RATE * np.abs(centres.rate).max(1, initial=0.0) * half[:, None]
     width = width + WIDTH_BY_RESIDUAL * effect.max(1, initial=0.0) + MIN_WIDTH
-    width = np.broadcast_to(width[..., None], rate.shape)
-    return Tubes(half, start, rate_of_driven, spread, inverse, correction, rate, width)
+    width = np.broadcast_to(width[..., None], centres.rate.shape)
+    return Tubes(
+        half, centres.start, rate_of_driven, spread, centres.inverse, correction, centres.rate, width
+    )
 
 
 def _krawczyk(equations: ClosureEquations, tubes: Tubes) -> tuple[Array, Array]:
@@ -207,30 +268,6 @@ def _rotation(quaternion: Ball) -> Ball:
     ]
     matrix = joined([joined(row, -1) for row in rows], -2)
     return matrix * (q.T @ q).reciprocal()
-
-
-def _corrected(
-    equations: ClosureEquations, driven: Array, guess: CentreConfigurations
-) -> CentreConfigurations:
-    """Return configurations corrected by Newton's method, the drivers at these values (n, driven)."""
-    values, quaternions = guess.values.copy(), guess.quaternions.copy()
-    values[:, equations.driven] = driven
-    unknown, units = equations.unknown, equations.tree.units
-    for _ in range(CORRECTIONS):
-        current = CentreConfigurations(values, quaternions)
-        residual, jacobian = equations.evaluate(ball(values[..., None]), rotations(equations, current))
-        with np.errstate(all="ignore"):
-            step = -(_inverse(jacobian.mid[..., unknown]) @ residual.mid)[..., 0]
-        step = np.where(np.isfinite(step), step, 0.0)
-        if np.abs(step).max(initial=0.0) < CORRECTED:
-            break
-        values[:, unknown] += step * units[unknown]
-        for i, first in enumerate(ball_columns(equations)):
-            rotation = np.concatenate([np.ones((len(values), 1)), 0.5 * values[:, first : first + 3]], 1)
-            product = quaternion_product(rotation, quaternions[:, i])
-            quaternions[:, i] = product / np.linalg.norm(product, axis=1, keepdims=True)
-            values[:, first : first + 3] = 0.0
-    return CentreConfigurations(values, quaternions)
 
 
 def ball_columns(equations: ClosureEquations) -> list[int]:

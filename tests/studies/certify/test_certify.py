@@ -1,3 +1,6 @@
+from dataclasses import replace
+
+import mpmath
 import numpy as np
 import pytest
 
@@ -5,7 +8,9 @@ import mechsim as ms
 from mechsim.analytic.loops.constraints import cuts_of
 from mechsim.analytic.loops.motion import driven_path
 from mechsim.numerics.balls import Ball, DualBall, ball
-from mechsim.studies.certify.loop_equations import loop_equations
+from mechsim.studies.certify.certificate import proven_segments
+from mechsim.studies.certify.computed_motion import computed_motion
+from mechsim.studies.certify.loop_equations import concentric, loop_equations
 
 REGULAR = [
     "four_bar",
@@ -132,3 +137,50 @@ def test_derivatives_of_equations_in_dual_balls_are_the_jacobian():
     residual, jacobian = equations.evaluate(DualBall(ball(values[..., None]), ball(seeds)), turns)
     derivative = np.moveaxis(residual.derivative.mid[..., 0], 0, -1)
     assert np.abs(derivative - jacobian.value.mid).max() < 1e-14
+
+
+def test_a_spherical_linkage_is_certified_and_one_whose_axes_miss_the_centre_is_not():
+    assert ms.certify("spherical_four_bar").certified
+    mechanism = ms.load("spherical_four_bar").mechanism
+    assert all(joint.a.point == (0.0, 0.0, 0.0) for joint in concentric(mechanism).joints)
+    first, *others = mechanism.joints
+    off_axis = replace(first, a=replace(first.a, point=(1e-9, 0.0, first.a.point[2])))
+    missed = replace(mechanism, joints=(off_axis, *others))
+    assert concentric(missed) is missed
+
+
+def test_an_equation_that_rounding_alone_makes_small_is_not_taken_for_an_identity():
+    mechanism = ms.load("four_bar").mechanism
+    joints = {joint.name: joint for joint in mechanism.joints}
+    exact = loop_equations(mechanism, (), {})
+    assert len(exact.kept) == len(exact.unknown) == 2
+    tilted = replace(joints["A"], b=replace(joints["A"].b, axis=(1e-15, 0.0, 1.0), reference=None))
+    others = [joint for name, joint in joints.items() if name != "A"]
+    inexact = loop_equations(replace(mechanism, joints=(tilted, *others)), (), {})
+    assert len(inexact.kept) > 2
+
+
+@pytest.mark.parametrize("miss", [0.0, 1e-6, 1e-8, 1e-10, 1e-12])
+def test_a_planted_dead_centre_is_never_certified(miss):
+    dimensions = {"ground": 1.0, "crank": 0.9, "coupler": 0.8, "rocker": 0.7}
+    end = float(np.arccos((1.0 + 0.9**2 - 1.5**2) / 1.8)) + miss
+    proof = ms.certify(ms.catalog.make("four_bar", **dimensions), (end - 0.1, end + 1e-13))
+    assert not proof.certified
+
+
+def test_a_tube_holds_the_exact_configuration_and_not_that_of_the_other_assembly():
+    solver = ms.catalog.make("slider_crank")
+    motion = computed_motion(solver, None, {})
+    segments, rest = proven_segments(motion)
+    assert not rest
+    column = motion.equations.unknown.tolist().index(motion.equations.tree.index_of["A"])
+    with mpmath.workdps(50):
+        for angle in (0.1, 1.7, 4.0):
+            i = int(np.searchsorted(segments.high, angle))
+            s = mpmath.mpf(angle)
+            height = mpmath.mpf(solver.offset) - mpmath.mpf(solver.crank) * mpmath.sin(s)
+            centre = mpmath.mpf(segments.values[i, motion.equations.unknown[column]])
+            centre += mpmath.mpf(segments.rate[i, column]) * (s - mpmath.mpf(segments.centre[i]))
+            rod = mpmath.asin(height / mpmath.mpf(solver.rod))
+            gaps = [abs(mpmath.sin((x - s - centre) / 2)) * 2 for x in (rod, mpmath.pi - rod)]
+            assert gaps[0] <= segments.enclosure[i, column] < segments.width[i, column] < gaps[1]
