@@ -16,7 +16,7 @@ import numpy as np
 from mechsim.codegen.kinematics import LINK
 from mechsim.codegen.printing import c_header
 from mechsim.codegen.solver_code import SolverCode
-from mechsim.errors import MissingToolError
+from mechsim.errors import MissingToolError, OutputError
 from mechsim.numerics.arrays import Array
 
 COMPILERS = ("cc", "gcc", "clang")
@@ -132,9 +132,17 @@ def compile_library(command: str, text: str, path: Path) -> None:
 
     Raises:
         MissingToolError: where the compiler fails.
+        OutputError: where the folder cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = tempfile.TemporaryDirectory(dir=path.parent)
+    except OSError as error:
+        raise OutputError(
+            f"cannot keep compiled code in {path.parent}: {error.strerror}; set XDG_CACHE_HOME to a folder "
+            "that can be written"
+        ) from None
+    with temporary as folder:
         source, built = Path(folder) / "solver.c", Path(folder) / "solver.so"
         source.write_text(text, encoding="utf-8")
         line = [command, *FLAGS, "-o", str(built), str(source), "-lm"]

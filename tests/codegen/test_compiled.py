@@ -6,7 +6,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.codegen import build
-from mechsim.errors import AssemblyError, InputError, MissingToolError
+from mechsim.errors import AssemblyError, InputError, MissingToolError, OutputError
 from mechsim.subjects import reference_data
 
 # a spinning coupler, dyads, a ball in the tree, six drivers, redundant equations, gears, a limited range
@@ -178,6 +178,20 @@ def test_without_a_compiler_one_sentence_says_so(monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(MissingToolError, match="there is no C compiler"):
         ms.compile("rssr")
+
+
+def test_a_cache_that_cannot_be_written_is_one_sentence(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(OutputError, match=r"cannot keep compiled code in .*set XDG_CACHE_HOME"):
+        ms.compile("four_bar")
+
+
+def test_a_compiler_that_fails_is_named(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(MissingToolError, match=r"the C compiler .*false fails: no message; set CC"):
+        ms.compile("four_bar")
 
 
 def test_invalid_input_is_one_sentence(compiled):
