@@ -74,7 +74,7 @@ def _force_lines(forces: Forces) -> Iterator[str]:
     if forces.flywheel:
         yield f"flywheel = {number(forces.flywheel)}"
     for controller in forces.controllers:
-        coordinate = ".".join(key(part) for part in controller.coordinate.split("."))
+        coordinate = ".".join(key(name) for name in controller.coordinate.split("."))
         yield f"controllers.{coordinate} = {quoted(controller.text)}"
     if forces.motor is not None:
         yield f"motor = {_table(_motor(forces.motor))}"
