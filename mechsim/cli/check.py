@@ -9,12 +9,13 @@ import typer
 
 from mechsim._version import __version__
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import writable
+from mechsim.cli.options import Loops, writable
 from mechsim.cli.output import in_colour, print_table, wrapped
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.findings.rules import RULES, EqualityStiffness, Violation
 from mechsim.studies.check import check, explain, fixed_copy
+from mechsim.subjects.mjcf_source import with_loops
 
 FORMATS = ("text", "json", "github", "sarif")
 COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
@@ -72,6 +73,7 @@ def check_files(
     target: Annotated[
         str | None, typer.Option(metavar="urdf", help="Also report what this format cannot hold.")
     ] = None,
+    loops: Loops = None,
     explain_equalities: Annotated[
         bool,
         typer.Option("--explain", help="Also print stiffness, damping and gap per newton of equalities."),
@@ -87,12 +89,21 @@ def check_files(
         raise InputError(f"there is no output format {output_format!r}; known are {', '.join(FORMATS)}")
     if fix is not None and len(models) != 1:
         raise InputError(f"--fix repairs one file, and there are {len(models)}; check them one by one")
+    if loops is not None and len(models) != 1:
+        raise InputError(
+            f"--loops closes the loops of one file, and there are {len(models)}; check them one by one"
+        )
     path = None if fix is None else writable(fix, ".xml")
+    sources = [with_loops(model, loops) for model in models]
     codes = [text.split(",") if text else [] for text in (select, ignore)]
     violations = [
-        v for model in models for v in check(model, select=codes[0], ignore=codes[1], target=target)
+        v for model in sources for v in check(model, select=codes[0], ignore=codes[1], target=target)
     ]
-    equalities = {model: explain(model) for model in models} if explain_equalities else {}
+    equalities = (
+        {model: explain(source) for model, source in zip(models, sources, strict=True)}
+        if explain_equalities
+        else {}
+    )
     errors = sum(violation.severity == "error" for violation in violations)
     data: CheckFilesJson = {
         "files": len(models),
@@ -101,7 +112,7 @@ def check_files(
     }
     repaired: list[str] = []
     if path is not None:
-        copy, repaired = fixed_copy(models[0], violations)
+        copy, repaired = fixed_copy(sources[0], violations)
         with atomic_path(path) as unfinished:
             unfinished.write_text(copy)
         data["fixed"] = fix

@@ -6,11 +6,12 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import File, Model, Sets, changed_parameters, joint_ranges, writable
+from mechsim.cli.options import File, Loops, Model, Sets, changed_parameters, joint_ranges, writable
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
 from mechsim.studies.robots.joint_map import MapComparison, compare_with_loop_equations, joint_map
+from mechsim.subjects.mjcf_source import with_loops
 
 
 class PolynomialError(TypedDict):
@@ -57,6 +58,7 @@ def map_joints(
         int | None, typer.Option(help="Also fit polynomials of this total degree to the outputs.")
     ] = None,
     sets: Sets = None,
+    loops: Loops = None,
     output: File,
 ) -> Result[MapJson]:
     """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
@@ -68,10 +70,10 @@ def map_joints(
     mechsim map four_bar --from crank=20deg:80deg --to rocker -o map.npz --json
     """
     path = writable(output, ".npz")
-    changed = changed_parameters(sets)
+    changed, source = changed_parameters(sets), with_loops(model, loops)
     ranges = joint_ranges("--from", inputs)
-    table = joint_map(model, ranges, outputs.split(","), points=points, degree=degree, set=changed)
-    comparison = compare_with_loop_equations(table, model, changed)
+    table = joint_map(source, ranges, outputs.split(","), points=points, degree=degree, set=changed)
+    comparison = compare_with_loop_equations(table, source, changed)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]
     data: MapJson = {

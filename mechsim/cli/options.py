@@ -134,7 +134,7 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help="A name that `mechsim list` gives, FILE.toml, FILE.xml or FILE.py:OBJECT.",
+        help="A name that `mechsim list` gives, FILE.toml, FILE.xml, FILE.urdf or FILE.py:OBJECT.",
         autocompletion=complete_models,
     ),
 ]
@@ -152,6 +152,9 @@ SPEED = "600rpm"
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
 WHERE = typer.Option("-o", "--output", metavar="FILE", help="Where to write.", autocompletion=complete_files)
 File = Annotated[str, WHERE]
+Loops = Annotated[
+    str | None, typer.Option("--loops", metavar="FILE", help="Loop closures of a URDF file, in YAML.")
+]
 Output = Annotated[str | None, WHERE]
 
 ChangePointOption = Annotated[
@@ -219,6 +222,7 @@ class DriveOptions:
         "COORDINATE=LAW",
     )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
+    loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE")
     track: tuple[str, ...] = option(
         (), "Track this point and no others.", read=str, many=True, metavar="NAME[,BODY@X,Y,Z]"
     )
@@ -236,6 +240,7 @@ class DriveOptions:
             "fix_base": self.fix_base,
             "lock_others": self.lock_others,
             "key": self.key,
+            "loops": self.loops,
             "track": self.track,
             "duration": self.duration,
         }

@@ -6,9 +6,10 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import File, Model, Sets, changed_parameters, writable
+from mechsim.cli.options import File, Loops, Model, Sets, changed_parameters, writable
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
+from mechsim.subjects.mjcf_source import with_loops
 
 
 class SampleJson(TypedDict):
@@ -27,6 +28,7 @@ def sample(
     output: File,
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
     sets: Sets = None,
+    loops: Loops = None,
 ) -> Result[SampleJson]:
     """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
 
@@ -35,7 +37,7 @@ def sample(
     mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
     path = writable(output, ".npz")
-    states = closed_configurations.sample(model, n, seed, set=changed_parameters(sets))
+    states = closed_configurations.sample(with_loops(model, loops), n, seed, set=changed_parameters(sets))
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
     data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,7 +70,7 @@ class MujocoSource(ModelSource):
         if changed:
             raise InputError(f"{self.model}: an MJCF file has no parameters; leave out --set")
         solver = read_mjcf(
-            self.model,
+            with_loops(self.model, prescription.loops),
             drivers=tuple(prescription.drive),
             lock=prescription.lock,
             fix_base=prescription.fix_base,
@@ -79,6 +79,22 @@ class MujocoSource(ModelSource):
             still=prescription.still,
         )
         return ModelDescription(solver, prescribed=True)
+
+
+def with_loops(model: Any, loops: str | None) -> Any:
+    """Return the specification of a URDF file with the loop closures of a sidecar file; else the model.
+
+    Raises:
+        InputError: for another model, or loops that cannot be read.
+    """
+    if loops is None:
+        return model
+    from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
+
+    if not isinstance(model, str):
+        raise InputError(f"loops from {loops} close those of a URDF file; give its path")
+    closed = urdf_specification(model, loops)
+    return model if closed is None else closed
 
 
 def read_mjcf(

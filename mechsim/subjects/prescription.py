@@ -43,6 +43,7 @@ class Prescription:
         track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
         duration: of the motion laws in [s].
         still: whether nothing need be driven.
+        loops: path of a sidecar file with the loop closures of a URDF file.
     """
 
     drive: Mapping[str, str | State] = field(default_factory=dict[str, "str | State"])
@@ -53,6 +54,7 @@ class Prescription:
     track: tuple[str, ...] = ()
     duration: float | None = None
     still: bool = False
+    loops: str | None = None
 
 
 def apply_prescription(

@@ -79,6 +79,7 @@ def load(
     track: Iterable[str] = (),
     duration: str | float | None = None,
     still: bool = False,
+    loops: str | None = None,
 ) -> KinematicSolver:
     """Return the solver of a model.
 
@@ -100,6 +101,7 @@ def load(
         track: the points to record, as `NAME` or `NAME,LINK@x,y,z`; by default all.
         duration: of the motion laws, as text or in [s].
         still: whether a MuJoCo model needs no driver, as when it is only described.
+        loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
         InputError: for anything else; names the file, the line, the value and the remedy.
@@ -107,7 +109,7 @@ def load(
     return _load(
         open_model(model),
         set or {},
-        _prescription(drive, lock, fix_base, key, track, duration, still, lock_others),
+        _prescription(drive, lock, fix_base, key, track, duration, still, lock_others, loops),
         assembled=True,
     )
 
@@ -144,6 +146,7 @@ def _prescription(
     duration: str | float | None = None,
     still: bool = False,
     lock_others: bool = False,
+    loops: str | None = None,
 ) -> Prescription:
     return Prescription(
         drive=drive or {},
@@ -154,6 +157,7 @@ def _prescription(
         duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
         still=still,
         lock_others=lock_others,
+        loops=None if loops is None else fspath(loops),
     )
 
 
@@ -168,6 +172,9 @@ def _load(
         lock = {**prescription.lock, **dict.fromkeys(undetermined)}
         prescription = replace(prescription, lock_others=False, lock=lock)
     description = source.describe(changed, prescription)
+    if prescription.loops is not None and not description.prescribed:
+        name = description.solver.name
+        raise InputError(f"{name}: loops from {prescription.loops} close those of a URDF file; give its path")
     solver = description.solver
     if description.prescribed:
         return apply_prescription(

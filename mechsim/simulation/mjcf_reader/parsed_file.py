@@ -17,6 +17,7 @@ from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.file_errors import readable_error
 from mechsim.simulation.mjcf_reader.repairs import with_possible_inertias, without_missing
+from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
 from mechsim.simulation.mjcf_reader.without_meshes import copy_shapes, has_replaceable_meshes, remove_meshes
 
 # path of a file in MJCF or URDF, or an object
@@ -127,7 +128,7 @@ def model_label(source: MujocoInput) -> str:
 def _spec_of_file(path: str) -> mujoco.MjSpec:
     try:
         with warnings.catch_warnings(action="ignore"):
-            return mujoco.MjSpec.from_file(path)
+            return urdf_specification(path) or mujoco.MjSpec.from_file(path)
     except (ValueError, UnicodeError) as error:
         raise readable_error(path, error) from None
 

@@ -86,7 +86,9 @@ def _files(asset: Any) -> list[str]:
 
 
 def _same_file(missing: str, name: str) -> bool:
-    return missing == name or missing.replace("\\", "/").endswith(name.replace("\\", "/").lstrip("./"))
+    # MuJoCo writes package:///part.stl of URDF files with one slash
+    path, asset = (re.sub(r"[\\/]+", "/", text) for text in (missing, name))
+    return path.endswith(asset.lstrip("./"))
 
 
 def _detach(spec: mujoco.MjSpec, kind: str) -> None:

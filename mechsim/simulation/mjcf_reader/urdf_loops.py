@@ -1,0 +1,437 @@
+"""Loops of URDF files, which URDF itself lacks: read from the dialects in use, closed by equalities of sites.
+
+Dialects in the file: a link with two parents, `<loop>` of URDF+, `<loop_joint>` of Isaac Sim,
+`<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo. A
+sidecar file in YAML has the form of Gepetto's collection of parallel robots.
+"""
+
+import os
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError, needs
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
+
+Element = ElementTree.Element
+Kind = Literal["point", "hinge", "weld"]
+# joint types of all dialects -> what the closure holds together
+KINDS: dict[str, Kind] = {
+    "spherical": "point",
+    "ball": "point",
+    "3d": "point",
+    "revolute": "hinge",
+    "continuous": "hinge",
+    "hinge": "hinge",
+    "fixed": "weld",
+    "6d": "weld",
+}
+# distance of the two points of a hinge closure along its axis, in [m]
+HINGE_LENGTH = 0.1
+ROOT = "world"
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame on a link: origin (3,) in [m] and rotation (3, 3)."""
+
+    link: str
+    position: Array = field(default_factory=lambda: np.zeros(3))
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+
+    def then(self, position: Array, rotation: Array) -> "Frame":
+        """Return the frame at a position and rotation within this one."""
+        return Frame(self.link, self.position + self.rotation @ position, self.rotation @ rotation)
+
+
+@dataclass(frozen=True, eq=False)
+class LoopClosure:
+    """Two frames that a loop joint holds together.
+
+    Attributes:
+        name: of the joint.
+        kind: "point" (spherical), "hinge" (revolute about `axis`) or "weld".
+        a, b: the frames.
+        axis: of a hinge, in both frames.
+    """
+
+    name: str
+    kind: Kind
+    a: Frame
+    b: Frame
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfTree:
+    """The tree of a URDF file.
+
+    Attributes:
+        path: of the file.
+        root: its element.
+        parents: link -> joint element, parent link, and pose in it; of the first joint that names the link.
+        second: joints to links that have a parent already.
+    """
+
+    path: str
+    root: Element
+    parents: Mapping[str, tuple[Element, Frame]]
+    second: tuple[Element, ...]
+
+    def error(self, message: str) -> InputError:
+        return InputError(f"{self.path}: {message}")
+
+    def require_link(self, name: str, joint: str) -> str:
+        """Return a link's name; raise InputError where the file has no such link."""
+        links = [link.get("name", "") for link in self.root.findall("link")]
+        if name not in links:
+            raise self.error(
+                f"loop joint {joint!r} names link {name!r}{did_you_mean(name, links)}; name a link"
+            )
+        return name
+
+    def moving(self, frame: Frame) -> Frame:
+        """Return a frame on the link that a chain of fixed joints fixes it to; the root is the world."""
+        while frame.link in self.parents:
+            joint, pose = self.parents[frame.link]
+            if joint.get("type") != "fixed":
+                return frame
+            frame = pose.then(frame.position, frame.rotation)
+        return Frame(ROOT, frame.position, frame.rotation)
+
+    def in_root(self, frame: Frame) -> Frame:
+        """Return a frame in the root link where all joints stand at zero."""
+        while frame.link in self.parents:
+            frame = self.parents[frame.link][1].then(frame.position, frame.rotation)
+        return frame
+
+
+def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | None:
+    """Return the specification of a URDF file with its loops closed; None for a file without loops, or MJCF.
+
+    Args:
+        path: of the file.
+        loops: path of a sidecar file with loop closures.
+
+    Raises:
+        InputError: for a loop joint that cannot be read, with file, joint and remedy.
+    """
+    tree = _read(path)
+    if tree is None:
+        if loops is not None:
+            raise InputError(
+                f"{path} is no URDF file, whose loops {loops} could close; write them as equalities"
+            )
+        return None
+    closures = [closure for reader in DIALECTS for closure in reader(tree)]
+    changes = JointChanges()
+    if loops is not None:
+        more, changes = _gepetto(tree, loops)
+        closures += more
+    if not closures:
+        return None
+    for joint in tree.second:
+        tree.root.remove(joint)
+    spec = _specification(tree)
+    changes.apply(spec, tree)
+    for closure in closures:
+        _close(spec, tree, closure)
+    return spec
+
+
+def _read(path: str) -> UrdfTree | None:
+    """Return the tree of a URDF file; None for other files, whose errors MuJoCo reports."""
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            text = file.read()
+    except (OSError, UnicodeDecodeError):
+        return None
+    if "<robot" not in text:
+        return None
+    # Drake's elements have a prefix that few files declare
+    text = re.sub(r"(</?)drake:", r"\1drake_", text)
+    try:
+        root = ElementTree.fromstring(re.sub(r"\bxmlns(:\w+)?=\"[^\"]*\"", "", text))
+    except ElementTree.ParseError:
+        return None
+    if root.tag != "robot":
+        return None
+    parents: dict[str, tuple[Element, Frame]] = {}
+    second: list[Element] = []
+    tree = UrdfTree(path, root, parents, ())
+    for joint in root.findall("joint"):
+        child = _child(joint, "child").get("link", "")
+        if child in parents:
+            second.append(joint)
+        else:
+            parents[child] = joint, _pose(tree, _child(joint, "parent").get("link", ""), joint.find("origin"))
+    return UrdfTree(path, root, parents, tuple(second))
+
+
+def _second_parents(tree: UrdfTree) -> Iterator[LoopClosure]:
+    for joint in tree.second:
+        name = joint.get("name", "")
+        if joint.get("type") == "floating":
+            continue
+        parent = tree.require_link(_child(joint, "parent").get("link", ""), name)
+        child = tree.require_link(_child(joint, "child").get("link", ""), name)
+        yield _closure(tree, joint, _pose(tree, parent, joint.find("origin")), Frame(child))
+
+
+def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
+    for loop in tree.root.findall("loop"):
+        sides = [loop.find(side) for side in ("predecessor", "successor")]
+        yield _closure(tree, loop, *(_side(tree, loop, side, "predecessor and successor") for side in sides))
+
+
+def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
+    for loop in tree.root.findall("loop_joint"):
+        # its manual calls both elements link1
+        sides = [element for element in loop if element.tag in ("link1", "link2")]
+        if len(sides) != 2:
+            raise tree.error(f"loop_joint {loop.get('name')!r} has {len(sides)} links; give link1 and link2")
+        frames = [
+            _pose(tree, tree.require_link(side.get("link", ""), loop.get("name", "")), side) for side in sides
+        ]
+        yield _closure(tree, loop, *frames)
+
+
+def _drake_balls(tree: UrdfTree) -> Iterator[LoopClosure]:
+    for number, ball in enumerate(tree.root.findall("drake_ball_constraint"), 1):
+        name = f"ball_constraint{number}"
+        frames = [
+            Frame(
+                tree.require_link(_child(ball, f"drake_ball_constraint_body_{body}").get("name", ""), name),
+                _numbers(tree, name, _child(ball, f"drake_ball_constraint_p_{point}").get("value", "")),
+            )
+            for body, point in (("A", "AP"), ("B", "BQ"))
+        ]
+        yield LoopClosure(name, "point", *frames)
+
+
+def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
+    """Yield the joints that bushings stand for: stiff against displacement, and about stiff axes."""
+    for number, bushing in enumerate(tree.root.findall("drake_linear_bushing_rpy"), 1):
+        name = f"bushing{number}"
+        frames = [
+            _named_frame(tree, _child(bushing, f"drake_bushing_frame{side}").get("name", ""), name)
+            for side in "AC"
+        ]
+        stiff = _numbers(tree, name, _child(bushing, "drake_bushing_torque_stiffness").get("value", "")) > 0.0
+        if stiff.sum() == 1:
+            raise tree.error(
+                f"bushing {number} is stiff about one axis; no closure of two free axes is known"
+            )
+        kind: Kind = {0: "point", 2: "hinge", 3: "weld"}[int(stiff.sum())]  # type: ignore[assignment]
+        axis = np.eye(3)[int(np.argmin(stiff))]
+        yield LoopClosure(name, kind, *frames, axis)
+
+
+def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
+    """Yield the joints of SDFormat in URDF: their pose is in the child's frame, where the file starts."""
+    for joint in tree.root.findall("gazebo/joint"):
+        name = joint.get("name", "")
+        parent, child = (
+            tree.require_link((joint.findtext(side) or "").strip(), name) for side in ("parent", "child")
+        )
+        numbers = _numbers(tree, name, joint.findtext("pose") or "0 0 0 0 0 0", 6)
+        relative = joint.find("pose")
+        base = relative.get("relative_to") if relative is not None else None
+        b = Frame(child if base in (None, "") else tree.require_link(str(base), name))
+        b = b.then(numbers[:3], _rotation(numbers[3:]))
+        placed = tree.in_root(b)
+        frames = []
+        for link in (parent, child):
+            own = tree.in_root(Frame(link))
+            frames.append(
+                Frame(link).then(
+                    own.rotation.T @ (placed.position - own.position), own.rotation.T @ placed.rotation
+                )
+            )
+        axis = joint.findtext("axis/xyz")
+        yield _closure(tree, joint, *frames, axis=axis)
+
+
+DIALECTS: tuple[Callable[[UrdfTree], Iterator[LoopClosure]], ...] = (
+    _second_parents,
+    _urdf_plus,
+    _isaac,
+    _drake_balls,
+    _drake_bushings,
+    _gazebo,
+)
+
+
+@dataclass(frozen=True)
+class JointChanges:
+    """Joints that a sidecar file makes spherical, universal or fixed, and those with a motor."""
+
+    kinds: Mapping[str, str] = field(default_factory=dict[str, str])
+    motors: tuple[str, ...] = ()
+
+    def apply(self, spec: mujoco.MjSpec, tree: UrdfTree) -> None:
+        names = [joint.name for joint in spec.joints]
+        for name in (*self.kinds, *self.motors):
+            if name not in names:
+                raise tree.error(
+                    f"the sidecar file has joint {name!r}{did_you_mean(name, names)}; name a joint"
+                )
+        for name in self.motors:
+            spec.add_actuator(name=f"{name}_motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+        for name, kind in self.kinds.items():
+            joint = spec.joint(name)
+            if kind == "SPHERICAL":
+                joint.type = mujoco.mjtJoint.mjJNT_BALL
+                joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+            elif kind == "FIXED":
+                spec.delete(joint)
+            elif match := re.fullmatch(r"UJOINT_([XYZ])([XYZ])", str(kind)):
+                first, second = (np.eye(3)["XYZ".index(axis)] for axis in match.groups())
+                joint.axis, body = first, joint.parent
+                joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+                body.add_joint(name=f"{name}_second", type=mujoco.mjtJoint.mjJNT_HINGE, axis=second)
+            else:
+                raise tree.error(
+                    f"joint_type of {name!r} is {kind!r}; it can be SPHERICAL, FIXED or UJOINT_XY"
+                )
+
+
+def _gepetto(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges]:
+    """Read a sidecar file: pairs of frames in `closed_loop`, with a `type` each of 3d or 6d."""
+    with needs("robots"):
+        import yaml
+    try:
+        with open(path, encoding="utf-8") as file:
+            content: Any = yaml.safe_load(file)
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; name a file with loop closures") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        line = getattr(getattr(error, "problem_mark", None), "line", None)
+        where = "" if line is None else f", line {line + 1}"
+        raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
+    if not isinstance(content, dict) or not isinstance(content.get("closed_loop"), list):
+        raise InputError(f"{path} has no list closed_loop; write closed_loop: [[FRAME, FRAME]]")
+    pairs: list[Any] = content["closed_loop"]
+    types = content.get("type") or ["6d"] * len(pairs)
+    if len(types) != len(pairs) or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
+        raise InputError(
+            f"{path}: closed_loop needs two frames a loop, and type one entry a loop; correct them"
+        )
+    closures: list[LoopClosure] = []
+    for number, (pair, kind) in enumerate(zip(pairs, types, strict=True), 1):
+        name = f"closed_loop{number}"
+        if str(kind).lower() not in KINDS:
+            raise InputError(f"{path}: type of loop {number} is {kind!r}; it can be 3d or 6d")
+        frames = [_named_frame(tree, str(frame), name) for frame in pair]
+        closures.append(LoopClosure(name, KINDS[str(kind).lower()], *frames))
+    names, kinds = content.get("joint_name") or [], content.get("joint_type") or []
+    if len(names) != len(kinds):
+        raise InputError(
+            f"{path}: joint_name has {len(names)} entries, joint_type {len(kinds)}; give as many"
+        )
+    motors = tuple(str(name) for name in content.get("name_mot") or [])
+    return closures, JointChanges(dict(zip(names, kinds, strict=True)), motors)
+
+
+def _named_frame(tree: UrdfTree, name: str, joint: str) -> Frame:
+    """Return a frame by its name: a `<frame>` of Drake, a link, or the fixed joint that places one."""
+    for frame in tree.root.findall("frame"):
+        if frame.get("name") == name:
+            return _pose(tree, tree.require_link(frame.get("link", ""), joint), frame)
+    for link, (element, _) in tree.parents.items():
+        if element.get("name") == name:
+            return Frame(link)
+    return Frame(tree.require_link(name, joint))
+
+
+def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | None = None) -> LoopClosure:
+    name, kind = element.get("name", ""), element.get("type", "")
+    if kind not in KINDS:
+        known = "revolute, continuous, spherical, ball or fixed"
+        raise tree.error(f"loop joint {name!r} is of type {kind!r}; a loop is closed by {known}")
+    own = element.find("axis")
+    text = axis or (own.get("xyz") if own is not None else None)
+    default = "1 0 0" if element.tag == "joint" and axis is None else "0 0 1"
+    direction = _numbers(tree, name, text or default)
+    length = float(np.linalg.norm(direction))
+    if KINDS[kind] == "hinge" and not length > 0.0:
+        raise tree.error(f"the axis of loop joint {name!r} has length 0; give a direction")
+    return LoopClosure(name, KINDS[kind], a, b, direction / (length or 1.0))
+
+
+def _side(tree: UrdfTree, loop: Element, side: Element | None, names: str) -> Frame:
+    if side is None:
+        raise tree.error(f"loop {loop.get('name')!r} lacks one of {names}; give both")
+    link = tree.require_link(side.get("link", ""), loop.get("name", ""))
+    return _pose(tree, link, side.find("origin"))
+
+
+def _child(element: Element, tag: str) -> Element:
+    child = element.find(tag)
+    return Element(tag) if child is None else child
+
+
+def _pose(tree: UrdfTree, link: str, origin: Element | None) -> Frame:
+    """Return the frame that the attributes xyz and rpy of an element place on a link."""
+    if origin is None:
+        return Frame(link)
+    position, angles = (_numbers(tree, link, origin.get(key) or "0 0 0") for key in ("xyz", "rpy"))
+    return Frame(link, position, _rotation(angles))
+
+
+def _numbers(tree: UrdfTree, name: str, text: str, count: int = 3) -> Array:
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        values = np.zeros(0)
+    if values.shape != (count,) or not np.isfinite(values).all():
+        raise tree.error(f"{name!r} has {text!r} where {count} finite numbers belong; correct them")
+    return values
+
+
+def _rotation(angles: Array) -> Array:
+    """Return the rotation matrix of roll, pitch and yaw in [rad] about fixed axes x, y, z."""
+    (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
+    return np.array(
+        [
+            [c * b, c * sb * sa - sc * a, c * sb * a + sc * sa],
+            [sc * b, sc * sb * sa + c * a, sc * sb * a - c * sa],
+            [-sb, b * sa, b * a],
+        ]
+    )
+
+
+def _specification(tree: UrdfTree) -> mujoco.MjSpec:
+    """Return the specification of the tree without the joints that close loops."""
+    if not tree.second:
+        return mujoco.MjSpec.from_file(tree.path)
+    text = re.sub(r"(</?)drake_", r"\1drake:", ElementTree.tostring(tree.root, encoding="unicode"))
+    spec = mujoco.MjSpec.from_string(text)
+    spec.modelfiledir = os.path.dirname(os.path.abspath(tree.path))
+    return spec
+
+
+def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
+    """Add the sites of a closure and the equalities between them."""
+    offsets = (np.zeros(3), HINGE_LENGTH * closure.axis) if closure.kind == "hinge" else (np.zeros(3),)
+    for number, offset in enumerate(offsets):
+        name = closure.name if not number else f"{closure.name}_axis"
+        sites: list[str] = []
+        for side, frame in (("a", closure.a), ("b", closure.b)):
+            placed = tree.moving(frame)
+            body = spec.worldbody if placed.link == ROOT else spec.body(placed.link)
+            quaternion = np.zeros(4)
+            mujoco.mju_mat2Quat(quaternion, placed.rotation.ravel())
+            position = placed.position + placed.rotation @ offset
+            body.add_site(name=f"{name}_{side}", pos=position, quat=quaternion)
+            sites.append(f"{name}_{side}")
+        kind = mujoco.mjtEq.mjEQ_WELD if closure.kind == "weld" else mujoco.mjtEq.mjEQ_CONNECT
+        spec.add_equality(
+            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=sites[0], name2=sites[1]
+        )

@@ -1,0 +1,184 @@
+"""Loops of URDF files: every dialect closes the same four-bar, and a wrong file ends in one sentence."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+
+CRANK, ROD, FOLLOWER, GROUND = 0.3, 1.0, 0.7, 1.0
+TREE = f"""
+  <link name="base"/><link name="crank"/><link name="rod"/><link name="follower"/>
+  <joint name="motor" type="continuous">
+    <parent link="base"/><child link="crank"/><axis xyz="0 0 1"/>
+  </joint>
+  <joint name="knee" type="continuous">
+    <parent link="crank"/><child link="rod"/><origin xyz="0 {CRANK} 0"/><axis xyz="0 0 1"/>
+  </joint>
+  <joint name="hip" type="continuous">
+    <parent link="base"/><child link="follower"/><origin xyz="{GROUND} 0 0"/><axis xyz="0 0 1"/>
+  </joint>
+"""
+FIXED = (
+    '<link name="{0}"/><joint name="{0}_joint" type="fixed"><parent link="{1}"/><child link="{0}"/>'
+    '<origin xyz="{2}"/></joint>'
+)
+ENDS = FIXED.format("rod_end", "rod", f"{ROD} 0 0") + FIXED.format(
+    "follower_end", "follower", f"0 {FOLLOWER} 0"
+)
+BUSHING = """
+  <drake:linear_bushing_rpy>
+    <drake:bushing_frameA name="rod_end"/><drake:bushing_frameC name="follower_end"/>
+    <drake:bushing_torque_stiffness value="90 90 0"/><drake:bushing_torque_damping value="1 1 0"/>
+    <drake:bushing_force_stiffness value="1e4 1e4 1e4"/><drake:bushing_force_damping value="1 1 1"/>
+  </drake:linear_bushing_rpy>"""
+DIALECTS = {
+    "two parents": ENDS
+    + '<joint name="closing" type="continuous"><parent link="follower_end"/><child link="rod_end"/>'
+    + '<axis xyz="0 0 1"/></joint>',
+    "URDF+": f"""<loop name="closing" type="revolute">
+    <predecessor link="rod"><origin xyz="{ROD} 0 0"/></predecessor>
+    <successor link="follower"><origin xyz="0 {FOLLOWER} 0"/></successor><axis xyz="0 0 1"/></loop>""",
+    "Isaac Sim": f"""<loop_joint name="closing" type="spherical">
+    <link1 link="rod" xyz="{ROD} 0 0" rpy="0 0 0"/><link1 link="follower" xyz="0 {FOLLOWER} 0" rpy="0 0 0"/>
+    </loop_joint>""",
+    "Drake ball": f"""<drake:ball_constraint>
+    <drake:ball_constraint_body_A name="rod"/><drake:ball_constraint_body_B name="follower"/>
+    <drake:ball_constraint_p_AP value="{ROD} 0 0"/><drake:ball_constraint_p_BQ value="0 {FOLLOWER} 0"/>
+    </drake:ball_constraint>""",
+    "Drake bushing": ENDS + BUSHING,
+}
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
+
+
+def robot(*parts):
+    return f'<robot name="four_bar">{TREE}{"".join(parts)}</robot>'
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text, name="four_bar.urdf"):
+        path = tmp_path / name
+        path.write_text(text)
+        return str(path)
+
+    return write
+
+
+def gap(path, **options):
+    """Return how far the ends of rod and follower are apart, and that of the rod from its two pivots."""
+    motion = ms.load(path, drive={"motor": "1rad/s"}, duration=6.28, **options).solve(
+        t=np.linspace(0.0, 6.28, 13)
+    )
+    rod, follower = motion.links["rod"], motion.links["follower"]
+    end = rod.position + rod.rotation @ np.array([ROD, 0.0, 0.0])
+    other = follower.position + follower.rotation @ np.array([0.0, FOLLOWER, 0.0])
+    return float(np.abs(end - other).max()), motion
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_each_dialect_closes_the_four_bar(written, dialect):
+    apart, motion = gap(written(robot(DIALECTS[dialect])))
+    assert apart <= 1e-14
+    # the law of cosines at the crank's pivot and the follower's
+    crank = motion.joints["motor"].value
+    pin = CRANK * np.stack([-np.sin(crank), np.cos(crank)], 1)
+    distance = np.hypot(*(pin - [GROUND, 0.0]).T)
+    bent = (ROD**2 + FOLLOWER**2 - distance**2) / (2.0 * ROD * FOLLOWER)
+    rod, follower = (motion.links[name].rotation for name in ("rod", "follower"))
+    assert -np.einsum("ni,ni->n", rod[:, :, 0], follower[:, :, 1]) == pytest.approx(-bent, abs=1e-12)
+
+
+def test_gazebo_places_a_loop_joint_where_the_file_starts(written):
+    # at zero the rod's end lies at (1, 0.3), the follower's in (0, 0.3) of its own frame
+    joint = """<gazebo><joint name="closing" type="revolute"><parent>rod</parent><child>follower</child>
+    <pose>0 0.3 0 0 0 0</pose><axis><xyz>0 0 1</xyz></axis></joint></gazebo>"""
+    solver = ms.load(written(robot(joint)), drive={"motor": "0.3rad*sin(t)"}, duration=1.0)
+    motion = solver.solve(t=np.linspace(0.0, 1.0, 5))
+    rod, follower = motion.links["rod"], motion.links["follower"]
+    end = rod.position + rod.rotation @ np.array([1.0, 0.0, 0.0])
+    assert end == pytest.approx(follower.position + follower.rotation @ np.array([0.0, 0.3, 0.0]), abs=1e-14)
+    assert np.ptp(motion.joints["hip"].value) > 0.1
+
+
+def test_a_sidecar_file_closes_loops_between_named_frames(written):
+    path = written(robot(ENDS))
+    sidecar = written(
+        "closed_loop: [[rod_end, follower_end_joint]]\ntype: [3d]\nname_mot: [motor]\n", "robot.yaml"
+    )
+    assert gap(path, loops=sidecar)[0] <= 1e-14
+    with pytest.raises(ms.MechsimError, match="underdetermined"):  # without it the follower is free
+        gap(path)
+
+
+def test_a_sidecar_file_makes_joints_spherical_universal_or_fixed(written):
+    path = written(robot(ENDS))
+    text = "closed_loop: [[rod_end, follower_end]]\ntype: [6d]\njoint_name: [knee]\njoint_type: [{}]\n"
+    kinds = {
+        kind: {
+            joint.name: joint.kind
+            for joint in ms.load(
+                path, loops=written(text.format(kind), f"{kind}.yaml"), still=True
+            ).mechanism.joints
+        }
+        for kind in ("SPHERICAL", "UJOINT_XY")
+    }
+    assert kinds["SPHERICAL"]["knee"] == "spherical"
+    assert {"knee", "knee_second"} <= kinds["UJOINT_XY"].keys()
+    with pytest.raises(ms.InputError, match="joint_type of 'knee' is 'PLANAR'"):
+        ms.load(path, loops=written(text.format("PLANAR"), "planar.yaml"), still=True)
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (DIALECTS["URDF+"].replace('link="rod"', 'link="rood"'), "names link 'rood' .did you mean 'rod'"),
+        (DIALECTS["URDF+"].replace("revolute", "planar"), "is of type 'planar'; a loop is closed by"),
+        (DIALECTS["URDF+"].replace('axis xyz="0 0 1"', 'axis xyz="0 0 0"'), "has length 0"),
+        (DIALECTS["URDF+"].replace(f"{ROD} 0 0", "nan 0 0"), "3 finite numbers belong"),
+        (DIALECTS["Isaac Sim"].replace('<link1 link="follower"', '<link3 link="follower"'), "has 1 links"),
+        (ENDS + BUSHING.replace("90 90 0", "90 0 0"), "stiff about one axis"),
+    ],
+)
+def test_a_loop_that_cannot_be_read_ends_in_one_sentence(written, part, message):
+    with pytest.raises(ms.InputError, match=message) as caught:
+        ms.load(written(robot(part)), still=True)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("closed_loop: [[rod_end", "is no YAML"),
+        ("loops: []", "has no list closed_loop"),
+        ("closed_loop: [[rod_end]]", "needs two frames a loop"),
+        ("closed_loop: [[rod_end, foot]]", "names link 'foot'"),
+        ("closed_loop: [[rod_end, follower_end]]\ntype: [2d]", "it can be 3d or 6d"),
+    ],
+)
+def test_a_wrong_sidecar_file_ends_in_one_sentence(written, text, message):
+    with pytest.raises(ms.InputError, match=message):
+        ms.load(written(robot(ENDS)), loops=written(text, "robot.yaml"), still=True)
+
+
+def test_commands_take_a_sidecar_file(written, monkeypatch, capsys, tmp_path):
+    path, sidecar = (
+        written(robot(ENDS)),
+        written("closed_loop: [[rod_end, follower_end]]\ntype: [3d]\n", "r.yaml"),
+    )
+    output = str(tmp_path / "states.npz")
+    lines = (
+        ["solve", path, "--loops", sidecar, "--samples", "3", "--drive", "motor=1rad/s"],
+        ["sample", path, "-n", "5", "-o", output, "--loops", sidecar],
+        ["check", path, "--loops", sidecar, "--ignore", "MS102"],
+    )
+    for line in lines:
+        monkeypatch.setattr("sys.argv", ["mechsim", *line])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code in (0, None), line
+    assert np.load(output)["qpos"].shape == (5, 3)
+    monkeypatch.setattr("sys.argv", ["mechsim", "solve", "four_bar", "--loops", sidecar])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
