@@ -19,6 +19,7 @@ class CertifyJson(TypedDict):
     certified: bool
     reason: str
     range: list[float]
+    unit: str
     segments: int
     proven: float
     singular: list[dict[str, float | str]]
@@ -53,7 +54,7 @@ def certify(
     mechsim certify four_bar
     mechsim certify rssr --angles 10:350deg --within crank=±0.02mm,coupler=0.02mm
     """
-    bounds = written_tolerances(within) if within else None
+    bounds = written_tolerances(within, "--within") if within else None
     arguments = driven.as_arguments()
     proof = certificate_of(model, angles, within=bounds, set=changed_parameters(sets), **arguments)
     data: CertifyJson = {
@@ -61,6 +62,7 @@ def certify(
         "certified": proof.certified,
         "reason": proof.reason,
         "range": list(proof.range),
+        "unit": proof.unit,
         "segments": proof.segments,
         "proven": proof.proven,
         "min_singular_value": proof.min_singular_value,
@@ -78,6 +80,6 @@ def _print(proof: Certificate) -> None:
     print_text(f"{proof.name}  {pass_or_fail(proof.certified)}")
     print_text(proof.summary)
     for point in proof.singular:
-        print_text(f"{point.kind} at {number(point.parameter, 12)} ± {number(point.width, 2)}")
+        print_text(f"{point.kind} at {number(point.parameter, 12)} {proof.unit} ± {number(point.width, 2)}")
     if proof.segments and not proof.certified:
         print_text(f"Proven on {proof.segments} segments, {proof.proven:.6%} of the range")

@@ -48,7 +48,7 @@ class Certificate:
         certified: whether over the whole range exactly one configuration lies in the tube, the Jacobian is
             regular there, and neighbouring segments join.
         reason: why it is not certified; empty if it is.
-        range: of the path parameter, from and to.
+        range: of the crank angle in [rad], or of the time in [s] under motion laws, from and to.
         segments: number of segments proven.
         proven: part of the range that they cover.
         singular: singular points of the motion.
@@ -56,6 +56,7 @@ class Certificate:
             in radians and parts of the characteristic length.
         tube: largest half-width of the tube in which the configuration lies, in the same units.
         equations: number of equations that are solved; others hold identically.
+        unit: of range and singular points, "rad" or "s".
     """
 
     name: str
@@ -68,6 +69,7 @@ class Certificate:
     min_singular_value: float
     tube: float
     equations: int
+    unit: str = "rad"
 
     def __bool__(self) -> bool:
         return self.certified
@@ -77,9 +79,9 @@ class Certificate:
         """What is proven, or why nothing is, in one sentence."""
         low, high = self.range
         if not self.certified:
-            return f"Not certified from {low:.6g} to {high:.6g}: {self.reason}"
+            return f"Not certified from {low:.6g} to {high:.6g} {self.unit}: {self.reason}"
         return (
-            f"Certified from {low:.6g} to {high:.6g}: one configuration in the tube at each driver position "
+            f"Certified from {low:.6g} to {high:.6g} {self.unit}: one configuration in the tube at each driver position "
             f"({self.segments} segments, half-width at most {self.tube:.2g}), no singularity (smallest "
             f"singular value at least {self.min_singular_value:.2g})"
         )
@@ -113,7 +115,7 @@ def certified_motion(
     if solved > unknown:
         motion = motion.with_independent_rows()
     proven, rest = proven_segments(motion)
-    proof = _certificate(solver.name, motion, between or whole, proven, rest)
+    proof = _in_time(_certificate(solver.name, motion, between or whole, proven, rest), motion)
     if solved == unknown or not proof.certified:
         return proof
     reason = (
@@ -121,6 +123,20 @@ def certified_motion(
         "one; that it satisfies the others is not proven, for they hold only with exact dimensions"
     )
     return replace(proof, certified=False, reason=reason)
+
+
+def _in_time(proof: Certificate, motion: ComputedMotion) -> Certificate:
+    """Return a certificate whose range is in [s] if motion laws drive."""
+    laws = motion.motion_laws
+    return replace(
+        proof,
+        unit=laws.unit,
+        range=(proof.range[0] / laws.rate, proof.range[1] / laws.rate),
+        singular=tuple(
+            replace(point, parameter=point.parameter / laws.rate, width=point.width / laws.rate)
+            for point in proof.singular
+        ),
+    )
 
 
 def _uncertified(name: str, between: tuple[float, float], reason: str, equations: int) -> Certificate:

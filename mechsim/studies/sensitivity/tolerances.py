@@ -106,7 +106,7 @@ def _require_pin(joint: Joint) -> None:
         )
 
 
-def written_tolerances(text: str) -> dict[str, str]:
+def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str]:
     """Return what `--tolerances` says: NAME=±BOUND,... or a table of two columns in FILE.csv.
 
     Raises:
@@ -118,8 +118,7 @@ def written_tolerances(text: str) -> dict[str, str]:
     for name, equals, _ in pairs:
         if not equals or not name.strip():
             raise InputError(
-                f"--tolerances holds {name.strip()!r}, which is no NAME=BOUND; "
-                "write crank=±0.02mm, or FILE.csv"
+                f"{option} holds {name.strip()!r}, which is no NAME=BOUND; write crank=±0.02mm, or FILE.csv"
             )
     return _unique((name.strip(), tolerance.strip()) for name, _, tolerance in pairs)
 
