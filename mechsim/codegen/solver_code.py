@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.dynamics.forward_dynamics import quaternion
+from mechsim.analytic.dynamics.state_layout import quaternion
 from mechsim.codegen import algorithm
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text

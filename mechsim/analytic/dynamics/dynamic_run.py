@@ -7,15 +7,17 @@ from typing import Any
 import numpy as np
 
 from mechsim import units
+from mechsim.analytic.dynamics.contacts import stops_of
 from mechsim.analytic.dynamics.equations_of_motion import (
     Dynamics,
     EquationsOfMotion,
     Kinematics,
     equations_of_motion,
 )
-from mechsim.analytic.dynamics.forward_dynamics import Integration, StateLayout, Trajectory, stops_of
+from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
+from mechsim.analytic.dynamics.state_layout import StateLayout
 from mechsim.analytic.dynamics.state_quantities import joined, motion_of, parse_event, stacked
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome

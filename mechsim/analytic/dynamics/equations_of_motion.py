@@ -10,21 +10,29 @@ matrix is summed over the links from their spatial inertias at the ground's orig
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics.applied_forces import add_joint_forces, applied, loads
+from mechsim.analytic.dynamics.applied_forces import applied, loads
+from mechsim.analytic.dynamics.link_forces import (
+    DryFriction,
+    constrained_acceleration,
+    friction_directions,
+    generalised_forces,
+    inertial_wrenches,
+    kinetic_energy,
+    mass_matrix,
+    spatial_inertias,
+)
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
 from mechsim.analytic.loops.start import assembled
-from mechsim.analytic.vector_method.rotations import cross, skew
+from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Joint
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
@@ -32,15 +40,6 @@ from mechsim.numerics.rank import significant
 # step of the central difference for the rate of a friction direction, in units of the coordinates; its error
 # is about 1e-10 of the rate
 DIFFERENCE = 1e-5
-
-
-@dataclass(frozen=True, slots=True)
-class DryFriction:
-    """One Coulomb friction: a joint, which of its coordinates it opposes, and its size in [N m] or [N]."""
-
-    joint: Joint
-    coordinate: int
-    magnitude: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,15 +168,8 @@ class EquationsOfMotion:
         twist = twists(tree, poses, physical)
         bias = velocity_products(tree, poses, twist, physical)
         gamma = self.loops.velocity_products(q, poses, physical, twist, bias)
-        free = self.with_prescribed(jacobian[:, self.free].transpose(2, 0, 1))
+        free = with_held(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
         return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias)
-
-    def with_prescribed(self, jacobian: Array) -> Array:
-        """Return a constraint Jacobian (n, rows, free) with the rows of prescribed coordinates."""
-        if not self.prescribed:
-            return jacobian
-        rows = np.eye(self.loops.tree.count)[self.prescribed_indices][:, self.free]
-        return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
 
     def accelerate(
         self,
@@ -197,25 +189,24 @@ class EquationsOfMotion:
             contacts: indices of the coordinates that a stop holds at rest.
         """
         unit, jacobians = self._unit_motion(state), self._link_jacobians(state)
-        inertia = self._spatial_inertias(unit)
+        inertia = spatial_inertias(unit, *self._inertias)
         mass = self._mass(jacobians, inertia)
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
-        on_crank = self._on_crank(state, loaded.crank)
-        controlled = self._controlled(state, time)
-        directions = self._friction_directions(unit, jacobians)
-        rubbing = np.zeros_like(on_crank)
+        at_joints = self._at_joints(state, time, loaded.crank)
+        directions = friction_directions(self.frictions, unit, jacobians)
+        rubbing = np.zeros_like(at_joints)
         for friction, direction, sign in zip(self.frictions, directions, sliding, strict=True):
             rubbing -= friction.magnitude * sign * direction
+        twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
         force = (
-            self._generalised(unit, jacobians, wrenches, self._inertial(state, inertia))
-            + on_crank
-            + controlled
+            generalised_forces(unit, jacobians, wrenches, inertial_wrenches(twist, bias, inertia))
+            + at_joints
             + rubbing
         )
         _, driven_rates, driven_accelerations = self.prescribed_motion(time)
         gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
-        rows, gamma = self._rows(state, gamma, directions, stuck, contacts)
+        rows, gamma = self.constraint_rows(state, gamma, directions, stuck, contacts)
         free, multipliers = constrained_acceleration(mass, force, rows, gamma)
         acceleration = np.zeros_like(state.rates)
         acceleration[self.free] = free.T
@@ -229,45 +220,23 @@ class EquationsOfMotion:
             driving=driving / self.loops.units[self.prescribed_indices][:, None],
             holding=holding,
             contact=multipliers[:, first + len(stuck) :].T,
-            kinetic=0.5 * np.einsum("ni,nij,nj->n", rates, mass, rates),
+            kinetic=kinetic_energy(mass, rates),
             potential=acting.energy,
             power_in=(loaded.wrenches * unit.twist).sum((1, 2))
-            + ((on_crank + controlled) * rates).sum(1)
+            + (at_joints * rates).sum(1)
             + (driving * driven_rates).sum(0),
             power_lost=-(acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
         )
 
-    def impact(self, state: Kinematics, hit: Sequence[int], restitution: float) -> Array:
-        """Return the rates after coordinates hit their stops, (count, 1), by the law of momentum.
-
-        Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), section 5.4
-        (Newton's law of impact).
-        """
-        mass = self.mass(state)
-        before = state.rates[self.free].T
-        kept = np.concatenate([np.zeros_like(state.gamma), state.rates[self.prescribed_indices].T], 1)
-        rows, _ = self._rows(state, kept, np.zeros((len(self.frictions), 1, len(self.free))), (), hit)
-        target = np.concatenate([kept, -restitution * state.rates[list(hit)].T], 1)
-        force = (mass @ before[..., None])[..., 0]
-        after = np.zeros_like(state.rates)
-        after[self.free] = constrained_acceleration(mass, force, rows, -target)[0].T
-        return after
-
-    def kinetic_energy(self, state: Kinematics, rates: Array) -> float:
-        """Return the kinetic energy of one state at other rates, (count, 1), in [J]."""
-        mass = self.mass(state)[0]
-        free = rates[self.free, 0]
-        return float(0.5 * free @ mass @ free)
-
     def mass(self, state: Kinematics) -> Array:
         """Return the mass matrix of the free coordinates in units, (n, free, free)."""
-        return self._mass(self._link_jacobians(state), self._spatial_inertias(self._unit_motion(state)))
+        inertia = spatial_inertias(self._unit_motion(state), *self._inertias)
+        return self._mass(self._link_jacobians(state), inertia)
 
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""
-        unit = self._unit_motion(state)
-        potential = float(applied(self.model, unit).energy[0])
-        return self.kinetic_energy(state, state.rates), potential
+        kinetic = kinetic_energy(self.mass(state), state.rates[self.free].T)[0]
+        return float(kinetic), float(applied(self.model, self._unit_motion(state)).energy[0])
 
     @property
     def steady(self) -> bool:
@@ -276,7 +245,7 @@ class EquationsOfMotion:
             course.over == "time" for course in self.model.forces.courses
         )
 
-    def _rows(
+    def constraint_rows(
         self,
         state: Kinematics,
         gamma: Array,
@@ -285,21 +254,18 @@ class EquationsOfMotion:
         contacts: Sequence[int],
     ) -> tuple[Array, Array]:
         """Return Jacobian (n, rows, free) and velocity products of loops, sticking frictions and stops."""
-        rows, n = state.jacobian, len(state.q)
+        rows = state.jacobian
         if len(stuck):
             rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
             gamma = np.concatenate([gamma, self._direction_rates(state, stuck)], 1)
         if len(contacts):
-            units = np.eye(self.loops.tree.count)[list(contacts)][:, self.free]
-            rows = np.concatenate([rows, np.broadcast_to(units, (n, *units.shape))], 1)
-            gamma = np.concatenate([gamma, np.zeros((n, len(contacts)))], 1)
+            rows = with_held(self, rows, contacts)
+            gamma = np.concatenate([gamma, np.zeros((len(rows), len(contacts)))], 1)
         return rows, gamma
 
     def _mass(self, jacobians: Array, inertia: Array) -> Array:
         """Return the mass matrix from link Jacobians and spatial inertias."""
-        n, columns = len(jacobians), jacobians.shape[-1]
-        momentum = (inertia @ jacobians).reshape(n, -1, columns)
-        mass = jacobians.reshape(n, -1, columns).transpose(0, 2, 1) @ momentum
+        mass = mass_matrix(jacobians, inertia)
         if self.crank is not None:
             column = int(np.searchsorted(self.free, self.crank))
             mass[:, column, column] += self.model.forces.flywheel
@@ -308,23 +274,15 @@ class EquationsOfMotion:
     @cached_property
     def rank(self) -> int:
         """Numerical rank of the loop constraints at the start."""
-        jacobian = self.with_prescribed(self.loops.linearise(self.start)[1][None, :, self.free, 0])[0]
+        at_start = self.loops.linearise(self.start)[1][None, :, self.free, 0]
+        jacobian = with_held(self, at_start, self.prescribed_indices)[0]
         return int(significant(np.linalg.svd(jacobian, compute_uv=False)).sum()) if jacobian.size else 0
-
-    def conditioning(self, state: Kinematics) -> float:
-        """Return the smallest singular value of one state's loop constraints; 1 without loops."""
-        return float(self.conditionings(state)[0])
-
-    def conditionings(self, state: Kinematics) -> Array:
-        """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops."""
-        if not self.rank:
-            return np.ones(len(state.q))
-        values: Array = np.linalg.svd(state.jacobian, compute_uv=False).astype(np.float64)
-        return values[:, self.rank - 1]
 
     def friction_rates(self, state: Kinematics) -> Array:
         """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""
-        directions = self._friction_directions(self._unit_motion(state), self._link_jacobians(state))
+        directions = friction_directions(
+            self.frictions, self._unit_motion(state), self._link_jacobians(state)
+        )
         return np.einsum("fnk,kn->fn", directions, state.rates[self.free])
 
     def _unit_motion(self, state: Kinematics) -> UnitMotion:
@@ -344,114 +302,43 @@ class EquationsOfMotion:
         scaled = state.poses.unit_twists[self.free] * self.loops.units[self.free, None, None]
         return moved[None, :, None, :] * scaled.transpose(2, 1, 0)[:, None]
 
-    def _spatial_inertias(self, unit: UnitMotion) -> Array:
-        """Return each link's spatial inertia at the ground's origin, linear before angular, (n, L, 6, 6)."""
-        masses, centres, moments = self._inertias
-        rotation = unit.rotation
-        centre = unit.position + (rotation @ centres[..., None])[..., 0]
-        across, mass = skew(centre), masses[:, None, None]
-        inertia = np.zeros((*centre.shape[:2], 6, 6))
-        inertia[..., :3, :3] = mass * np.eye(3)
-        inertia[..., 3:, :3], inertia[..., :3, 3:] = mass * across, -mass * across
-        inertia[..., 3:, 3:] = rotation @ moments @ np.swapaxes(rotation, -1, -2) - mass * across @ across
-        return inertia
-
-    def _inertial(self, state: Kinematics, inertia: Array) -> Array:
-        """Return the inertial wrenches at zero accelerations, at the ground's origin, (n, L, 6)."""
-        twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
-        momentum, wrench = ((inertia @ value[..., None])[..., 0] for value in (twist, bias))
-        linear, angular = twist[..., :3], twist[..., 3:]
-        wrench[..., :3] += cross(angular, momentum[..., :3])
-        wrench[..., 3:] += cross(angular, momentum[..., 3:]) + cross(linear, momentum[..., :3])
-        return wrench
-
-    def _generalised(
-        self, unit: UnitMotion, jacobians: Array, wrenches: Array, less: Array | float = 0.0
-    ) -> Array:
-        """Return the generalised forces, (n, free).
-
-        Args:
-            unit: the links' motion.
-            jacobians: of the links, (n, L, 6, free).
-            wrenches: about the links' origins, (n, L, 6).
-            less: wrenches at the ground's origin that are subtracted.
-        """
-        moved = wrenches - less
-        moved[..., 3:] += cross(unit.position, wrenches[..., :3])
-        return np.einsum("nlij,nli->nj", jacobians, moved)
-
-    def _on_crank(self, state: Kinematics, torque: Array) -> Array:
-        """Return the generalised force of motor and load torque on the crank, (n, free)."""
-        total = np.zeros((len(torque), len(self.free)))
+    def _at_joints(self, state: Kinematics, time: Array, torque: Array) -> Array:
+        """Return the generalised force of motor, controllers and load torque on the crank, (n, free)."""
+        total = np.zeros((len(self.loops.units), len(time)))
         if self.crank is not None:
-            column = int(np.searchsorted(self.free, self.crank))
-            total[:, column] = torque + self.model.forces.motor_torque(state.rates[self.crank])
-        return total
-
-    def _controlled(self, state: Kinematics, time: Array) -> Array:
-        """Return the generalised force of the controllers, (n, free)."""
-        total = np.zeros((len(time), len(self.free)))
+            total[self.crank] = torque + self.model.forces.motor_torque(state.rates[self.crank])
         index_of, units = self.loops.tree.index_of, self.loops.units
         for controller in self.model.forces.controllers:
             values = {name: state.q.values[index_of[name]] for name in controller.coordinates}
             rates = {name: state.rates[i] * units[i] for name, i in index_of.items() if name in values}
             index = index_of[controller.coordinate]
-            column = int(np.searchsorted(self.free, index))
-            total[:, column] += controller.effort(values, rates, time) * units[index]
-        return total
-
-    def _friction_directions(self, unit: UnitMotion, jacobians: Array) -> Array:
-        """Return the generalised force of a unit effort of each friction, (frictions, n, free)."""
-        n, columns = len(unit), jacobians.shape[-1]
-        directions = np.zeros((len(self.frictions), n, columns))
-        for row, friction in zip(directions, self.frictions, strict=True):
-            unit_forces = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
-            unit_forces += [np.zeros(n)] * len(friction.joint.coordinates)
-            stack = np.zeros_like(unit.twist)
-            add_joint_forces(unit, stack, friction.joint, unit_forces)
-            row[:] = self._generalised(unit, jacobians, stack)
-        return directions
+            total[index] += controller.effort(values, rates, time) * units[index]
+        return total[self.free].T
 
     def _direction_rates(self, state: Kinematics, stuck: Sequence[int]) -> Array:
         """Return the velocity-product terms of the coordinates that friction holds, (n, stuck)."""
-        ahead, behind = (self._displaced_directions(state, sign * DIFFERENCE) for sign in (1.0, -1.0))
-        change = (ahead - behind)[list(stuck)] / (2.0 * DIFFERENCE)
+        displaced: list[Array] = []
+        for seconds in (DIFFERENCE, -DIFFERENCE):
+            moved = self.kinematics(self.loops.displaced(state.q, seconds * state.rates), state.rates)
+            displaced.append(
+                friction_directions(self.frictions, self._unit_motion(moved), self._link_jacobians(moved))
+            )
+        change = (displaced[0] - displaced[1])[list(stuck)] / (2.0 * DIFFERENCE)
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
 
-    def _displaced_directions(self, state: Kinematics, seconds: float) -> Array:
-        moved = self.kinematics(self.loops.displaced(state.q, seconds * state.rates), state.rates)
-        return self._friction_directions(self._unit_motion(moved), self._link_jacobians(moved))
+
+def with_held(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
+    """Return a constraint Jacobian (n, rows, free) with more rows, which hold coordinates of the tree."""
+    rows = np.eye(equations.loops.tree.count)[list(indices)][:, equations.free]
+    return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
 
 
-def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Array) -> tuple[Array, Array]:
-    """Solve M a = Q + J' lambda, J a + gamma = 0 where rows may repeat one another.
-
-    Args:
-        mass: (n, k, k), positive definite.
-        force: (n, k).
-        rows: constraint Jacobian J, (n, m, k).
-        gamma: (n, m).
-
-    Returns:
-        Accelerations, (n, k), and the multipliers of least norm, (n, m).
-    """
-    if not rows.shape[1]:
-        unconstrained: Any = np.linalg.solve(mass, force[..., None])[..., 0]
-        return unconstrained, np.zeros_like(gamma)
-    u, values, vh = np.linalg.svd(rows, full_matrices=False)
-    kept = significant(values)
-    inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
-    basis = vh * kept[..., None]
-    along = np.swapaxes(vh, 1, 2) * inverse[:, None]
-    particular = -(along @ (np.swapaxes(u, 1, 2) @ gamma[..., None]))
-    projector = np.eye(mass.shape[1]) - np.swapaxes(basis, 1, 2) @ basis
-    scale = np.trace(mass, axis1=1, axis2=2)[:, None, None] / mass.shape[1]
-    reduced = projector @ mass @ projector + scale * (np.eye(mass.shape[1]) - projector)
-    free = np.linalg.solve(reduced, projector @ (force[..., None] - mass @ particular))
-    acceleration = projector @ free + particular
-    multipliers = u @ (inverse[..., None] * (vh @ (mass @ acceleration - force[..., None])))
-    result: Array = np.asarray(acceleration[..., 0])
-    return result, multipliers[..., 0]
+def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:
+    """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops."""
+    if not equations.rank:
+        return np.ones(len(state.q))
+    values: Array = np.linalg.svd(state.jacobian, compute_uv=False).astype(np.float64)
+    return values[:, equations.rank - 1]
 
 
 def equations_of_motion(

@@ -1,0 +1,169 @@
+"""Contacts: Coulomb frictions that stick or slide, and stops of joints that are hit or pressed.
+
+Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), section 5.4 (Newton's
+law of impact).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.link_forces import constrained_acceleration
+from mechsim.numerics.arrays import Array
+
+# changes of sticking, sliding and contact at one instant
+MOST_CHANGES = 50
+# fraction of the fastest rate so far below which a coordinate under friction is at rest
+REST = 1e-9
+# a stop that is approached more slowly than this fraction of the fastest rate is touched, not hit
+SOFT_IMPACT = 1e-7
+# fraction by which a friction force may exceed its size: rounding of a balance
+BALANCED = 1e-9
+
+# state -> a number that is zero at the event
+EventFunction = Callable[[Kinematics, float], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A joint coordinate's limit: its index in the tree, the limit in units, and +1 (upper) or -1 (lower)."""
+
+    index: int
+    limit: float
+    side: float
+
+
+@dataclass(frozen=True, slots=True)
+class ContactMode:
+    """Which frictions slide (direction) or stick, and which stops are in contact."""
+
+    sliding: Array
+    stuck: list[int] = field(default_factory=list[int])
+    contacts: list[int] = field(default_factory=list[int])
+
+
+@dataclass(frozen=True, slots=True)
+class Contacts:
+    """Frictions and stops of a mechanism.
+
+    Attributes:
+        equations: of motion.
+        stops: limits of joints.
+        restitution: rate after an impact divided by the rate before it, 0 to 1.
+    """
+
+    equations: EquationsOfMotion
+    stops: tuple[Stop, ...] = ()
+    restitution: float = 0.0
+
+    def indices(self, mode: ContactMode) -> list[int]:
+        """Return the indices in the tree of the coordinates that stops hold."""
+        return [self.stops[i].index for i in mode.contacts]
+
+    def accelerate(self, state: Kinematics, times: Array, mode: ContactMode) -> Dynamics:
+        """Return the accelerations of n states at times (n,) in [s] in a mode."""
+        return self.equations.accelerate(state, times, mode.sliding, mode.stuck, self.indices(mode))
+
+    def end_functions(self, mode: ContactMode) -> list[EventFunction]:
+        """Return functions that fall through zero where a mode ends."""
+
+        def dynamics(state: Kinematics, time: float) -> Dynamics:
+            return self.accelerate(state, np.array([time]), mode)
+
+        functions: list[EventFunction] = []
+        for i in np.flatnonzero(mode.sliding):
+            functions.append(
+                lambda state, _, i=i: float(self.equations.friction_rates(state)[i, 0] * mode.sliding[i])
+            )
+        for i in mode.stuck:
+            functions.append(lambda state, time, i=i: self._reserve(dynamics(state, time), i))
+        for i, stop in enumerate(self.stops):
+            if i in mode.contacts:
+                functions.append(lambda state, time, i=i: self._pressing(dynamics(state, time), mode, i))
+            else:
+                functions.append(lambda state, _, stop=stop: self._clearance(state, stop))
+        return functions
+
+    def _reserve(self, dynamics: Dynamics, index: int) -> float:
+        """Return by how much a sticking friction exceeds what it must hold, in [N m] or [N]."""
+        magnitude = self.equations.frictions[index].magnitude
+        return magnitude * (1.0 + BALANCED) - abs(float(dynamics.holding[index, 0]))
+
+    def _pressing(self, dynamics: Dynamics, mode: ContactMode, index: int) -> float:
+        """Return the force with which a stop is pressed; negative where the joint would have to be pulled."""
+        return -self.stops[index].side * float(dynamics.contact[mode.contacts.index(index), 0])
+
+    def _clearance(self, state: Kinematics, stop: Stop) -> float:
+        value = float(state.q.values[stop.index, 0]) / self.equations.loops.units[stop.index]
+        return stop.side * (stop.limit - value)
+
+    def rates_after_impact(self, state: Kinematics, mode: ContactMode, fastest: float) -> Array:
+        """Return the rates (count, 1) after every joint at a stop hit it, by impulses on all coordinates.
+
+        Args:
+            state: before the impact.
+            mode: before the impact; stops in contact are not hit.
+            fastest: largest rate of the run so far.
+        """
+        hit = [
+            stop.index
+            for i, stop in enumerate(self.stops)
+            if i not in mode.contacts
+            and abs(self._clearance(state, stop)) < 1e-9
+            and stop.side * state.rates[stop.index, 0] > SOFT_IMPACT * fastest
+        ]
+        equations, before = self.equations, state.rates[self.equations.free].T
+        if not hit:
+            return state.rates
+        mass = equations.mass(state)
+        kept = np.concatenate([np.zeros_like(state.gamma), state.rates[equations.prescribed_indices].T], 1)
+        none = np.zeros((len(equations.frictions), 1, len(equations.free)))
+        rows, _ = equations.constraint_rows(state, kept, none, (), hit)
+        target = np.concatenate([kept, -self.restitution * state.rates[hit].T], 1)
+        after = np.zeros_like(state.rates)
+        momentum = (mass @ before[..., None])[..., 0]
+        after[equations.free] = constrained_acceleration(mass, momentum, rows, -target)[0].T
+        return after
+
+    def choose(self, state: Kinematics, time: float, fastest: float) -> ContactMode:
+        """Return which stick, slide and press, so that friction forces and pressures are admissible."""
+        rates, fastest = self.equations.friction_rates(state)[:, 0], max(fastest, 1e-9)
+        at_rest = np.abs(rates) <= REST * fastest
+        contacts = [
+            i
+            for i, stop in enumerate(self.stops)
+            if self._clearance(state, stop) <= 1e-9
+            and abs(float(state.rates[stop.index, 0])) <= SOFT_IMPACT * fastest
+        ]
+        stuck = [int(i) for i in np.flatnonzero(at_rest)]
+        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, contacts)
+        sizes = [friction.magnitude for friction in self.equations.frictions]
+        for _ in range(MOST_CHANGES):
+            dynamics = self.accelerate(state, np.array([time]), mode)
+            loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
+            slipping = max(loads, key=lambda i: loads[i], default=None)
+            pulled = [i for i in mode.contacts if self._pressing(dynamics, mode, i) < 0.0]
+            if slipping is not None and loads[slipping] > 1.0 + BALANCED:
+                direction = mode.sliding.copy()
+                direction[slipping] = -np.sign(float(dynamics.holding[slipping, 0]))
+                mode = replace(mode, sliding=direction, stuck=[i for i in mode.stuck if i != slipping])
+            elif pulled:
+                mode = replace(mode, contacts=[i for i in mode.contacts if i not in pulled])
+            else:
+                break
+        return mode
+
+
+def stops_of(equations: EquationsOfMotion, ranges: Mapping[str, tuple[float, float]]) -> tuple[Stop, ...]:
+    """Return the stops of joints with a range in [m] or [rad], of those whose coordinate the tree has."""
+    stops: list[Stop] = []
+    for name, limits in ranges.items():
+        index = equations.loops.tree.index_of.get(name)
+        if index is None:
+            continue
+        for limit, side in zip(limits, (-1.0, 1.0), strict=True):
+            if abs(limit) < np.inf:
+                stops.append(Stop(index, limit / equations.loops.units[index], side))
+    return tuple(stops)
