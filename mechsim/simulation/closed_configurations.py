@@ -199,7 +199,9 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     while count < n:
         if drawn >= MAX_DRAWS * max(n, 100):
             raise AssemblyError(f"{count} of {drawn} drawn configurations close within the joint limits")
-        batch = min(max(n - count, 64), 4096)
+        # as many as the draws so far let expect to be needed
+        expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
+        batch = int(np.clip(expected, 64, 4096))
         qpos, error = path.follow(random.uniform(low, high, (batch, len(low))))
         valid = (error < CLOSED) & ~path.outside(qpos).any(1)
         accepted.append(qpos[valid])
