@@ -168,7 +168,7 @@ class EquationsOfMotion:
         twist = twists(tree, poses, physical)
         bias = velocity_products(tree, poses, twist, physical)
         gamma = self.loops.velocity_products(q, poses, physical, twist, bias)
-        free = with_held(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
+        free = with_locked(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
         return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias)
 
     def accelerate(
@@ -259,7 +259,7 @@ class EquationsOfMotion:
             rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
             gamma = np.concatenate([gamma, self._direction_rates(state, stuck)], 1)
         if len(contacts):
-            rows = with_held(self, rows, contacts)
+            rows = with_locked(self, rows, contacts)
             gamma = np.concatenate([gamma, np.zeros((len(rows), len(contacts)))], 1)
         return rows, gamma
 
@@ -275,7 +275,7 @@ class EquationsOfMotion:
     def rank(self) -> int:
         """Numerical rank of the loop constraints at the start."""
         at_start = self.loops.linearise(self.start)[1][None, :, self.free, 0]
-        jacobian = with_held(self, at_start, self.prescribed_indices)[0]
+        jacobian = with_locked(self, at_start, self.prescribed_indices)[0]
         return int(significant(np.linalg.svd(jacobian, compute_uv=False)).sum()) if jacobian.size else 0
 
     def friction_rates(self, state: Kinematics) -> Array:
@@ -327,7 +327,7 @@ class EquationsOfMotion:
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
 
 
-def with_held(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
+def with_locked(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
     """Return a constraint Jacobian (n, rows, free) with more rows, which hold coordinates of the tree."""
     rows = np.eye(equations.loops.tree.count)[list(indices)][:, equations.free]
     return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)

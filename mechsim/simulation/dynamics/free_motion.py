@@ -224,7 +224,7 @@ class _Plan:
 
     @property
     def _is_stiff(self) -> bool:
-        """Whether the motor brings the crank to its speed in a small part of a turn."""
+        """Whether the motor brings the crank to its speed in a small fraction of a revolution."""
         return self.longest <= STIFF * self._slowest
 
     @property
@@ -296,8 +296,8 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
     shown = np.unique([0, *range(run.started, len(run.time), stepping.every), len(run.time) - 1])
     kept = shown.astype(np.intp)
     states = States(run.time[kept], run.qpos[kept], run.qvel[kept])
-    parts = [slice(0, run.started + 1), slice(run.started, None)]
-    sums = [_work(loaded, States(run.time[part], run.qpos[part], run.qvel[part])) for part in parts]
+    phases = [slice(0, run.started + 1), slice(run.started, None)]
+    sums = [_work(loaded, States(run.time[k], run.qpos[k], run.qvel[k])) for k in phases]
     work, lost = (np.append(first[:-1], first[-1] + second) for first, second in zip(*sums, strict=True))
     forces = forces_of_states(loaded, loops.model, stepping.settings.compliance_used, states)
     motion = evaluate(loaded.loops, loaded.track, states, "step", crank_acceleration=forces.acceleration)
