@@ -60,8 +60,8 @@ class Controller:
     def effort(self, values: Mapping[str, Array], rates: Mapping[str, Array], time: Array) -> Array:
         """Return the effort at coordinates and rates in SI and times, (n,) each, in [N m] or [N]."""
         variables = {
-            f"state_{k}_": (values if part == "q" else rates)[name]
-            for k, (name, part) in enumerate(self.inputs)
+            f"state_{k}_": (values if letter == "q" else rates)[name]
+            for k, (name, letter) in enumerate(self.inputs)
         }
         return np.broadcast_to(self._expression({**variables, "t": time}), time.shape)
 

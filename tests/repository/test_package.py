@@ -37,7 +37,7 @@ def test_the_recipe_needs_what_the_package_needs():
         CALLED.get(name, name): version
         for name, version in lowest_versions(listed(recipe, "run_constraints")).items()
     }
-    brought = lowest_versions([*extras["pictures"], *extras["tables"], *extras["sweep"]])
+    brought = lowest_versions([*extras["pictures"], *extras["tables"], *extras["sweep"], *extras["robots"]])
     assert beside.items() <= brought.items()
     assert set(brought) - set(beside) == {"jupyter-threejs-sage"}
     assert f'version: "{mechsim.__version__}"' in recipe
@@ -45,7 +45,7 @@ def test_the_recipe_needs_what_the_package_needs():
 
 def test_extras_make_up_all_and_tests_install_it():
     extras = PROJECT["optional-dependencies"]
-    assert extras["all"] == ["mechsim[pictures,tables,sweep]"]
+    assert extras["all"] == ["mechsim[pictures,tables,sweep,robots]"]
     assert "mechsim[all]" in extras["test"]
 
 

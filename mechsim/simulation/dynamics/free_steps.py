@@ -28,7 +28,7 @@ TIME = int(mujoco.mjtState.mjSTATE_TIME)
 BLOCK = 2000
 # a stiff motor brings the crank to its speed in some decay times, whose steps are each cut into so many: the
 # energy of the start then balances to 2e-11 (measured on the four-bar under motors of 100 and 1000 N m)
-DECAYS, PARTS = 40.0, 20
+DECAYS, SUBSTEPS = 40.0, 20
 # of the expected speed: below this a crank is at rest, whatever dry friction lets creep
 REST = 1e-5
 
@@ -61,7 +61,7 @@ class StartUp:
     """How a machine under a stiff motor starts: with shorter steps.
 
     Attributes:
-        steps: whole time steps that are each cut into PARTS, a multiple of those between two records.
+        steps: whole time steps that are each cut into SUBSTEPS, a multiple of those between two records.
         record_step: short steps from one record to the next.
     """
 
@@ -144,9 +144,9 @@ def _start_up(
 ) -> list[tuple[Array, Array, Array]]:
     """Return the records of the start-up, up to a state that is not finite."""
     short = replace(loops, model=copy.copy(loops.model))
-    short.model.opt.timestep /= PARTS
+    short.model.opt.timestep /= SUBSTEPS
     advance = _advance(loaded, short, start, soft, 0.0)
-    _, qpos, qvel, _ = advance(start_up.steps * PARTS, start_up.record_step)
+    _, qpos, qvel, _ = advance(start_up.steps * SUBSTEPS, start_up.record_step)
     time = float(short.model.opt.timestep) * start_up.record_step * np.arange(1.0, len(qpos) + 1.0)
     return [(time, qpos, qvel)]
 

@@ -6,7 +6,7 @@ import stat
 import tempfile
 import warnings
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeAlias
 
 import mujoco
 
@@ -21,7 +21,7 @@ from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
 from mechsim.simulation.mjcf_reader.without_meshes import copy_shapes, has_replaceable_meshes, remove_meshes
 
 # path of a file in MJCF or URDF, or an object
-MujocoInput = str | mujoco.MjSpec | mujoco.MjModel
+MujocoInput: TypeAlias = str | mujoco.MjSpec | mujoco.MjModel
 # largest file in bytes
 MAX_BYTES = 50_000_000
 _COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>", re.DOTALL | re.IGNORECASE)

@@ -187,7 +187,8 @@ def _second_parents(tree: UrdfTree) -> Iterator[LoopClosure]:
 def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
     for loop in tree.root.findall("loop"):
         sides = [loop.find(side) for side in ("predecessor", "successor")]
-        yield _closure(tree, loop, *(_side(tree, loop, side, "predecessor and successor") for side in sides))
+        a, b = (_side(tree, loop, side, "predecessor and successor") for side in sides)
+        yield _closure(tree, loop, a, b)
 
 
 def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -196,10 +197,10 @@ def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
         sides = [element for element in loop if element.tag in ("link1", "link2")]
         if len(sides) != 2:
             raise tree.error(f"loop_joint {loop.get('name')!r} has {len(sides)} links; give link1 and link2")
-        frames = [
+        a, b = (
             _pose(tree, tree.require_link(side.get("link", ""), loop.get("name", "")), side) for side in sides
-        ]
-        yield _closure(tree, loop, *frames)
+        )
+        yield _closure(tree, loop, a, b)
 
 
 def _drake_balls(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -212,7 +213,7 @@ def _drake_balls(tree: UrdfTree) -> Iterator[LoopClosure]:
             )
             for body, point in (("A", "AP"), ("B", "BQ"))
         ]
-        yield LoopClosure(name, "point", *frames)
+        yield LoopClosure(name, "point", frames[0], frames[1])
 
 
 def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -230,7 +231,7 @@ def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
             )
         kind: Kind = {0: "point", 2: "hinge", 3: "weld"}[int(stiff.sum())]  # type: ignore[assignment]
         axis = np.eye(3)[int(np.argmin(stiff))]
-        yield LoopClosure(name, kind, *frames, axis)
+        yield LoopClosure(name, kind, frames[0], frames[1], axis)
 
 
 def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -255,7 +256,7 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
                 )
             )
         axis = joint.findtext("axis/xyz")
-        yield _closure(tree, joint, *frames, axis=axis)
+        yield _closure(tree, joint, frames[0], frames[1], axis)
 
 
 DIALECTS: tuple[Callable[[UrdfTree], Iterator[LoopClosure]], ...] = (
@@ -328,8 +329,8 @@ def _gepetto(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges
         name = f"closed_loop{number}"
         if str(kind).lower() not in KINDS:
             raise InputError(f"{path}: type of loop {number} is {kind!r}; it can be 3d or 6d")
-        frames = [_named_frame(tree, str(frame), name) for frame in pair]
-        closures.append(LoopClosure(name, KINDS[str(kind).lower()], *frames))
+        a, b = (_named_frame(tree, str(frame), name) for frame in pair)
+        closures.append(LoopClosure(name, KINDS[str(kind).lower()], a, b))
     names, kinds = content.get("joint_name") or [], content.get("joint_type") or []
     if len(names) != len(kinds):
         raise InputError(
@@ -353,8 +354,8 @@ def _named_frame(tree: UrdfTree, name: str, joint: str) -> Frame:
 def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | None = None) -> LoopClosure:
     name, kind = element.get("name", ""), element.get("type", "")
     if kind not in KINDS:
-        known = "revolute, continuous, spherical, ball or fixed"
-        raise tree.error(f"loop joint {name!r} is of type {kind!r}; a loop is closed by {known}")
+        accepted = "revolute, continuous, spherical, ball or fixed"
+        raise tree.error(f"loop joint {name!r} is of type {kind!r}; a loop is closed by {accepted}")
     own = element.find("axis")
     text = axis or (own.get("xyz") if own is not None else None)
     default = "1 0 0" if element.tag == "joint" and axis is None else "0 0 1"

@@ -81,9 +81,9 @@ class Certificate:
         if not self.certified:
             return f"Not certified from {low:.6g} to {high:.6g} {self.unit}: {self.reason}"
         return (
-            f"Certified from {low:.6g} to {high:.6g} {self.unit}: one configuration in the tube at each driver position "
-            f"({self.segments} segments, half-width at most {self.tube:.2g}), no singularity (smallest "
-            f"singular value at least {self.min_singular_value:.2g})"
+            f"Certified from {low:.6g} to {high:.6g} {self.unit}: one configuration in the tube at each "
+            f"driver position ({self.segments} segments, half-width at most {self.tube:.2g}), no singularity "
+            f"(smallest singular value at least {self.min_singular_value:.2g})"
         )
 
 
