@@ -98,7 +98,7 @@ def shaken(time):
             {"left": shaken, "right": steady(0.0, 1.0)},
             "acceleration in the motion law of left is up to 1e.20 rad/s2; give",
         ),
-        ({"left": steady(0.0, np.nan), "right": steady(0.0, 0.0)}, "program of left is not finite"),
+        ({"left": steady(0.0, np.nan), "right": steady(0.0, 0.0)}, "the motion law of left is not finite"),
         ({"left": steady(0.0, 1.0), "right": steady(0.0, 0.0), "A": steady(0.0, 0.0)}, "'A'.*not driven"),
     ],
 )

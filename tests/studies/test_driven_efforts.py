@@ -165,7 +165,7 @@ def test_efforts_stepped_as_if_a_coupling_were_straight_are_refused(case, monkey
 
 def test_a_flywheel_under_programs_is_refused():
     machine = held_rack()
-    with pytest.raises(InputError, match=r"flywheel.*programs"):
+    with pytest.raises(InputError, match=r"flywheel.*motion laws"):
         machine.with_forces(Forces(flywheel=1.0))
 
 

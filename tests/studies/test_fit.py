@@ -146,7 +146,7 @@ def test_the_force_of_a_driver_that_slides_is_called_as_in_the_reference_data():
 
 
 def test_a_zero_is_refused_where_there_is_none():
-    with pytest.raises(InputError, match="no lone crank without a program whose zero could be unknown"):
+    with pytest.raises(InputError, match="no lone crank without a motion law whose zero could be unknown"):
         ms.fit("five_bar", {"t": [0.0, 0.1], "P.x": [0.0, 0.0]}, ["arm"], offset=True)
 
 

@@ -168,7 +168,7 @@ def test_an_actuator_that_is_not_there_is_refused(tmp_path):
 
 
 def test_programs_that_begin_where_no_loop_closes_are_refused(tmp_path):
-    with pytest.raises(AssemblyError, match="on the way to where the programs begin"):
+    with pytest.raises(AssemblyError, match="on the way to where the motion laws begin"):
         scene(tmp_path, drive={"pivot": "3 + t"})
 
 
