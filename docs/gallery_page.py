@@ -19,8 +19,8 @@ RENDER = f"--size {PICTURE_SIZE} --fps 12 --no-labels"
 
 HEAD = """# Gallery
 
-Each picture opens an interactive 3-D view of its mechanism, which also works offline. The name stands wherever a
-command takes a model: `mechsim show klann`. Seven mechanisms have a closed form in the catalogue. The others are TOML
+Each picture opens a live 3-D page of its mechanism: turn drivers, change dimensions, drag points. The name stands
+wherever a command takes a model: `mechsim show klann`. Seven mechanisms have a closed form in the catalogue. The others are TOML
 files in `models/gallery`, each with its law as a few lines of Python. The animations take {pictures:.1f} MB together and
 load as they come into view; a view takes about {view:.1f} MB. Where reduced motion is preferred, the pictures stand still.
 
@@ -67,7 +67,7 @@ def _output(line: str) -> str:
 def _draw(extra: Path, name: str) -> None:
     """Write the still, the animation and the view of a mechanism; a machine without OpenGL gets the view only."""
     if not (view := extra / "views" / f"{name}.html").is_file():
-        _output(f"view {name} --speed 60rpm -o {view}")
+        _output(f"view {name} --live --speed 60rpm -o {view}")
     still = extra / "pictures" / f"{name}.png"
     try:
         if not still.is_file():

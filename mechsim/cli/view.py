@@ -13,8 +13,9 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions, ReleaseOptions, released_model, require_release
-from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, writable
+from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, load_parametric, writable
 from mechsim.cli.schema import Written
+from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
 from mechsim.units import crank_speed
@@ -42,6 +43,12 @@ def view(
             metavar="AXIS", help="Axis that points up: x, y, z, -x, ... Default: against gravity, else y."
         ),
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="Let the page solve the mechanism: sliders of dimensions, points to drag, TOML."
+        ),
+    ] = False,
     certify: Annotated[
         bool,
         typer.Option("--certify", help="Prove by interval arithmetic what the page shows, and say so there."),
@@ -52,6 +59,7 @@ def view(
     Examples:
     mechsim view rssr
     mechsim view gripper.xml -o gripper.html
+    mechsim view four_bar --live
     mechsim view four_bar --mode 1 --initial crank.q=-95deg
     """
     from mechsim.pictures.view.offline_page import page
@@ -60,6 +68,8 @@ def view(
     require_axis("--up", up)
     path = None if output is None else writable(output, ".html")
     contents = replace(_contents(source, loads, release, speed), up=up)
+    if live:
+        contents = _live(contents, source, release, speed)
     if certify:
         proof = certified_motion(source.load_moving())
         contents = replace(contents, facts=[*contents.facts, f"{proof.summary}."])
@@ -87,6 +97,17 @@ def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions,
         return release_view(release.release(model, source), release.mode)
     require_release(loads, release, "add --initial, --until or --mode")
     return model_view(source.load(), crank_speed(speed))
+
+
+def _live(contents: "View", source: ModelOptions, release: ReleaseOptions, speed: str) -> "View":
+    """Return what the page shows with a solver of its own."""
+    from mechsim.report.views import live_view
+    from mechsim.subjects.readers import open_model
+
+    if release.requested:
+        raise InputError("--live moves a mechanism by its drivers; leave --initial, --until and --mode out")
+    designs = load_parametric(source.model, source.sets, source, moving=False)
+    return live_view(contents, open_model(source.model), source.load(), designs, crank_speed(speed))
 
 
 def _browser() -> webbrowser.BaseBrowser | None:

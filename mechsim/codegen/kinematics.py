@@ -5,11 +5,14 @@ The functions of `analytic.loops` run on arrays of expressions, so that the code
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.design_motion import DesignLoops
 from mechsim.analytic.loops.kinematics import (
     Coordinates,
     LinkPoses,
@@ -20,6 +23,7 @@ from mechsim.analytic.loops.kinematics import (
 )
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import Block, ExpressionTable, SymbolicExpression, statements
+from mechsim.model.design_arrays import DesignArrays, design_arrays
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
@@ -53,6 +57,61 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     return out
 
 
+@dataclass(frozen=True)
+class VaryingNumbers:
+    """Numbers of a mechanism that code reads from an array instead of holding them.
+
+    Attributes:
+        sides: (joint, "a" or "b") -> index of the first of the point's three numbers, and of the frame's nine
+            row by row; None where they do not vary.
+        points: tracked point -> index of the first of its three numbers.
+    """
+
+    sides: Mapping[tuple[str, str], tuple[int | None, int | None]]
+    points: Mapping[str, int]
+
+    @property
+    def count(self) -> int:
+        """How many numbers there are."""
+        ends = [0, *(first + 3 for first in self.points.values())]
+        for point, frame in self.sides.values():
+            ends += [0 if point is None else point + 3, 0 if frame is None else frame + 9]
+        return max(ends)
+
+
+def _joint_numbers(assembly: SolvedAssembly, varying: VaryingNumbers, table: ExpressionTable) -> DesignArrays:
+    """Return points and frames of an assembly's joints as arrays of one design, symbols where they vary."""
+    mechanism = assembly.loops.tree.mechanism
+    numbers = design_arrays(mechanism, [mechanism])
+
+    def symbols(first: int | None, values: Array) -> Array:
+        if first is None:
+            return values
+        names = [table.symbol(f"number_{first + k}") for k in range(values.size)]
+        return np.array(names, dtype=object).reshape(values.shape)
+
+    ends = dict(numbers.ends)
+    for name, (point_a, frame_a, point_b, frame_b) in numbers.ends.items():
+        (at_a, axes_a), (at_b, axes_b) = (varying.sides.get((name, side), (None, None)) for side in "ab")
+        ends[name] = (
+            symbols(at_a, point_a),
+            symbols(axes_a, frame_a),
+            symbols(at_b, point_b),
+            symbols(axes_b, frame_b),
+        )
+    original = design_arrays(assembly.loops.tree.original, [assembly.loops.tree.original])
+    points = {name: symbols(varying.points.get(name), values) for name, values in original.points.items()}
+    return DesignArrays(mechanism, {**original.ends, **ends}, points)
+
+
+def _with_numbers(loops: TreeLoops, numbers: DesignArrays) -> TreeLoops:
+    """Return loop equations with other numbers of joints."""
+    designs = DesignLoops(
+        loops.tree, loops.cuts, loops.turn_offsets, loops.driven, numbers, np.zeros(1, np.intp)
+    )
+    return designs.at_instants(1)
+
+
 class SolverFormulas:
     """The formulas of an assembly in its coordinates.
 
@@ -60,10 +119,15 @@ class SolverFormulas:
         assembly: it.
         names: coordinate of the tree, by index, ready for identifiers.
         symbols: symbol of an expression -> the code that reads it.
+        loops: its loop equations, symbols where numbers vary.
+        numbers: of its joints and points, likewise.
     """
 
-    def __init__(self, assembly: SolvedAssembly):
-        self.assembly, self.tree, self.table = assembly, assembly.loops.tree, ExpressionTable()
+    def __init__(self, assembly: SolvedAssembly, varying: VaryingNumbers | None = None):
+        self.assembly, self.table = assembly, ExpressionTable()
+        numbers = _joint_numbers(assembly, varying or VaryingNumbers({}, {}), self.table)
+        self.loops = assembly.loops if varying is None else _with_numbers(assembly.loops, numbers)
+        self.tree, self.numbers = self.loops.tree, numbers
         count = self.tree.count
         names = {i: name for name, i in self.tree.index_of.items()}
         for ball in self.tree.balls:
@@ -89,6 +153,8 @@ class SolverFormulas:
                 f"rate_{name}": f"rates[{i}]",
                 f"acceleration_{name}": f"s->accelerations[{i}]",
             }
+        if varying is not None:
+            self.symbols |= {f"number_{k}": f"@GEOMETRY[{k}]" for k in range(varying.count)}
         for k in range(len(self.tree.balls)):
             self.symbols |= {f"ball{k}_{axis}": f"s->balls[{4 * k + i}]" for i, axis in enumerate("wxyz")}
         for link in range(len(self.links)):
@@ -119,7 +185,7 @@ class SolverFormulas:
     @cached_property
     def linearised(self) -> tuple[Array, Array, LinkPoses]:
         """Residuals of all rows (rows, 1), their Jacobian (rows, count, 1), and the links."""
-        return self.assembly.loops.linearise(self.q)
+        return self.loops.linearise(self.q)
 
     @cached_property
     def poses(self) -> LinkPoses:
@@ -136,7 +202,7 @@ class SolverFormulas:
 
     def equations(self) -> list[str]:
         """Return the code of residuals and Jacobians by unknowns and by drivers."""
-        loops, rows = self.assembly.loops, self.assembly.solver.rows.tolist()
+        loops, rows = self.loops, self.assembly.solver.rows.tolist()
         residual, jacobian, _ = self.linearised
         unknown, driven = loops.unknown.tolist(), self.assembly.driven
         blocks = self._link_blocks()
@@ -161,7 +227,7 @@ class SolverFormulas:
         rates = self._symbols("rate_")
         twist = twists(self.tree, self.poses, rates)
         product = velocity_products(self.tree, self.poses, twist, rates)
-        values = self.assembly.loops.velocity_products(self.q, self.poses, rates, twist, product)
+        values = self.loops.velocity_products(self.q, self.poses, rates, twist, product)
         rows = self.assembly.solver.rows.tolist()
         blocks = [*self._link_blocks(), *self._twist_blocks(twist)]
         for comment, span in self._row_groups():
@@ -194,9 +260,9 @@ class SolverFormulas:
         """Return the code of the tracked points' positions and rates."""
         blocks = self._link_blocks()
         for k, name in enumerate(self.points):
-            link, local = self.tree.original.points[name]
+            link = self.tree.original.points[name][0]
             i = self.tree.links[link]
-            position = self._point(i, np.array(local))
+            position = self._point(i, self.numbers.points[name][:, 0])
             twist, spatial = (values[i, :, 0] for values in self.motion)
             rates = point_rates(twist, spatial, position)
             blocks.append(
@@ -220,7 +286,9 @@ class SolverFormulas:
         """Yield value, rate and acceleration of each coordinate of a joint that closes a loop."""
         kind = KINDS[joint.kind]
         (point_a, frame_a, twist_a, spatial_a), (point_b, frame_b, twist_b, spatial_b) = map(
-            self._side, (joint.a, joint.b)
+            self._side,
+            (joint.a, joint.b),
+            (self.numbers.ends[joint.name][:2], self.numbers.ends[joint.name][2:]),
         )
         rates_a, rates_b = point_rates(twist_a, spatial_a, point_a), point_rates(twist_b, spatial_b, point_b)
         gap, spin = point_b - point_a, twist_a[3:]
@@ -241,14 +309,15 @@ class SolverFormulas:
             angle = self.table.angle(sine, cosine)
             yield angle, axis_a @ (twist_b - twist_a)[3:], axis_a @ (spatial_b - spatial_a)[3:]
 
-    def _side(self, end: End) -> tuple[Array, Array, Array, Array]:
+    def _side(self, end: End, numbers: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
         """Return point, frame, twist and spatial acceleration of a side of a joint."""
+        point, frame = numbers[0][:, 0], numbers[1][..., 0]
         if end.link == GROUND:
             zero = np.full(6, self.table.expression(0.0), dtype=object)
-            return np.array(end.point, dtype=object), end.frame.astype(object), zero, zero
+            return point.astype(object), frame.astype(object), zero, zero
         i = self.tree.index[end.link]
         twist, spatial = (values[i, :, 0] for values in self.motion)
-        return self._point(i, np.array(end.point)), self.poses.rotation[i, ..., 0] @ end.frame, twist, spatial
+        return self._point(i, point), self.poses.rotation[i, ..., 0] @ frame, twist, spatial
 
     def torques(self) -> list[str]:
         """Return the code of the generalised forces on all coordinates that inertia and weight require."""
@@ -333,12 +402,12 @@ class SolverFormulas:
         """Return a comment and the rows of each joint that closes a loop, and of each coupling."""
         groups: list[tuple[str, range]] = []
         first = 0
-        for cut in self.assembly.loops.cuts:
+        for cut in self.loops.cuts:
             joint = cut.joint
             text = f"{joint.kind} joint {joint.name} closes a loop: {joint.a.link} meets {joint.b.link}"
             groups.append((text, range(first, first + cut.rows)))
             first += cut.rows
-        for row in self.assembly.loops.couplings:
+        for row in self.loops.couplings:
             groups.append((f"coupling {row.coupling.label}", range(first, first + 1)))
             first += 1
         return groups

@@ -88,12 +88,13 @@ def javascript(code: SolverCode) -> str:
     for pattern, replacement in TRANSLATION:
         functions = re.sub(pattern, replacement, functions, flags=re.MULTILINE)
     arrays = [f"{kind.lower()}s: {json.dumps([*names])}" for kind, (_, names) in code.names.items()]
-    exported = ["state", "start", "solve", "point", "link", "solve_links"]
+    exported = ["state", "configuration", "start", "save", "restore", "solve", "point", "link", "solve_links"]
     exported += ["joint", "solve_joints"] if code.sizes["JOINTS"] else []
     exported += ["solve_points"] if code.sizes["POINTS"] else []
     exported += ["solve_torques"] if code.inertias is not None else []
     entries = [f"{name}: @{name}" for name in exported]
     entries += [f"{name}: @{name}" for name in STATUSES]
+    entries += ["GEOMETRY: @GEOMETRY"] if "GEOMETRY" in code.reals else []
     entries += ["GRAVITY: @GRAVITY"] + (["INERTIAS: @INERTIAS"] if code.inertias is not None else [])
     lines += [functions, f"return {{ {', '.join([*arrays, *entries])} }};", "})();"]
     lines.append(f'if (typeof module !== "undefined") {{ module.exports = {prefix}_solver; }}')

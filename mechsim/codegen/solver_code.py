@@ -10,7 +10,15 @@ from mechsim.analytic.dynamics.state_layout import quaternion
 from mechsim.codegen import algorithm
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
-from mechsim.codegen.kinematics import INERTIA_NUMBERS, JOINT, LINK, POINT, SolverFormulas, identifiers
+from mechsim.codegen.kinematics import (
+    INERTIA_NUMBERS,
+    JOINT,
+    LINK,
+    POINT,
+    SolverFormulas,
+    VaryingNumbers,
+    identifiers,
+)
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.masses import with_inertia
@@ -61,19 +69,28 @@ class SolverCode:
         }
 
 
-def solver_code(assembly: SolvedAssembly) -> SolverCode:
+def solver_code(
+    assembly: SolvedAssembly, varying: VaryingNumbers | None = None, geometry: Array | None = None
+) -> SolverCode:
     """Return the solver of an assembly.
+
+    Args:
+        assembly: the assembly.
+        varying: its numbers that the code reads from the array GEOMETRY, which a program may change.
+        geometry: their values.
 
     Raises:
         InputError: for a mechanism without drivers.
     """
     if not assembly.drivers:
         raise InputError(f"{assembly.mechanism.name}: nothing is driven; name a driver, as by drive=")
-    formulas = SolverFormulas(assembly)
+    formulas = SolverFormulas(assembly, varying)
     inertias = _inertias(assembly, formulas.links)
     gravity = np.array((assembly.source.forces or Forces()).gravity)
     integers, reals = _integers(assembly), _reals(assembly)
     reals["GRAVITY"] = gravity, "of the model, m/s2"
+    if geometry is not None:
+        reals["GEOMETRY"] = geometry, "points and axes of joints that follow from dimensions, m"
     if inertias is not None:
         reals["INERTIAS"] = inertias.ravel(), "of the links, as solve_torques takes them; kg, m"
     flags = {

@@ -97,6 +97,7 @@ def view(
     set: "Mapping[str, str | float] | None" = None,
     speed: float | str = SPEED,
     up: "Up | None" = None,
+    live: bool = False,
     height: int = 720,
     **options: Any,
 ) -> FramedPage:
@@ -108,12 +109,14 @@ def view(
         set: parameter -> its value, as `load` takes it.
         speed: of the crank, in [rad/s] or as "600rpm".
         up: axis that points up, as "z" or "-y"; by default against gravity, else y.
+        live: whether the page solves the mechanism, with sliders of its dimensions and points to drag.
         height: of the frame in a notebook, in pixels.
         options: `drive`, `lock` and what else `load` takes.
 
     Raises:
         InputError: for what does not move, or an unknown model.
         AssemblyError: where the loops do not close.
+        MobilityError: of a live page, where the drivers do not determine the motion.
 
     Example:
         >>> ms.view("stewart_gough", "platform.html")
@@ -121,13 +124,17 @@ def view(
     from mechsim.files import atomic_path
     from mechsim.model.mechanism import require_axis
     from mechsim.pictures.view.offline_page import page
-    from mechsim.report.views import model_view
-    from mechsim.subjects.readers import load
+    from mechsim.report.views import live_view, model_view
+    from mechsim.subjects.readers import load, open_model, parametric_model
     from mechsim.units import si
 
     require_axis("up", up)
-    solver = load(model, set, **options)
-    framed = FramedPage(page(model_view(solver, si(speed, "rad/s", "the speed"), up)), height)
+    opened, rate = open_model(model), si(speed, "rad/s", "the speed")
+    solver = load(opened, set, **options)
+    contents = model_view(solver, rate, up)
+    if live:
+        contents = live_view(contents, opened, solver, parametric_model(opened, set, **options), rate)
+    framed = FramedPage(page(contents), height)
     if output is not None:
         with atomic_path(Path(output)) as unfinished:
             unfinished.write_text(framed.text, encoding="utf-8")

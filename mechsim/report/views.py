@@ -8,6 +8,7 @@ import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import SELECTORS
+from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import start_poses
 from mechsim.analytic.solvers import KinematicSolver
@@ -32,6 +33,7 @@ from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid, pla
 from mechsim.studies.reference import simulated
 from mechsim.studies.validate import Case
 from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.model_source import ModelSource
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, even_motion
 from mechsim.theory.continuation.mechanism_trace import trace
 
@@ -234,6 +236,8 @@ def _round(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGrid
     return replace(grid, error=error, note="at an even pace round the curve of assemblies")
 
 
+# solved motions that a live page holds besides its solver, so that it stays below 1.5 MB
+LIVE_GRIDS = 3
 # of a scene that says where it starts
 NOT_SOUGHT = "Other assemblies than that in which the file starts were not sought."
 
@@ -242,6 +246,26 @@ def model_view(solver: KinematicSolver, speed: float, up: Up | None = None) -> V
     """Return what a page shows of a loaded model, with the joint limits of its MJCF file."""
     source = solver.source if isinstance(solver, MjcfForm) else None
     return replace(mechanism_view(solver, speed, source.limits if source else None), up=up)
+
+
+def live_view(
+    view: View, source: ModelSource, solver: KinematicSolver, designs: DesignFamily, speed: float
+) -> View:
+    """Return a page that also solves its mechanism, so that dimensions vary and points can be dragged.
+
+    Args:
+        view: what it shows else.
+        source: the opened model.
+        solver: its mechanism.
+        designs: its dimensions.
+        speed: of a single driven angle in [rad/s].
+
+    Raises:
+        AssemblyError, MobilityError, InputError: as `live_page`.
+    """
+    from mechsim.report.live_page import live_page
+
+    return replace(view, grids=view.grids[:LIVE_GRIDS], live=live_page(source, solver, designs, speed))
 
 
 def mechanism_view(

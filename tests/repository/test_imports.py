@@ -34,7 +34,7 @@ ALLOWED_IMPORTS = {
         "files",
         "units",
     },
-    "codegen": {"numerics", "model", "analytic", "studies", "subjects"},
+    "codegen": {"numerics", "model", "analytic", "studies", "subjects", "units"},
     "report": {
         "numerics",
         "model",
@@ -43,6 +43,7 @@ ALLOWED_IMPORTS = {
         "verdict",
         "pictures",
         "studies",
+        "codegen",
         "subjects",
         "files",
         "units",

@@ -13,8 +13,9 @@ PAGES = [path for path in PAGES if "_generated" not in path.parts]
 # words in a sentence; a sentence of the field's papers has about 25 on average
 MEAN, MAX = 16.0, 35
 # words in README and docs together: 18,400, half of what they had before they were rewritten, and those of
-# pages on later commands (map, check, inverse kinematics, resets, vibrations, control, code, proofs, loops)
-MAX_WORDS = 21_400
+# pages on later commands (map, check, inverse kinematics, resets, vibrations, control, code, proofs, loops,
+# live pages)
+MAX_WORDS = 21_540
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())

@@ -58,6 +58,7 @@ def page(view: View, library: str = "") -> str:
         three="" if library else three_js(),
         library=library,
         platform=view.platform.link if view.platform else "",
+        live=view.live.code if view.live else "",
     )
 
 
@@ -103,6 +104,7 @@ def _data(view: View) -> dict[str, Any]:
         "own_bodies": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
         "platform": platform_data(mechanism, view.platform) if view.platform else None,
+        "live": view.live.data if view.live else None,
     }
 
 

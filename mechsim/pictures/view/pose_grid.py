@@ -205,6 +205,19 @@ class PoseGrid:
 
 
 @dataclass(frozen=True, slots=True)
+class LivePage:
+    """What a page needs to solve a mechanism.
+
+    Attributes:
+        code: JavaScript that defines `live_solver` and `live_geometry`.
+        data: what `live.js` reads, as plain data.
+    """
+
+    code: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class View:
     """All that a page shows.
 
@@ -216,6 +229,7 @@ class View:
         bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
         up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
         platform: link that can be moved by its pose; None without one.
+        live: the mechanism as the page solves it, with dimensions that vary; None shows solved poses alone.
     """
 
     mechanism: Mechanism
@@ -225,6 +239,7 @@ class View:
     bodies: Mapping[str, Sequence[Shape]] | None = None
     up: Up | None = None
     platform: PlatformDrive | None = None
+    live: LivePage | None = None
 
 
 # nodes that a cubic goes through

@@ -7,20 +7,6 @@ const LARGEST_STEP = 0.05;    // of a pose coordinate between two solutions, in 
 const LARGEST_CHANGE = 0.6;   // of a link within one step: beyond, the corrector has left the assembly
 const SMALLEST_STEP = 1e-4;   // of the requested displacement, below which the limit counts as reached
 const NODES_EACH_WAY = 30;    // of the curves along one coordinate
-const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-
-const dot = (u, v) => u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
-const cross = (u, v) => [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-const minus = (u, v) => [u[0] - v[0], u[1] - v[1], u[2] - v[2]];
-const times = (u, by) => [u[0] * by, u[1] * by, u[2] * by];
-
-/* a vector rotated by the quaternion (scalar first) at an offset of the poses */
-function rotated(poses, o, v) {
-  if (o < 0) return v;
-  const w = poses[o + 3], axis = [poses[o + 4], poses[o + 5], poses[o + 6]], twice = times(cross(axis, v), 2), more = cross(axis, twice);
-  return [v[0] + w * twice[0] + more[0], v[1] + w * twice[1] + more[1], v[2] + w * twice[2] + more[2]];
-}
-
 /* Cardan angles: about x, then about the turned y, then about the turned z */
 function anglesOf(poses, o) {
   const [x, y, z] = AXES.map((axis) => rotated(poses, o, axis));
@@ -222,42 +208,18 @@ function determinant(matrix) {
 
 /* A platform as the page shows grids: sliders with reachable ranges, poses and read-outs at their settings. */
 function platformGrid(data) {
-  const platform = new Platform(data), first = platform.first, memory = new Map();
-  let current = first, request = null, scanOf = "", scan = [];
+  const platform = new Platform(data), first = platform.first;
   const outside = (values) => values.map((value, i) => (platform.isAngle[i] ? value : value * data.size));
   const sliders = data.coordinates.map((name, i) => {
     const centre = outside(first.values)[i], reach = platform.isAngle[i] ? Math.PI / 2 : data.size, edge = name === "ry" ? 85 * DEGREE : Infinity;
     const nodes = [Math.max(centre - reach, -edge), Math.min(centre + reach, edge)];
     return { name: `${platform.isAngle[i] ? data.links[data.link] : data.origin}.${name}`, unit: platform.isAngle[i] ? "rad" : "m", nodes, ring: false, start: centre, marks: [], reach: null };
   });
-
-  function solved(values) {
-    const key = values.join();
-    if (memory.has(key)) return memory.get(key);
-    if (key !== request) {
-      request = key;
-      current = platform.towards(current, platform.inner(values));
-    }
-    return current;
-  }
-
-  /* solutions along one slider as far as it goes each way, the others standing still */
-  function along(values, k) {
-    const from = solved(values), solutions = [from], nodes = sliders[k].nodes;
-    for (const end of [0, 1]) {
-      let at = from;
-      for (let i = 1; i <= NODES_EACH_WAY && at.reached !== false; i++) {
-        const target = outside(at.values);
-        target[k] = values[k] + (nodes[end] - values[k]) * i / NODES_EACH_WAY;
-        at = platform.towards(at, platform.inner(target));
-        if (end) solutions.push(at); else solutions.unshift(at);
-      }
-    }
-    return solutions;
-  }
-
-  const grid = {
-    name: data.name, note: "Poses are solved in this page; drivers follow the platform.", sliders, links: data.links, ghost: null, platform,
+  return solvedGrid({
+    first, towards: (from, values) => platform.towards(from, platform.inner(values)), valuesOf: (solution) => outside(solution.values),
+    posesOf: (solution) => platform.outer(solution), nodes: () => NODES_EACH_WAY,
+  }, {
+    name: data.name, note: "Poses are solved in this page; drivers follow the platform.", sliders, links: data.links, ghost: null,
     readouts: [
       ...data.drivers.map((driver, i) => ({ name: driver.name, unit: driver.unit, parts: [""], of: (solution) => [solution.drivers[i]] })),
       ...DATA.points.filter((point) => data.links.includes(point.link)).map((point) => ({ name: point.name, unit: "m", parts: ["x", "y", "z"], of: (solution) => {
@@ -265,38 +227,5 @@ function platformGrid(data) {
         return arm.map((value, i) => value + data.size * solution.poses[o + i]);
       } })),
     ],
-    posesAt(values) {
-      const solution = solved(values);
-      return solution.reached === false ? null : platform.outer(solution);
-    },
-    /* poses of the nearest solution, which is shown where the request cannot be reached */
-    nearestPoses: () => platform.outer(current),
-    read(readout, values) {
-      const solution = solved(values);
-      return solution.reached === false ? readout.parts.map(() => NaN) : readout.of(solution);
-    },
-    /* values of a slider along its reachable range; also measures that range */
-    along(values, k) {
-      const key = [k, ...values.filter((_, i) => i !== k)].join();
-      if (key === scanOf) return scan;
-      if (solved(values).reached === false) return scan;
-      const solutions = along(values, k);
-      scanOf = key;
-      memory.clear();
-      scan = solutions.map((solution) => {
-        const at = values.slice();
-        at[k] = outside(solution.values)[k];
-        memory.set(at.join(), { ...solution, reached: true });
-        return at[k];
-      });
-      sliders[k].reach = [scan[0], scan[scan.length - 1]];
-      return scan;
-    },
-    range(values, k) {
-      const solutions = along(values, k);
-      return [solutions[0], solutions[solutions.length - 1]].map((solution) => outside(solution.values)[k]);
-    },
-    problem: () => (current.reached === false ? current.reason : ""),
-  };
-  return grid;
+  });
 }

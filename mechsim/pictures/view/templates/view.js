@@ -4,6 +4,8 @@ const DATA = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 const DEGREE = Math.PI / 180;
+const GRAB = 16;              // distance in pixels within which a point is taken hold of
+const MOST_OPEN = 6;          // dimensions that a page shows at once; more are folded away
 const PALETTE = ["#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"];
 
 /* ---- records ---- */
@@ -20,6 +22,7 @@ for (const grid of DATA.grids) {
   if (grid.ghost) grid.ghost.values = floats(grid.ghost.values);
 }
 if (DATA.platform) DATA.grids.push(platformGrid(DATA.platform));
+if (DATA.live) DATA.grids.unshift(liveGrid(DATA.live));
 
 /* ---- between nodes ---- */
 
@@ -66,7 +69,7 @@ function blend(grid, values, most) {
 }
 
 function posesAt(grid, values) {
-  if (grid.platform) return grid.posesAt(values);
+  if (grid.solver) return grid.posesAt(values);
   return posesFrom(grid, blend(grid, values, 4)) || posesFrom(grid, blend(grid, values, 2));
 }
 
@@ -90,7 +93,7 @@ function posesFrom(grid, { index, weight }) {
 }
 
 function readAt(grid, readout, values) {
-  if (grid.platform) return grid.read(readout, values);
+  if (grid.solver) return grid.read(readout, values);
   const width = readout.parts.length;
   for (const most of [4, 2]) {
     const { index, weight } = blend(grid, values, most), out = new Array(width).fill(0);
@@ -118,7 +121,7 @@ function text(value, unit) {
 
 /* ---- picture ---- */
 
-const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [];
+const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, rods = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [];
 let renderer = null, camera = null, controls = null, lamp = null;
 const steels = [];
 
@@ -169,9 +172,10 @@ function build() {
   lamp = new THREE.DirectionalLight(0xffffff, 0.62);
   scene.add(new THREE.AmbientLight(0xffffff, 0.5), lamp, lamp.target);
   const glass = new THREE.MeshBasicMaterial({ color: 0x3a6ea5, transparent: true, opacity: 0.42, depthWrite: false });
-  for (const [link, solids] of Object.entries(DATA.bodies)) {
-    scene.add(bodies[link] = solidsOf(solids, null));
-    if (link in DATA.anchors) { scene.add(ghosts[link] = solidsOf(solids, glass)); ghosts[link].visible = false; }
+  for (const [link, shapes] of Object.entries(DATA.bodies)) {
+    scene.add(bodies[link] = new THREE.Group());
+    bodies[link].add(solids[link] = solidsOf(shapes, null));
+    if (link in DATA.anchors) { scene.add(ghosts[link] = solidsOf(shapes, glass)); ghosts[link].visible = false; }
   }
   for (const joint of DATA.joints) if (joint.axis) {
     const at = new THREE.Vector3(...joint.at), along = new THREE.Vector3(...joint.axis).multiplyScalar(9 * DATA.radius);
@@ -182,7 +186,9 @@ function build() {
     bodies[joint.link].add(line);
     axisLines.push(line);
   }
+  for (const joint of DATA.joints) joint.original = joint.at;
   for (const point of DATA.points) {
+    point.original = point.at;
     const colour = new THREE.Color(...point.colour);
     const mark = new THREE.Mesh(new THREE.SphereGeometry(0.75 * DATA.radius, 20, 14), new THREE.MeshBasicMaterial({ color: colour, depthTest: false, transparent: true }));
     mark.position.fromArray(point.at);
@@ -195,6 +201,47 @@ function build() {
     scene.add(line);
     pathLines.push(line);
   }
+}
+
+/* Moves joints and points to where dimensions put them, and draws links as rods between them. null, or the
+   dimensions of the file, shows the links as they were drawn. */
+let shapeShown = null;
+function showDimensions(shape) {
+  if (shape === shapeShown || (!shape && !shapeShown)) return;
+  shapeShown = shape;
+  const changed = !!shape && !shape.original;
+  for (const [link, group] of Object.entries(solids)) {
+    group.visible = !changed || DATA.own_bodies;
+    if (rods[link]) { bodies[link].remove(rods[link]); rods[link].traverse((part) => part.geometry && part.geometry.dispose()); }
+    rods[link] = null;
+    if (changed && !DATA.own_bodies) bodies[link].add(rods[link] = rodsOf(shape.rods[link] || [], materialOf(link)));
+  }
+  DATA.points.forEach((point, i) => {
+    point.at = shape ? shape.points[point.name] : point.original;
+    pointMarks[i].position.fromArray(point.at);
+  });
+  for (const joint of DATA.joints) joint.at = shape && shape.joints[joint.name] ? shape.joints[joint.name] : joint.original;
+  pathsOf = "";
+}
+
+function materialOf(link) {
+  let found = null;
+  solids[link].traverse((part) => { if (part.material && !found) found = part.material; });
+  return found || new THREE.MeshStandardMaterial({ color: 0x808080 });
+}
+
+function rodsOf(pairs, material) {
+  const group = new THREE.Group(), radius = DATA.radius;
+  for (const [a, b] of pairs) {
+    const from = new THREE.Vector3(...a), to = new THREE.Vector3(...b), along = to.clone().sub(from), length = along.length();
+    for (const end of [from, to]) { const ball = new THREE.Mesh(new THREE.SphereGeometry(1.05 * radius, 20, 14), material); ball.position.copy(end); group.add(ball); }
+    if (!(length > 0)) continue;
+    const rod = new THREE.Mesh(new THREE.CylinderGeometry(0.7 * radius, 0.7 * radius, length, 24), material);
+    rod.position.copy(from).addScaledVector(along, 0.5);
+    rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.normalize());
+    group.add(rod);
+  }
+  return group;
 }
 
 function framing(width, height) {
@@ -389,18 +436,20 @@ function make(kind, attributes) {
 function update() {
   const grid = state.grid, poses = posesAt(grid, state.values);
   if (poses) state.poses = poses;
-  else if (grid.platform) state.poses = grid.nearestPoses();
+  else if (grid.solver) state.poses = grid.nearestPoses();
   trouble(poses ? "" : unreachable(grid));
+  if (grid.live) showDimensions(grid.live.shapeAt(grid.solutionAt(state.values)));
   if (state.poses) {
     grid.links.forEach((link, l) => setPose(bodies[link], state.poses, 7 * l));
     setGhost(grid, state.poses);
     scene.updateMatrixWorld();
   }
-  paths();
+  // curves of an unreachable request stay as they were
+  if (poses || !grid.solver) paths();
   writeReadouts(!poses);
   draw();
   remember();
-  if (grid.platform) showReach(grid, !!poses);
+  if (grid.solver) showReach(grid, !!poses);
 }
 
 /* reachable ranges of a platform's coordinates: of the moved one at once, of the others when it rests */
@@ -425,7 +474,7 @@ function showReach(grid, reached) {
 }
 
 function reachRow(slider, i) {
-  const row = $("sliders").children[i], band = row.querySelector(".reach"), label = row.querySelector(".reachable");
+  const row = sliderRows[i], band = row.querySelector(".reach"), label = row.querySelector(".reachable");
   if (!slider.reach) { band.hidden = true; label.textContent = "reachable: …"; return; }
   const [low, high] = slider.nodes, [from, to] = slider.reach.map((value) => (value - low) / (high - low));
   band.hidden = false;
@@ -435,7 +484,7 @@ function reachRow(slider, i) {
 }
 
 function unreachable(grid) {
-  if (!grid.platform) return "Not reachable: the loops do not close, or a dead centre is near; the last pose is shown.";
+  if (!grid.solver) return "Not reachable: the loops do not close, or a dead centre is near; the last pose is shown.";
   return `Not reachable: ${grid.problem()}; the last pose on the way there is shown.`;
 }
 
@@ -465,22 +514,27 @@ function paths() {
 }
 
 function sampled(grid, k) {
-  if (grid.platform) return grid.along(state.values, k);
+  if (grid.solver) return grid.along(state.values, k);
   const nodes = grid.sliders[k].nodes;
   if (grid.sliders.length === 1 && nodes.length >= 120) return nodes;
   return Array.from({ length: 121 }, (_, i) => nodes[0] + (nodes[nodes.length - 1] - nodes[0]) * i / 120);
 }
 
-function setSlider(i, value) {
+/* sets a slider without moving anything yet */
+function placeSlider(i, value) {
   const slider = state.grid.sliders[i], low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
   if (slider.ring && (value < low || value > high)) value = low + (((value - low) % (high - low)) + (high - low)) % (high - low);
   state.values[i] = Math.min(high, Math.max(low, value));
-  state.active = i;
-  const row = $("sliders").children[i], by = shownUnit(slider.unit)[1];
+  const row = sliderRows[i], by = shownUnit(slider.unit)[1];
   row.querySelector("input[type=range]").value = state.values[i] * by;
   row.querySelector("input[type=range]").setAttribute("aria-valuetext", text(state.values[i], slider.unit));
   const box = row.querySelector("input[type=number]");
   if (document.activeElement !== box) box.value = +(state.values[i] * by).toFixed(slider.unit === "rad" ? 2 : 4);
+}
+
+function setSlider(i, value) {
+  placeSlider(i, value);
+  state.active = i;
   update();
 }
 
@@ -499,7 +553,7 @@ function step(now) {
 
 function play(i, on) {
   if (on) state.playing.add(i); else state.playing.delete(i);
-  const button = $("sliders").children[i].querySelector(".play");
+  const button = sliderRows[i].querySelector(".play");
   button.textContent = on ? "❚❚ pause" : "▶ play";
   button.setAttribute("aria-pressed", on);
   if (on && state.playing.size === 1) { last = performance.now(); requestAnimationFrame(step); }
@@ -514,10 +568,11 @@ function node(kind, attributes = {}, label = "") {
   return made;
 }
 
+let sliderRows = [];
 function sliderRow(slider, i) {
   const row = node("div", { class: "slider" }), head = node("div", { class: "row" }), [unit, by] = shownUnit(slider.unit);
   const low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
-  head.append(node("label", { for: `slider${i}` }, `${slider.name.replace(/_/g, " ")} [${unit}]`));
+  head.append(node("label", { for: `slider${i}` }, `${(slider.label || slider.name).replace(/_/g, " ")}${unit && ` [${unit}]`}`));
   const box = node("input", { type: "number", step: "any", "aria-label": `${slider.name} in ${unit}` });
   box.addEventListener("change", () => { if (box.value !== "") setSlider(i, box.valueAsNumber / by); });
   const button = node("button", { class: "play", type: "button", "aria-pressed": false }, "▶ play");
@@ -555,7 +610,15 @@ function choose(which) {
   const before = state.values.slice(), old = state.grid;
   state.grid = DATA.grids[which];
   state.poses = null;
-  $("sliders").replaceChildren(...state.grid.sliders.map(sliderRow));
+  sliderRows = state.grid.sliders.map(sliderRow);
+  const drivers = sliderRows.filter((_, i) => !state.grid.sliders[i].dimension), dimensions = sliderRows.filter((_, i) => state.grid.sliders[i].dimension);
+  $("sliders").replaceChildren(...drivers);
+  if (dimensions.length) {
+    const box = node("details", { id: "dimensions", ...(dimensions.length <= MOST_OPEN ? { open: "" } : {}) });
+    box.append(node("summary", {}, "Dimensions"), ...dimensions);
+    $("sliders").append(box);
+  }
+  showDimensions(null);
   state.values = state.grid.sliders.map((slider, i) => (old.sliders[i] && old.sliders[i].name === slider.name && before.length ? before[i] : slider.start));
   state.values = state.grid.sliders.map((slider, i) => Math.min(slider.nodes[slider.nodes.length - 1], Math.max(slider.nodes[0], state.values[i])));
   state.active = 0;
@@ -563,7 +626,9 @@ function choose(which) {
   for (const button of $("choice").querySelectorAll("button")) button.setAttribute("aria-pressed", +button.dataset.grid === which);
   tools();
   curves();
-  state.grid.sliders.forEach((_, i) => setSlider(i, state.values[i]));
+  state.grid.sliders.forEach((_, i) => placeSlider(i, state.values[i]));
+  state.active = state.grid.live ? 0 : state.grid.sliders.length - 1;
+  update();
 }
 
 function choices() {
@@ -622,6 +687,7 @@ function tools() {
   row.append(speed);
   add("theme", "light / dark", null, flipTheme);
   if (renderer) add("png", "save PNG", null, () => picture().toBlob((blob) => save(`${DATA.name}.png`, blob)));
+  if (state.grid.live) add("toml", "save TOML", null, () => save(`${DATA.name}.toml`, new Blob([state.grid.live.toml(state.values)], { type: "application/toml" })));
   add("csv", "save CSV", null, () => save(`${DATA.name}.csv`, new Blob([table()], { type: "text/csv" })));
 }
 
@@ -640,7 +706,7 @@ function writeReadouts(unsolved) {
   });
   if (state.show.ghost && state.grid.ghost) rows.push(ghostRow());
   $("readouts").tBodies[0].replaceChildren(...rows);
-  for (const box of state.chosen) box.point();
+  if (!unsolved || !state.grid.solver) for (const box of state.chosen) box.point();
 }
 
 function ghostRow() {
@@ -701,7 +767,7 @@ class CurveBox {
     for (const t of yTicks) { pieces.push(make("line", { class: "grid", x1: this.left, x2: this.left + this.width, y1: this.y(t), y2: this.y(t) })); write(this.left - 5, this.y(t) + 4, t, "end"); }
     for (const t of ticks(a, b, 5, slider.unit === "rad")) { const x = this.x(t / by); pieces.push(make("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom })); write(x, bottom + 13, t, "middle"); }
     write(this.left - 5, 9, unit, "end");
-    write(this.left + this.width, H - 1, `${slider.name.replace(/_/g, " ")} [${name}]`, "end");
+    write(this.left + this.width, H - 1, `${(slider.label || slider.name).replace(/_/g, " ")}${name && ` [${name}]`}`, "end");
     for (const mark of slider.marks) pieces.push(make("line", { class: `mark ${mark.kind}`, x1: this.x(mark.value), x2: this.x(mark.value), y1: top, y2: bottom }));
     this.readout.parts.forEach((_, p) => {
       let path = "";
@@ -809,6 +875,38 @@ function zoom(by) {
   remember();
 }
 
+/* points are dragged by hand: the drivers follow by inverse kinematics */
+let dragged = null;
+stage.addEventListener("pointerdown", (event) => {
+  if (!state.grid.live) return;
+  const box = stage.getBoundingClientRect(), at = [event.clientX - box.left, event.clientY - box.top];
+  const near = pointMarks.map((mark, i) => ({ i, gap: Math.hypot(...pixel(mark.getWorldPosition(new THREE.Vector3())).map((value, k) => value - at[k])) }))
+    .filter((found) => found.gap < GRAB).sort((a, b) => a.gap - b.gap)[0];
+  if (!near) return;
+  event.stopImmediatePropagation();
+  event.preventDefault();
+  dragged = near.i;
+  stage.setPointerCapture(event.pointerId);
+}, true);
+stage.addEventListener("pointermove", (event) => {
+  if (dragged === null) return;
+  event.stopImmediatePropagation();
+  const box = stage.getBoundingClientRect();
+  dragTo(dragged, [event.clientX - box.left, event.clientY - box.top]);
+}, true);
+for (const kind of ["pointerup", "pointercancel"]) stage.addEventListener(kind, () => { dragged = null; }, true);
+
+/* Moves the drivers so that a point comes nearest to a place on the screen. */
+function dragTo(i, target) {
+  const right = new THREE.Vector3(1, 0, 0).applyQuaternion(camera.quaternion).toArray(), over = new THREE.Vector3(0, 1, 0).applyQuaternion(camera.quaternion).toArray();
+  const origin = pixel(new THREE.Vector3()), scale = +stage.dataset.scale;
+  const wanted = [(target[0] - origin[0]) / scale, (origin[1] - target[1]) / scale];
+  const values = state.grid.live.reaching(state.values, DATA.points[i].name, right, over, wanted, state.grid);
+  state.grid.sliders.forEach((slider, k) => { if (!slider.dimension) placeSlider(k, values[k]); });
+  if (state.grid.sliders[state.active].dimension) state.active = 0;
+  update();
+}
+
 stage.addEventListener("keydown", (event) => {
   const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
   if (turns) orbit(6 * DEGREE * turns[0], 6 * DEGREE * turns[1]);
@@ -867,7 +965,9 @@ function addressed() {
     controls.update();
     draw();
   }
-  state.grid.sliders.forEach((slider, i) => { if (requested.has(slider.name)) setSlider(i, parseFloat(requested.get(slider.name)) / shownUnit(slider.unit)[1]); });
+  const stated = state.grid.sliders.map((slider, i) => i).filter((i) => requested.has(state.grid.sliders[i].name));
+  for (const i of stated) placeSlider(i, parseFloat(requested.get(state.grid.sliders[i].name)) / shownUnit(state.grid.sliders[i].unit)[1]);
+  if (stated.length) update();
 }
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");

@@ -1,0 +1,274 @@
+"""A mechanism for an interactive page: its generated JavaScript solver, with dimensions that vary."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.start import with_closed_guess
+from mechsim.analytic.solvers import KinematicSolver
+from mechsim.codegen.assembly import SolvedAssembly, assembly
+from mechsim.codegen.geometry import ParametricGeometry, parametric_geometry
+from mechsim.codegen.kinematics import VaryingNumbers
+from mechsim.codegen.printing import javascript
+from mechsim.codegen.solver_code import solver_code
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND
+from mechsim.model.masses import PIN_LENGTH, STEEL, THICKNESS
+from mechsim.model.mechanism import ONE_PLACE, Mechanism
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
+from mechsim.pictures.view.pose_grid import LivePage
+from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.toml_reader import TomlModel, values_of
+from mechsim.subjects.toml_writer import to_toml
+
+# range of a slider: of a length or a plain number as parts of its value; of an angle about its value, in
+# [rad]; of a length of zero as a quantity of the mechanism's size
+LOW, HIGH, ANGLE, AROUND_ZERO = 0.5, 1.5, np.deg2rad(45.0), 0.25
+
+
+def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed: float) -> LivePage:
+    """Return a mechanism as a page solves it.
+
+    Args:
+        model: opened, as `open_model` gives it.
+        solver: its mechanism.
+        designs: its dimensions.
+        speed: of a single driven angle in [rad/s], for speeds and torque.
+
+    Raises:
+        AssemblyError: where the loops do not close at the start.
+        MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
+        InputError: for a mechanism without drivers.
+    """
+    solved = assembly(solver)
+    full = solved.interval is None
+    solved = replace(solved, interval=None)
+    geometry = _matching(parametric_geometry(model, designs), solved, designs)
+    varying, values, assignments = _numbers(geometry, solved, designs)
+    code = solver_code(solved, varying, values if len(values) else None)
+    code = replace(code, prefix="live")
+    text = "\n".join(
+        [
+            javascript(code),
+            "function live_geometry(d, g) {",
+            "  const p = {};",
+            *(f"  {line}" for line in (*geometry.statements, *assignments)),
+            "}",
+        ]
+    )
+    data = {
+        "links": [link.name for link in solver.mechanism.links],
+        "drivers": [*_drivers(solved, solver, full)],
+        "dimensions": [_dimension(dimension, solver.mechanism) for dimension in geometry.dimensions],
+        "joints": [_joint(joint, varying) for joint in solved.mechanism.joints],
+        "points": [
+            {"name": name, "link": link, "at": list(local), "index": varying.points.get(name, -1)}
+            for name, (link, local) in solver.mechanism.points.items()
+        ],
+        "rods": [*_rods(solved)] if code.inertias is not None else [],
+        "masses": {"density": STEEL, "thickness": THICKNESS, "pin": PIN_LENGTH, "one_place": ONE_PLACE},
+        "transmission": [*_transmissions(solver.mechanism)],
+        "speed": speed,
+        "size": solver.mechanism.characteristic_length,
+        "toml": _toml(model, solver, geometry),
+    }
+    return LivePage(text, data)
+
+
+def _matching(
+    geometry: ParametricGeometry, solved: SolvedAssembly, designs: DesignFamily
+) -> ParametricGeometry:
+    """Return the geometry without formulas of frames that are not those in which the assembly is solved."""
+    values = designs.values()
+    wrong: set[tuple[str, str]] = set()
+    for joint in solved.source.mechanism.joints:
+        for side, end in (("a", joint.a), ("b", joint.b)):
+            keys = [(f"{joint.name}.{side}", quantity) for quantity in ("axis", "reference")]
+            if not any(key in geometry.vectors for key in keys):
+                continue
+            used = solved.mechanism.joint(joint.name)
+            own = used.a if side == "a" else used.b
+            if used.kind != joint.kind or np.abs(own.frame - end.frame).max() > 1e-9:
+                wrong |= {*keys}
+    if not wrong:
+        return geometry
+    affected = {
+        dimension.name
+        for dimension in geometry.dimensions
+        for key in wrong & {*geometry.vectors}
+        for formula in geometry.vectors[key]
+        if formula.value({**values, dimension.name: dimension.value + 0.01}) != formula.value(values)
+    }
+    kept = tuple(dimension for dimension in geometry.dimensions if dimension.name not in affected)
+    return replace(
+        geometry,
+        dimensions=kept,
+        vectors={key: formulas for key, formulas in geometry.vectors.items() if key not in wrong},
+    )
+
+
+def _numbers(
+    geometry: ParametricGeometry, solved: SolvedAssembly, designs: DesignFamily
+) -> tuple[VaryingNumbers, Array, list[str]]:
+    """Return which numbers vary, their values, and JavaScript that fills them in from the dimensions."""
+    sides: dict[tuple[str, str], tuple[int | None, int | None]] = {}
+    points: dict[str, int] = {}
+    values: list[float] = []
+    lines: list[str] = []
+
+    def listed(key: str, quantity: str, own: tuple[float, ...] | None) -> str:
+        formulas = geometry.vectors.get((key, quantity))
+        if formulas is None:
+            return "null" if own is None else json.dumps(list(own))
+        return f"[{', '.join(formula.javascript for formula in formulas)}]"
+
+    def point(key: str, own: tuple[float, ...]) -> int | None:
+        if (key, "at") not in geometry.vectors:
+            return None
+        first = len(values)
+        values.extend(own)
+        lines.append(f"g.set({listed(key, 'at', own)}, {first});")
+        return first
+
+    for joint in solved.source.mechanism.joints:
+        for side, end in (("a", joint.a), ("b", joint.b)):
+            key = f"{joint.name}.{side}"
+            first, frame = point(key, end.point), None
+            if any((key, quantity) in geometry.vectors for quantity in ("axis", "reference")):
+                frame = len(values)
+                values.extend(end.frame.ravel().tolist())
+                reference_given = end.reference if end.has_reference else None
+                axis, reference = listed(key, "axis", end.axis), listed(key, "reference", reference_given)
+                lines.append(f"g.set(frameOf({axis}, {reference}), {frame});")
+            if first is not None or frame is not None:
+                sides[joint.name, side] = first, frame
+    for name, (_, local) in solved.source.mechanism.points.items():
+        if (first := point(name, local)) is not None:
+            points[name] = first
+    return VaryingNumbers(sides, points), np.array(values), lines
+
+
+def _drivers(solved: SolvedAssembly, solver: KinematicSolver, full: bool) -> Iterator[dict[str, Any]]:
+    """Yield name, unit, start and range of each driver; whether a turn of it is a ring."""
+    mechanism = solver.mechanism
+    limits = solver.source.limits if isinstance(solver, MjcfForm) and solver.source else {}
+    for name, index in zip(solved.drivers, solved.driven, strict=True):
+        start, angle = float(solved.start.values[index, 0]), mechanism.unit(name) == "rad"
+        ring = angle and full and mechanism.has_crank and name not in limits
+        reach = np.pi if angle else mechanism.characteristic_length
+        low, high = (-np.pi, np.pi) if ring else (start - reach, start + reach)
+        least, most = limits.get(name, (-np.inf, np.inf))
+        yield {
+            "name": name,
+            "unit": "rad" if angle else "m",
+            "start": (start + np.pi) % REVOLUTION - np.pi if ring else start,
+            "nodes": [max(low, least), min(high, most)],
+            "ring": ring,
+        }
+
+
+def _dimension(dimension: Dimension, mechanism: Mechanism) -> dict[str, Any]:
+    value = dimension.value
+    if dimension.unit == "rad":
+        low, high = value - ANGLE, value + ANGLE
+    elif abs(value) > 1e-3 * mechanism.characteristic_length or dimension.unit != "m":
+        low, high = sorted((LOW * value, HIGH * value))
+    else:
+        reach = AROUND_ZERO * mechanism.characteristic_length
+        low, high = value - reach, value + reach
+    return {"name": dimension.name, "unit": dimension.unit, "value": value, "nodes": [low, high]}
+
+
+def _joint(joint: Joint, varying: VaryingNumbers) -> dict[str, Any]:
+    def end(side: str, end: End) -> dict[str, Any]:
+        point, frame = varying.sides.get((joint.name, side), (None, None))
+        return {
+            "link": end.link,
+            "point": list(end.point),
+            "frame": end.frame.ravel().tolist(),
+            "pointIndex": -1 if point is None else point,
+            "frameIndex": -1 if frame is None else frame,
+        }
+
+    kind = KINDS[joint.kind]
+    unit = kind.units[0] if kind.single else None
+    return {"name": joint.name, "unit": unit, "a": end("a", joint.a), "b": end("b", joint.b)}
+
+
+def _rods(solved: SolvedAssembly) -> Iterator[dict[str, Any]]:
+    """Yield the links whose inertia is that of rods between their joints: `model.masses` for the page."""
+    links = [link.name for link in solved.source.mechanism.links]
+    for link in solved.source.mechanism.links:
+        if link.inertia is None:
+            spin = solved.spinning.get(link.name)
+            yield {
+                "link": links.index(link.name),
+                "outline": [list(point) for point in link.outline],
+                "spin": None if spin is None else spin.tolist(),
+            }
+
+
+def _transmissions(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
+    """Yield links with two joints that push a link guided by the frame: ends of the line of force, guide.
+
+    The transmission angle is that between the line of force and the link that it turns; of a slide, what a
+    right angle lacks of the angle between the line and the slide.
+    """
+    guides = {
+        end.link: joint
+        for joint in mechanism.joints
+        for end, other in ((joint.a, joint.b), (joint.b, joint.a))
+        if other.link == GROUND and KINDS[joint.kind].single and joint.name not in mechanism.drivers
+    }
+    for link in mechanism.links:
+        joints = [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
+        pins = [joint for joint in joints if not KINDS[joint.kind].slides]
+        if len(joints) != 2 or len(pins) != 2 or link.name in guides:
+            continue
+        for pin, other in (pins, pins[::-1]):
+            driven = pin.b.link if pin.a.link == link.name else pin.a.link
+            if driven in guides:
+                yield {"link": driven, "guide": guides[driven].name, "pin": pin.name, "other": other.name}
+
+
+def _toml(model: Any, solver: KinematicSolver, geometry: ParametricGeometry) -> dict[str, Any]:
+    """Return a TOML file in pieces: lines as they are, and what the page fills in."""
+    if isinstance(model, TomlModel) and geometry.statements:
+        values, lines = values_of(model.source), Path(model.path).read_text(encoding="utf-8").splitlines()
+        pieces: list[Any] = [*lines]
+        for dimension in geometry.dimensions:
+            line = model.source.lines.get(("parameters", dimension.name))
+            scale = values.in_si(1.0, dimension.unit) if dimension.unit in ("m", "rad") else 1.0  # type: ignore[arg-type]
+            if line is not None:
+                pieces[line - 1] = {"dimension": dimension.name, "scale": scale}
+        return {"pieces": pieces}
+    mechanism = with_closed_guess(solver.mechanism)
+    source = replace(solver, mechanism=mechanism) if isinstance(solver, LoopForm) else mechanism
+    return {"pieces": [*_pieces(to_toml(source).splitlines())]}
+
+
+def _pieces(lines: list[str]) -> Iterator[Any]:
+    """Yield the lines of a written mechanism; of sides, points, guesses and start, what they belong to."""
+    table = ""
+    for line in lines:
+        if line.startswith("["):
+            table = line.strip("[]")
+        kind, _, rest = table.partition(".")
+        name = json.loads(rest) if rest.startswith('"') else rest
+        key, _, _ = line.partition(" = ")
+        if kind == "joints" and key in ("a", "b"):
+            yield {"joint": name, "side": key}
+        elif kind in ("points", "guess") and " = " in line:
+            yield {kind: json.loads(key) if key.startswith('"') else key}
+        elif not table and key == "start" and "{" not in line:
+            yield {"start": True}
+        else:
+            yield line

@@ -1,0 +1,190 @@
+"""A live page: what it solves is Python's at any dimensions, and a wrong formula is left out."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from browser import PROGRAM, Browser
+
+import mechsim as ms
+from mechsim.codegen import geometry
+from mechsim.codegen.geometry import Formula, parametric_geometry
+from mechsim.pictures.view.offline_page import page
+from mechsim.pictures.view.pose_grid import View, motion_grid
+from mechsim.report.live_page import live_page
+from mechsim.subjects.readers import open_model, parametric_model
+
+shown = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
+SPEED = 20.0
+# dimensions that are changed, as `set=` takes them, and values of the drivers in SI
+CHANGED = {
+    "four_bar": ({"crank": 0.037, "coupler": 0.118}, (0.9,)),
+    "rssr": ({"crank": 0.0137, "gamma1": 0.41}, (-1.1,)),
+    "jansen": ({"m": "15.4 mm", "j": "50.6 mm", "b": "41.9 mm"}, (0.7,)),
+    "spherical_four_bar": ({"crank": "31 deg", "coupler": "72 deg"}, (1.2,)),
+    "stewart_gough": ({"base": "103 mm"}, (0.157, 0.154, 0.158, 0.152, 0.156, 0.155)),
+}
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory):
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pages")
+
+    def path_of(name):
+        path = folder / f"{name}.html"
+        if not path.exists():
+            path.write_text(page(live_view(name)), encoding="utf-8")
+        return path
+
+    return path_of
+
+
+def live_view(name):
+    """Return a live page with few solved poses; it is made quickly."""
+    solver = ms.load(name)
+    if solver.motion_laws.crank:
+        angles = np.linspace(-0.2, 0.2, 5)
+        grid = motion_grid(
+            "motion", solver.mechanism, solver.solve(angles), driver=solver.mechanism.crank.name
+        )
+    else:
+        times = np.linspace(0.0, 0.1, 5)
+        motion = solver.solve(t=times)
+        grid = motion_grid("motion", solver.mechanism, motion, driver="time", unit="s", nodes=times)
+    live = live_page(open_model(name), solver, parametric_model(name), SPEED)
+    return View(solver.mechanism, [grid], solver.name, live=live)
+
+
+def open_live(window, path):
+    window.complaints.clear()
+    window.open(path, 1280, "light")
+    assert window.run("document.documentElement.dataset.ready") == "yes", window.complaints
+    assert window.run("state.grid.name") == "live"
+
+
+def change(window, name):
+    """Set dimensions and drivers in the page; return its state."""
+    changed, drivers = CHANGED[name]
+    solver = parametric_model(name, set=changed)
+    for i, value in enumerate(drivers):
+        window.run(f"setSlider({i}, {value!r})")
+    for dimension, _ in changed.items():
+        value = solver.dimensions[dimension].value
+        i = window.run(f"state.grid.sliders.findIndex(slider => slider.name === 'dimension.{dimension}')")
+        window.run(f"setSlider({i}, {value!r})")
+    return window.run(
+        "(() => { const s = state.grid.solutionAt(state.values); return { reached: s.reached, points: "
+        "Object.fromEntries(Object.entries(s.points).map(([name, point]) => [name, point.position])), "
+        "torques: Array.from(s.torques) }; })()"
+    )
+
+
+@shown
+@pytest.mark.parametrize("name", CHANGED)
+def test_the_page_solves_changed_dimensions_as_python_does(window, pages, name):
+    open_live(window, pages(name))
+    state = change(window, name)
+    assert state["reached"]
+    changed, drivers = CHANGED[name]
+    solver = ms.compile(name, set=changed)
+    rates = [[SPEED if len(drivers) == 1 else 0.0] * len(drivers)]
+    solved = solver.solve_drivers([drivers], rates)
+    links, mechanism = list(solver.code.formulas.links), solver.code.assembly.source.mechanism
+    for point, position in state["points"].items():
+        link, local = mechanism.points[point]
+        numbers = solved.links[0, links.index(link)]
+        exact = numbers[:3] + numbers[3:12].reshape(3, 3) @ np.array(local)
+        # the page and Python solve the same equations in doubles: asked are 1e-10, measured 1e-15 of the size
+        np.testing.assert_allclose(position, exact, rtol=0.0, atol=1e-12 * mechanism.characteristic_length)
+    np.testing.assert_allclose(state["torques"], np.ravel(solved.torques), rtol=1e-10, atol=1e-12)
+    # unchanged dimensions give another configuration
+    start = window.run("Object.values(state.grid.live.first.points).map(point => point.position)")
+    assert np.abs(np.array(start) - np.array([*state["points"].values()])).max() > 1e-4
+    assert not window.complaints
+
+
+@shown
+def test_a_saved_file_reads_back_as_the_mechanism_of_the_page(window, pages, tmp_path):
+    for name in ("rssr", "jansen"):
+        open_live(window, pages(name))
+        state = change(window, name)
+        text = window.run("state.grid.live.toml(state.values)")
+        tomllib.loads(text)
+        path = tmp_path / f"{name}.toml"
+        path.write_text(text.replace('python = "dyads.py:jansen"', "").replace("[formula]", ""))
+        motion = ms.load(path).solve([CHANGED[name][1][0]])
+        for point, position in state["points"].items():
+            np.testing.assert_allclose(motion.points[point].position[0], position, rtol=0.0, atol=1e-12)
+
+
+@shown
+def test_a_dragged_point_follows_the_pointer_as_far_as_it_can(window, pages):
+    open_live(window, pages("stewart_gough"))
+    before, after, wanted = window.run(
+        "(() => { const at = () => pixel(pointMarks[0].getWorldPosition(new THREE.Vector3())); "
+        "const a = at(), goal = [a[0] + 25, a[1] - 15]; dragTo(0, goal); return [a, at(), goal]; })()"
+    )
+    # half a pixel
+    assert np.linalg.norm(np.subtract(after, wanted)) < 0.5 < np.linalg.norm(np.subtract(before, wanted))
+    open_live(window, pages("four_bar"))
+    # point A is on a circle of 40 mm: the crank ends in the direction of the pointer
+    angle, reached = window.run(
+        "(() => { const o = pixel(new THREE.Vector3()); "
+        "for (let i = 0; i < 40; i++) dragTo(0, [o[0] - 300, o[1] - 300]); "
+        "return [state.values[0], DATA.points[0].name]; })()"
+    )
+    assert reached == "A"
+    assert angle == pytest.approx(0.75 * np.pi, abs=1e-3)
+
+
+@shown
+def test_the_address_holds_dimensions_and_limits_are_reported(window, pages):
+    open_live(window, pages("four_bar"))
+    window.run("setSlider(0, 0.5)")
+    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
+    window.run(f"setSlider({i}, 0.045)")
+    names = window.run("state.grid.sliders.map(slider => slider.name)")
+    assert names[i] == "dimension.crank"
+    window.run("(() => { location.hash = '#grid=0&crank=30&dimension.crank=41'; addressed(); })()")
+    values = window.run("state.values")
+    assert values[0] == pytest.approx(np.deg2rad(30.0))
+    assert values[i] == pytest.approx(0.041)
+    ground = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.ground')")
+    # a crank of 41 mm on a frame of 150 mm does not turn to 180 degrees: the other links have 110 and 80 mm
+    window.run(f"setSlider({ground}, state.grid.sliders[{ground}].nodes[1])")
+    window.run("setSlider(0, Math.PI)")
+    assert "Not reachable" in window.run("document.getElementById('trouble').textContent")
+
+
+def test_a_page_stays_below_one_and_a_half_megabytes():
+    assert len(page(live_view("stewart_gough"))) < 1.5e6
+
+
+def test_formulas_that_do_not_hold_leave_their_dimension_out(monkeypatch):
+    family, model = parametric_model("four_bar"), open_model("four_bar")
+    held = parametric_geometry(model, family).dimensions
+    assert {"ground", "crank", "coupler", "rocker"} == {dimension.name for dimension in held}
+    fitted = geometry.fitted_vectors
+
+    def wrong(*args):
+        vectors = dict(fitted(*args))
+        for key, (x, y, z) in vectors.items():
+            vectors[key] = (Formula(x.javascript, lambda si, x=x: x.value(si) + 1e-4 * si["crank"]), y, z)
+        return vectors
+
+    monkeypatch.setattr(geometry, "fitted_vectors", wrong)
+    assert "crank" not in {dimension.name for dimension in parametric_geometry(model, family).dimensions}
+
+
+def test_dimensions_that_no_product_gives_are_left_out():
+    # Bennett's second length is the first times a quotient of sines
+    assert parametric_geometry(open_model("bennett"), parametric_model("bennett")).dimensions == ()
+    # the gears' teeth change a coupling
+    planetary = parametric_geometry(open_model("planetary_gear"), parametric_model("planetary_gear"))
+    assert planetary.dimensions == ()
