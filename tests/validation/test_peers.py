@@ -25,6 +25,8 @@ BEST = {
     "by_scipy": ("scipy DOP853, loop by hand", 0, 1e-2),
     "by_exudyn": ("Exudyn index 3, full Newton", 20, 1e-11),
     "by_pinocchio": ("Pinocchio (Python), RK4", 100, 3e-5),
+    "by_pinocchio_cpp": ("Pinocchio (C++), Newton", 100, 1e-12),
+    "by_scikit_robot": ("scikit-robot, inverse kinematics", 20, 3e-2),
     "by_drake": ("Drake, inverse kinematics, tight", 20, 1e-5),
     "by_pylinkage": ("pylinkage", 100, 1e-13),
 }
@@ -146,7 +148,7 @@ def test_the_extra_brings_every_peer():
     extra = " ".join(
         tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["peers"]
     )
-    brought_by = {"pinocchio": "pin>", "pydrake": "drake"}
+    brought_by = {"pinocchio": "pin>", "pydrake": "drake", "skrobot": "scikit-robot"}
     for package in filter(None, protocol.PEERS.values()):
         assert brought_by.get(package, package) in extra
 

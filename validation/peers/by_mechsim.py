@@ -1,7 +1,9 @@
-"""mechsim itself: its closed form, poses in MuJoCo without time, and steps with its settings and MuJoCo's.
+"""mechsim itself: closed form, loop equations, generated C, and MuJoCo by configurations and by steps.
 
 Inside the time: for stepping the rollout in C, every step recorded; for poses `pose.follow` whole, from the
-start pose to the last. Outside: model, assembly, the batch of simulations, points and torque out of states.
+start pose to the last; for loop equations and generated C `solve` with rates and accelerations, the first
+along a path that is not known yet. Outside: model, assembly, compilation, the batch of simulations, points
+and torque from states.
 """
 
 import copy
@@ -12,6 +14,8 @@ import numpy as np
 from problem import SAMPLES, Array, Places, Problem
 from protocol import Setting, Solver
 
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.codegen.compiled import compile
 from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, constant, loop_jacobian
@@ -22,6 +26,7 @@ from mechsim.simulation.source import assembled
 from mechsim.simulation.stepping import step
 
 CLOSED = "mechsim, closed form"
+LOOPS, COMPILED = "mechsim, loop equations", "mechsim, compiled to C"
 STEPS = (20, 40, 60, 100, 200, 500, 1000, 3000)
 POSES = (20, 100, 1000, 10_000)
 MUJOCO = Settings(
@@ -41,14 +46,15 @@ def settings(problem: Problem) -> list[Setting]:
         [Stepped(family, n, settings=replace(how, steps_per_turn=n)) for n in STEPS]
         for family, how in (("mechsim, stepped (RK4)", Settings()), ("MuJoCo's defaults (Euler)", MUJOCO))
     )
-    solved = [Setting(family, n, poses=True) for family in (CLOSED, "mechsim, poses") for n in POSES]
+    families = (CLOSED, LOOPS, COMPILED, "mechsim, poses")
+    solved = [Setting(family, n, poses=True) for family in families for n in POSES]
     return [*solved, *hard, *plain]
 
 
 def build(problem: Problem, setting: Setting) -> Solver:
     if isinstance(setting, Stepped):
         return Steps(problem, setting)
-    return Closed(problem, setting) if setting.family == CLOSED else Poses(problem, setting)
+    return {CLOSED: Closed, LOOPS: Loops, COMPILED: Compiled}.get(setting.family, Poses)(problem, setting)
 
 
 # nothing acts on the linkage but its drive
@@ -68,6 +74,50 @@ class Closed:
 
     def torque(self) -> None:
         """The reduced equation is the reference for torques; its time is not asked for."""
+
+
+class Loops:
+    """The loop equations of any mechanism, which know nothing of the closed form."""
+
+    def __init__(self, problem: Problem, setting: Setting):
+        self.problem, self.angles = problem, problem.angles(setting.samples)
+        self.solver = LoopForm(problem.drive.mechanism)
+
+    def run(self) -> tuple[float, Places]:
+        # a copy knows no path
+        solver = replace(self.solver)
+        begin = time.process_time()
+        motion = solver.solve(self.angles, self.problem.speed)
+        seconds = time.process_time() - begin
+        return seconds, {name: point.position for name, point in motion.points.items()}
+
+    def torque(self) -> None:
+        """Kinematics alone."""
+
+
+class Compiled:
+    """The same equations as C: links, joints, map and torques of each configuration."""
+
+    def __init__(self, problem: Problem, setting: Setting):
+        self.problem = problem
+        angles = problem.angles(setting.samples)
+        self.drivers, self.rates = angles[:, None], np.full((len(angles), 1), problem.speed)
+        self.solver = compile(LoopForm(problem.mechanism))
+        self.places = list(problem.mechanism.points.items())
+
+    def run(self) -> tuple[float, Places]:
+        begin = time.process_time()
+        solved = self.solver.library.solve(self.drivers, self.rates, np.zeros_like(self.rates))
+        seconds = time.process_time() - begin
+        names = list(self.solver.code.formulas.links)
+        found: dict[str, Array] = {}
+        for name, (link, local) in self.places:
+            numbers = solved.links[:, names.index(link)]
+            found[name] = numbers[:, :3] + numbers[:, 3:12].reshape(-1, 3, 3) @ np.array(local)
+        return seconds, found
+
+    def torque(self) -> None:
+        """The generated code has the gravity of its model, which these problems lack."""
 
 
 class Poses:
