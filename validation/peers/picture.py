@@ -11,18 +11,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLES = {"rssr": "spatial four-bar (rssr)", "four_bar": "planar four-bar (four_bar)"}
-QUANTITIES = {"place": "worst place error [crank]", "torque": "worst torque error [largest torque]"}
+QUANTITIES = {"place": "worst position error [crank]", "torque": "worst torque error [largest torque]"}
 # errors from here on are no solution, and no line
 LOST = 1.0
 # families of one library share its colour, and differ by mark and line
-LIBRARIES = ("mechsim", "Exudyn", "Pinocchio", "Drake", "scipy", "pylinkage", "MuJoCo")
+LIBRARIES = ("mechsim", "Exudyn", "Pinocchio", "Drake", "scipy", "pylinkage", "MuJoCo", "scikit-robot")
 GREY, PALETTE = "#8a919b", 48
 MARKS, LINES = "osDv^P", ("-", "--", ":", "-.")
 
 
 @styled()
 def work_precision(rows: Sequence["Row"]) -> bytes:
-    """Draw rows as a PNG: errors of place and of torque over ms a turn."""
+    """Draw rows as a PNG: errors of position and of torque over ms a turn."""
     names = list(dict.fromkeys(row.problem for row in rows))
     looks = _looks(list(dict.fromkeys(row.family for row in rows)))
     size = 4.2 * len(names) + 2.6, 7.2
