@@ -155,6 +155,11 @@ def test_the_address_holds_dimensions_and_limits_are_reported(window, pages):
     values = window.run("state.values")
     assert values[0] == pytest.approx(np.deg2rad(30.0))
     assert values[i] == pytest.approx(0.041)
+    # a value beyond the slider's range widens it
+    window.run(f"setSlider({i}, 0.049)")
+    assert window.run(f"state.values[{i}]") == 0.049
+    assert window.run(f"+sliderRows[{i}].querySelector('input[type=range]').max") == pytest.approx(49.0)
+    window.run(f"setSlider({i}, 0.041)")
     ground = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.ground')")
     # a crank of 41 mm on a frame of 150 mm does not turn to 180 degrees: the other links have 110 and 80 mm
     window.run(f"setSlider({ground}, state.grid.sliders[{ground}].nodes[1])")

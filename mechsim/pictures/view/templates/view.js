@@ -520,9 +520,19 @@ function sampled(grid, k) {
   return Array.from({ length: 121 }, (_, i) => nodes[0] + (nodes[nodes.length - 1] - nodes[0]) * i / 120);
 }
 
+/* widens the range of a dimension to a value that was typed or stands in the address */
+function widen(i, value) {
+  const slider = state.grid.sliders[i], by = shownUnit(slider.unit)[1], range = sliderRows[i].querySelector("input[type=range]");
+  if (!Number.isFinite(value)) return;
+  slider.nodes = [Math.min(slider.nodes[0], value), Math.max(slider.nodes[1], value)];
+  [range.min, range.max] = slider.nodes.map((node) => node * by);
+}
+
 /* sets a slider without moving anything yet */
 function placeSlider(i, value) {
-  const slider = state.grid.sliders[i], low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
+  const slider = state.grid.sliders[i];
+  if (slider.dimension) widen(i, value);
+  const low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
   if (slider.ring && (value < low || value > high)) value = low + (((value - low) % (high - low)) + (high - low)) % (high - low);
   state.values[i] = Math.min(high, Math.max(low, value));
   const row = sliderRows[i], by = shownUnit(slider.unit)[1];
