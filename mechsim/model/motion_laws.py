@@ -420,7 +420,8 @@ def steady(start: float, rate: float) -> State:
     """Return the motion law of a steady rate from a start, in [m] or [rad] and per second."""
 
     def state(time: Array) -> tuple[Array, Array, Array]:
-        return start + rate * time, np.full_like(time, rate), np.zeros_like(time)
+        zero = 0.0 * time
+        return start + rate * time, rate + zero, zero
 
     return state
 

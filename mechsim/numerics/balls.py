@@ -7,6 +7,7 @@ BIT 39, 1999). Sine and cosine come from Taylor polynomials with a bounded remai
 error bound for its own.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +32,13 @@ MAX_ANGLE = 1e6
 # x^(2k) has 4k + 3 roundings at most, so that the sum is off by 3 + 7/3.2 + 11/61 + ... < 5.4 roundoffs; the
 # remainder is below 0.79^20/20! < 1e-20
 TERMS, SERIES_ERROR = 10, 6.0 * ROUNDOFF
+# natural logarithm of 2, rounded, and a bound of the error
+LOG_2, LOG_2_ERROR = float.fromhex("0x1.62e42fefa39efp-1"), 3e-17
+# largest exponent of e either way, and a bound of e to less than minus that
+MAX_EXPONENT, VANISHED = 680.0, 1e-295
+# terms of the Taylor polynomial of the exponential on |x| < 0.35, and a bound of the remainder in parts of the
+# last term: the sum of 0.35^k 15!/(15 + k)!, k from 1
+EXP_TERMS, EXP_REMAINDER = 15, 0.03
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,8 +53,9 @@ class Ball:
     mid: Array
     rad: Array
 
-    # numpy leaves operators with a ball on the right to the ball
-    __array_ufunc__ = None
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        rule = RULES.get(ufunc)
+        return NotImplemented if rule is None or method != "__call__" or options else rule(*inputs)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -115,6 +124,21 @@ class Ball:
     def __rmatmul__(self, other: ArrayLike) -> "Ball":
         return ball(other) @ self
 
+    def __truediv__(self, other: "Ball | ArrayLike") -> "Ball":
+        return self * ball(other).reciprocal()
+
+    def __rtruediv__(self, other: ArrayLike) -> "Ball":
+        return ball(other) * self.reciprocal()
+
+    def __pow__(self, exponent: float) -> "Ball":
+        """Return the balls of a power; the exponent is a whole number above zero."""
+        if exponent != int(exponent) or exponent < 1.0:
+            raise TypeError(f"balls have no bound of a power {exponent}")
+        power = self
+        for _ in range(int(exponent) - 1):
+            power = power * self
+        return power
+
     def reciprocal(self) -> "Ball":
         """Return the balls of 1/x; no bound for a ball that contains zero."""
         magnitude = np.abs(self.mid)
@@ -133,6 +157,25 @@ class Ball:
         mid = np.sqrt(np.where(apart, self.mid, 1.0))
         spread = self.rad / np.sqrt(safe) + 2.0 * ROUNDOFF * mid
         return Ball(mid, np.where(apart, spread * OUTWARD + UNDERFLOW, np.inf))
+
+    def exp(self) -> "Ball":
+        """Return the balls of the exponential; no bound beyond `MAX_EXPONENT` and for radii above 1/2."""
+        bounded = (np.abs(self.mid) < MAX_EXPONENT) & (self.rad < 0.5)
+        vanishing = self.mid * (1.0 - ROUNDOFF) + self.rad * OUTWARD < -MAX_EXPONENT
+        mid = np.where(bounded, self.mid, 0.0)
+        power = np.rint(mid / LOG_2)
+        x = ball(mid) - Ball(np.array(LOG_2), np.array(LOG_2_ERROR)) * power
+        total = Ball(np.ones(mid.shape), np.full(mid.shape, EXP_REMAINDER))
+        for k in range(EXP_TERMS, 0, -1):
+            total = total * x * ball(float(k)).reciprocal() + 1.0
+        # exp(rad) - 1 is below 2 rad for radii below 1/2
+        spread = total.magnitude * 2.0 * self.rad
+        scale = np.ldexp(1.0, power.astype(np.int64))
+        rad = (total.rad + spread) * scale * OUTWARD + UNDERFLOW
+        exponential = where(
+            bounded, Ball(total.mid * scale, rad), Ball(np.zeros(mid.shape), np.array(np.inf))
+        )
+        return where(vanishing, Ball(np.zeros(mid.shape), np.array(VANISHED)), exponential)
 
     def sin_cos(self) -> tuple["Ball", "Ball"]:
         """Return the balls of sine and cosine; beyond `MAX_ANGLE` those of every angle."""
@@ -238,6 +281,22 @@ def ball(values: "Ball | ArrayLike") -> Ball:
 def where(condition: Any, first: Ball, second: Ball) -> Ball:
     """Return the first balls where a condition holds, else the second."""
     return Ball(np.where(condition, first.mid, second.mid), np.where(condition, first.rad, second.rad))
+
+
+# what numpy's functions do with balls; others raise TypeError
+RULES: dict[np.ufunc, Callable[..., Any]] = {
+    np.add: lambda a, b: b + a,
+    np.subtract: lambda a, b: ball(a) - b,
+    np.multiply: lambda a, b: b * a,
+    np.true_divide: lambda a, b: ball(a) / b,
+    np.matmul: lambda a, b: ball(a) @ b,
+    np.negative: lambda a: -a,
+    np.sqrt: Ball.sqrt,
+    np.exp: Ball.exp,
+    np.sin: lambda a: a.sin_cos()[0],
+    np.cos: lambda a: a.sin_cos()[1],
+    np.tan: lambda a: a.sin_cos()[0] / a.sin_cos()[1],
+}
 
 
 def _series(square: Array, first: int) -> Array:

@@ -7,7 +7,7 @@ practice (2013), chapters 3 to 5 for nodes and barycentric weights.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -15,10 +15,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.balls import OUTWARD, Ball
 from mechsim.numerics.inputs import numbers
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 # smallest number of rows that a quintic interpolates
 LEAST_ROWS = 6
+# bound of the rounding errors of a spline's values, relative to its largest coefficient there: sums of six
+# products by de Boor's recursion of depth five, about 60 roundings
+SPLINE_ERROR = 1e-14
 
 
 def quintic_spline(
@@ -30,6 +37,9 @@ def quintic_spline(
         what: the table is, for messages.
         time: rising, (n,) in [s], at least `LEAST_ROWS` values.
         value: (n,).
+
+    Returns:
+        The spline; of times that are balls it gives balls.
 
     Raises:
         InputError: for columns of unequal length, too few rows, what is not finite, or times that fall.
@@ -47,8 +57,29 @@ def quintic_spline(
             f"{what} holds numbers that are not finite, or times that do not rise; repair the table"
         )
     spline = make_interp_spline(time, value, k=5)
-    rate, acceleration = spline.derivative(1), spline.derivative(2)
-    return lambda t: (spline(t), rate(t), acceleration(t))
+    derivatives = [spline, *(spline.derivative(k) for k in (1, 2, 3))]
+
+    def state(t: Any) -> Any:
+        if not isinstance(t, Ball):
+            return tuple(derivative(t) for derivative in derivatives[:3])
+        bounds = [_spline_bound(derivative, t) for derivative in derivatives]
+        return tuple(
+            Ball(derivatives[k](t.mid), (t.rad * bounds[k + 1] + SPLINE_ERROR * bounds[k]) * OUTWARD)
+            for k in range(3)
+        )
+
+    return state
+
+
+def _spline_bound(spline: "BSpline", t: Ball) -> Array:
+    """Return bounds of a spline's values over balls: it lies between its coefficients there."""
+    first, last = (
+        np.clip(np.searchsorted(spline.t, end, "right") - 1, spline.k, len(spline.t) - spline.k - 2)
+        for end in (t.mid - t.rad * OUTWARD, t.mid + t.rad * OUTWARD)
+    )
+    sizes = np.abs(spline.c)
+    pairs = zip(first - spline.k, last + 1, strict=True)
+    return np.array([sizes[low:high].max() for low, high in pairs]) * (1.0 + SPLINE_ERROR)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.balls import Ball
 
 # the imaginary part of a change of one: its square vanishes in rounding next to any real part
 STEP = 2.0**-80
@@ -280,6 +281,8 @@ def _power(base: Any, exponent: Any) -> Jet:
         return np.exp(exponent * np.log(base))  # pyright: ignore[reportReturnType, reportCallIssue, reportArgumentType]
     if np.ndim(exponent) == 0 and exponent == 2:
         return base * base
+    if isinstance(base.value, Ball):
+        return base if exponent == 1 else base * _power(base, exponent - 1.0)
     x, n = base.value, np.asarray(exponent, dtype=np.float64)
     first = np.where(n == 0.0, 0.0, n * x ** (n - 1.0))
     second = np.where(n * (n - 1.0) == 0.0, 0.0, n * (n - 1.0) * x ** (n - 2.0))

@@ -59,7 +59,8 @@ def time_function(
     numbers = {name: Term(value) for name, value in (parameters or {}).items()}
 
     def evaluate(time: Array) -> Term:
-        terms = {variable: Term(Jet(time, np.ones_like(time), np.zeros_like(time))), **numbers, **quantities}
+        zero = 0.0 * time
+        terms = {variable: Term(Jet(time, 1.0 + zero, zero)), **numbers, **quantities}
 
         def name_value(name: str) -> Term:
             return terms[name] if name in terms else _unit(name, (variable, "pi", *numbers, "units"))
@@ -81,7 +82,7 @@ def time_function(
     def state(time: Array) -> tuple[Array, Array, Array]:
         result = evaluate(time).value
         if not isinstance(result, Jet):
-            return np.full_like(time, result), np.zeros_like(time), np.zeros_like(time)
+            return result + 0.0 * time, 0.0 * time, 0.0 * time
         return scale * result.value, scale * result.rate, scale * result.second
 
     si_text = text if scale == 1.0 else f"({text})*{scale:.17g}"

@@ -99,3 +99,35 @@ def test_a_radius_without_the_rounding_error_would_be_noticed(monkeypatch):
         assert not contains(product, mpmath.mpf(0.1) ** 2)
         total = ball(0.1) + ball(0.2)
         assert not contains(total, mpmath.mpf(0.1) + mpmath.mpf(0.2))
+
+
+@given(st.floats(-800.0, 800.0), st.floats(0.0, 0.6))
+def test_exponentials_contain_the_exact_results_or_have_no_bound(a, ra):
+    value = Ball(np.array(a), np.array(ra))
+    with mpmath.workdps(DIGITS):
+        result = value.exp()
+        assert all(contains(result, mpmath.exp(x)) for x, _ in corners(value, ball(0.0)))
+    if abs(a) < 600.0 and ra < 1e-3:
+        assert result.rad <= (3.0 * ra + 1e-12) * result.mid
+
+
+@given(st.floats(-9.0, 9.0), st.floats(0.0, 0.1), st.integers(1, 9))
+def test_powers_contain_the_exact_results(a, ra, exponent):
+    value = Ball(np.array(a), np.array(ra))
+    with mpmath.workdps(DIGITS):
+        assert all(contains(value**exponent, x**exponent) for x, _ in corners(value, ball(0.0)))
+
+
+def test_a_power_without_a_bound_is_rejected():
+    with pytest.raises(TypeError, match=r"no bound of a power 0\.5"):
+        ball(2.0) ** 0.5
+
+
+def test_numpy_functions_of_balls_are_those_of_balls_and_others_are_rejected():
+    value = Ball(np.array([0.3, 0.7]), np.array([0.0, 0.1]))
+    with mpmath.workdps(DIGITS):
+        for function, exact in ((np.sin, mpmath.sin), (np.cos, mpmath.cos), (np.tan, mpmath.tan)):
+            assert contains(function(value), [exact(mpmath.mpf(0.3)), exact(mpmath.mpf(0.75))])
+    assert contains(np.array([2.0, 3.0]) * value, [mpmath.mpf(0.3) * 2, mpmath.mpf(0.7) * 3])
+    with pytest.raises(TypeError):
+        np.arctan(value)

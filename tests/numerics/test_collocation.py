@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from mechsim.numerics.balls import Ball, ball
 from mechsim.numerics.collocation import (
     Interpolant,
     Piecewise,
     extrapolated,
     integral,
     nodes_between,
+    quintic_spline,
     through,
 )
 
@@ -66,3 +68,17 @@ def test_polynomials_one_after_another_give_values_and_rates_in_the_order_asked(
     assert pieces.evaluate(s) == pytest.approx(table(s), abs=1e-10)
     rates = np.column_stack([CUBIC.deriv()(s), np.cos(s)])
     assert pieces.derivative().evaluate(s) == pytest.approx(rates, abs=1e-8)
+
+
+def test_a_spline_of_balls_of_time_contains_its_values_and_derivatives_in_them():
+    time = np.linspace(0.0, 2.0, 25)
+    spline = quintic_spline("a table", time, np.sin(5.0 * time))
+    rng = np.random.default_rng(0)
+    spans = Ball(rng.uniform(0.1, 1.9, 200), rng.uniform(0.0, 0.1, 200))
+    enclosed = spline(spans)
+    for _ in range(20):
+        inside = spline(spans.mid + spans.rad * rng.uniform(-1.0, 1.0, 200))
+        for value, bounds in zip(inside, enclosed, strict=True):
+            assert (np.abs(value - bounds.mid) <= bounds.rad).all()
+    thin = spline(ball(spans.mid))
+    assert all(bounds.rad.max() < 1e-10 for bounds in thin)

@@ -10,7 +10,7 @@ from mechsim import units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
-from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion
+from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, laws_not_enclosed
 from mechsim.studies.certify.segments import (
     Bools,
     Segments,
@@ -101,6 +101,13 @@ def certified_motion(
     """
     if between is not None and not between[0] < between[1]:
         raise InputError(f"the range {between[0]:g} to {between[1]:g} rad is empty; give from < to")
+    if not_enclosed := laws_not_enclosed(solver.motion_laws):
+        reason = (
+            f"the motion law of {not_enclosed[0]} cannot be enclosed; give a table, or an expression of "
+            "+ - * / **, sin, cos, tan, sqrt and exp"
+        )
+        proof = _uncertified(solver.name, (0.0, solver.motion_laws.duration), reason, 0)
+        return replace(proof, unit=solver.motion_laws.unit)
     try:
         motion = computed_motion(solver, between, radii or {})
     except AssemblyError as error:

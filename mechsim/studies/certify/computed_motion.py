@@ -1,8 +1,9 @@
 """The motion that a certificate is about, as coordinates of the loop equations at any path parameter."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,10 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import starting_at
-from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.balls import ball
+from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equations
 
 # configurations at which independent equations are selected
@@ -72,6 +73,24 @@ class ComputedMotion:
         )
         return rows[0].T, rows[1].T, rows[2].T
 
+    def driver_spread(self, centre: Array, half: Array) -> Array:
+        """Return by how much drivers may leave value and tangent of `driven` on segments, (n, driven)."""
+        spread = np.zeros((len(centre), len(self.equations.driven)))
+        laws = self.motion_laws
+        if laws.crank:
+            return spread
+        per_rate = ball(1.0) / laws.rate
+        at_centre = ball(centre) * per_rate
+        over = Ball(at_centre.mid, (at_centre.rad + half * per_rate.magnitude) * OUTWARD)
+        value, rate, _ = self.driven(centre)
+        for driver, state in enumerate(laws.states):
+            exact_value, exact_rate, _ = state_in_balls(state, at_centre)
+            second = state_in_balls(state, over)[2] * per_rate * per_rate
+            off = (exact_value - value[:, driver]).magnitude
+            off = off + (exact_rate * per_rate - rate[:, driver]).magnitude * half
+            spread[:, driver] = (off + 0.5 * second.magnitude * half**2) * OUTWARD
+        return spread
+
     def configurations(self, s: Array) -> CentreConfigurations:
         """Return the computed configurations at path parameters in ascending order, (n,)."""
         tree, reduced = self.path.loops.tree, self.equations.tree
@@ -111,6 +130,28 @@ class ComputedMotion:
         smallest = [np.linalg.svd(jacobians[:, rows], compute_uv=False).min() for rows in choices]
         chosen = equations.kept[choices[int(np.argmax(smallest))]]
         return replace(self, equations=replace(equations, selected=tuple(chosen.tolist())))
+
+
+def state_in_balls(state: State, time: Ball) -> tuple[Ball, Ball, Ball]:
+    """Return value, rate and acceleration of a driver over balls of time, (n,) in [s].
+
+    Raises:
+        TypeError, ValueError: for a motion law that cannot be enclosed.
+    """
+    law: Callable[[Any], tuple[Any, Any, Any]] = state
+    value, rate, acceleration = (ball(entry) for entry in law(time))
+    return value, rate, acceleration
+
+
+def laws_not_enclosed(laws: MotionLaws) -> list[str]:
+    """Return the drivers whose motion laws interval arithmetic cannot enclose."""
+    drivers: list[str] = []
+    for name, state in laws.by_name.items():
+        try:
+            state_in_balls(state, Ball(np.zeros(1), np.ones(1)))
+        except (TypeError, ValueError, AttributeError):
+            drivers.append(name)
+    return drivers
 
 
 def rotation_matrices(quaternions: Array) -> list[Array]:

@@ -20,8 +20,6 @@ from mechsim.studies.certify.loop_equations import ClosureEquations, Number, joi
 Bools = NDArray[np.bool_]
 # half-width of a tube relative to the way of the coordinates over the segment, and to the residual's effect
 WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, MIN_WIDTH = 0.3, 4.0, 1e-14
-# factor by which sampled curvature of a motion law is exceeded by the interval of its driver
-CURVATURE_FACTOR = 2.0
 # times that a proven enclosure is contracted by the test
 CONTRACTIONS = 20
 # most Newton iterations that correct a segment's centre
@@ -168,7 +166,7 @@ def _tubes(motion: ComputedMotion, centre: Array, half: Array, guess: CentreConf
     rate_of_driven = (ball(driven_rate) * ball(units).reciprocal())[..., None]
     centres = _centres(equations, driven, rate_of_driven.mid, half, guess)
     correction = ball(centres.inverse) @ centres.residual
-    spread = _driver_spread(motion, centre, half)
+    spread = motion.driver_spread(centre, half)
     effect = correction.magnitude + np.abs(centres.by_driven) @ (spread / units)[..., None]
     width = WIDTH_BY_RATE * np.abs(centres.rate).max(1, initial=0.0) * half[:, None]
     width = width + WIDTH_BY_RESIDUAL * effect.max(1, initial=0.0) + MIN_WIDTH
@@ -305,15 +303,6 @@ def _single_inverse(matrix: Array) -> Array:
         return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full(matrix.shape, np.nan)
-
-
-def _driver_spread(motion: ComputedMotion, centre: Array, half: Array) -> Array:
-    """Return by how much drivers may leave their tangents on the segments, (n, driven)."""
-    if motion.motion_laws.crank:
-        return np.zeros((len(centre), len(motion.equations.driven)))
-    fractions = np.linspace(-1.0, 1.0, 9)
-    seconds = [np.abs(motion.driven(centre + fraction * half)[2]) for fraction in fractions]
-    return CURVATURE_FACTOR * 0.5 * np.max(seconds, 0) * half[:, None] ** 2
 
 
 def _singular_value_bound(inverse: Array, contraction: Array) -> Array:

@@ -184,3 +184,23 @@ def test_a_tube_holds_the_exact_configuration_and_not_that_of_the_other_assembly
             rod = mpmath.asin(height / mpmath.mpf(solver.rod))
             gaps = [abs(mpmath.sin((x - s - centre) / 2)) * 2 for x in (rod, mpmath.pi - rod)]
             assert gaps[0] <= segments.enclosure[i, column] < segments.width[i, column] < gaps[1]
+
+
+def test_a_motion_law_is_enclosed_between_all_samples_of_it():
+    # the crank passes a dead centre in a peak of a microsecond
+    drive = {"crank": "-1 + 0.1*sin(t) + 2*exp(-((t - 0.512345)/1e-6)**2)"}
+    proof = ms.certify("four_bar", set={"crank": "90mm"}, drive=drive, duration=1.0)
+    assert not proof.certified
+    assert proof.unit == "s"
+    calm = {"crank": "-1 + 0.1*sin(t) + 0.1*exp(-((t - 0.512345)/0.2)**2)"}
+    assert ms.certify("four_bar", set={"crank": "90mm"}, drive=calm, duration=1.0).certified
+
+
+def test_a_motion_law_with_a_kink_is_not_certified_and_one_of_a_table_is(tmp_path):
+    proof = ms.certify("four_bar", drive={"crank": "3*abs(t - 0.5)"}, duration=2.0)
+    assert not proof.certified
+    assert "motion law of crank cannot be enclosed" in proof.reason
+    time = np.linspace(0.0, 1.0, 30)
+    rows = "\n".join(f"{t},{np.sin(3.0 * t)}" for t in time.tolist())
+    (tmp_path / "law.csv").write_text(f"t,crank\n{rows}\n")
+    assert ms.certify("four_bar", drive={"crank": str(tmp_path / "law.csv")}, duration=1.0).certified
