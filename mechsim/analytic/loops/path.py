@@ -49,6 +49,8 @@ AT_START = 1e-3
 NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
 # tolerance of equal parameters
 SAME_PARAMETER = 1e-9
+# shortest segment in spacings of floating-point numbers at its parameter
+LEAST_SPACINGS = 16.0
 # after a segment shorter than this the tangent predicts: rounding spoils its polynomial
 MIN_EXTRAPOLATED = 1e-5
 # length of the segment after a change point, relative to the one through it: its many nodes extrapolate badly
@@ -146,7 +148,7 @@ class ContinuationPath(PathStates):
             segment, length = self.next_segment(current, direction, step)
             if segment is not None:
                 segments.append(segment)
-            elif length < self.control.min_length:
+            elif length < max(self.control.min_length, LEAST_SPACINGS * np.spacing(abs(current))):
                 raise AssemblyError(_end_message(self, current) + _remaining(self, current, target))
 
     def end(self, direction: int) -> float:
