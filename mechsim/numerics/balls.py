@@ -36,8 +36,8 @@ TERMS, SERIES_ERROR = 10, 6.0 * ROUNDOFF
 LOG_2, LOG_2_ERROR = float.fromhex("0x1.62e42fefa39efp-1"), 3e-17
 # largest exponent of e either way, and a bound of e to less than minus that
 MAX_EXPONENT, VANISHED = 680.0, 1e-295
-# terms of the Taylor polynomial of the exponential on |x| < 0.35, and a bound of the remainder in parts of the
-# last term: the sum of 0.35^k 15!/(15 + k)!, k from 1
+# terms of the Taylor polynomial of the exponential on |x| < 0.35, and a bound of the remainder, in parts
+# of the last term: the sum of 0.35^k 15!/(15 + k)!, k from 1
 EXP_TERMS, EXP_REMAINDER = 15, 0.03
 
 
