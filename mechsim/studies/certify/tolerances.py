@@ -1,6 +1,7 @@
 """Intervals of a mechanism's joints within the tolerances of its dimensions."""
 
 from collections.abc import Mapping
+from itertools import combinations, product
 
 import numpy as np
 
@@ -9,31 +10,69 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
+# places within a tolerance, in parts of it, at which a quadratic through its ends and middle is checked
+PLACES = (-0.81, -0.62, -0.43, -0.24, 0.19, 0.38, 0.57, 0.76)
+# largest departure from the quadratic, in parts of the largest change
+DEPARTURE = 0.1
+# factor of departures and of what two dimensions change together, which are sampled
+SAFETY = 2.0
+# rounding of points and axes relative to the largest
+ROUNDING = 1e-13
+
 
 def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str, Array]:
     """Return JOINT.a and JOINT.b -> radii of point, axis and mark, (3, 3), within bounds of dimensions.
 
-    Each dimension is moved by its bound to either side; the radius adds the larger deviation and the
-    difference of both, which bounds the curvature. The certificate holds for the joints in these radii.
+    Each dimension is moved by its bound to either side; the radius adds the larger deviation, the difference
+    of both, which bounds the curvature, the departure from a quadratic between, and what each two dimensions
+    change together. The certificate holds for the joints in these radii.
 
     Raises:
-        InputError: for a dimension that changes more than points and axes of joints.
+        InputError: for a dimension that changes more than points and axes of joints, and for one that changes
+            them far from smoothly within its tolerance.
     """
     nominal = designs.describe({})
-    total = {key: np.zeros((3, 3)) for key in _joint_numbers(nominal)}
-    for name, tolerance in bounds.items():
-        value = designs.dimensions[name].value
-        moved = [designs.describe({name: value + sign * tolerance}) for sign in (-1.0, 1.0)]
-        if any(_without_joints(mechanism) != _without_joints(nominal) for mechanism in moved):
+    keys, start = [*_joint_numbers(nominal)], _stacked(nominal)
+    total = np.zeros_like(start)
+
+    def change(moved: Mapping[str, float]) -> Array:
+        mechanism = designs.describe(
+            {name: designs.dimensions[name].value + by for name, by in moved.items()}
+        )
+        if _without_joints(mechanism) != _without_joints(nominal):
             raise InputError(
-                f"dimension {name} changes a coupling, a lock or a kind of joint; "
+                f"dimension {', '.join(moved)} changes a coupling, a lock or a kind of joint; "
                 "a certificate holds within tolerances of points and axes only: leave it out of --within"
             )
-        low, high = (_joint_numbers(mechanism) for mechanism in moved)
-        for key, start in _joint_numbers(nominal).items():
-            down, up = low[key] - start, high[key] - start
-            total[key] += np.maximum(np.abs(down), np.abs(up)) + np.abs(down + up)
-    return {key: radii for key, radii in total.items() if radii.any()}
+        return _stacked(mechanism) - start
+
+    ends = {name: [change({name: sign * bound}) for sign in (-1.0, 1.0)] for name, bound in bounds.items()}
+    for name, (down, up) in ends.items():
+        departure = np.zeros_like(start)
+        for place in PLACES:
+            quadratic = 0.5 * place * (up - down) + 0.5 * place**2 * (up + down)
+            departure = np.maximum(departure, np.abs(change({name: place * bounds[name]}) - quadratic))
+        extent = np.maximum(np.abs(down), np.abs(up))
+        if not departure.max() <= DEPARTURE * extent.max() + ROUNDING * np.abs(start).max():
+            raise InputError(
+                f"dimension {name} moves joints too unevenly within its tolerance {bounds[name]:g}; give a "
+                "smaller one"
+            )
+        total += extent + np.abs(down + up) + SAFETY * departure
+    for first, second in combinations(bounds, 2):
+        together = [
+            change({first: a * bounds[first], second: b * bounds[second]})
+            - ends[first][(a + 1) // 2]
+            - ends[second][(b + 1) // 2]
+            for a, b in product((-1, 1), repeat=2)
+        ]
+        total += SAFETY * np.abs(together).max(0)
+    return {key: radii for key, radii in zip(keys, total, strict=True) if radii.any()}
+
+
+def _stacked(mechanism: Mechanism) -> Array:
+    """Return points, axes and marks of all sides of joints, (sides, 3, 3)."""
+    return np.array([*_joint_numbers(mechanism).values()])
 
 
 def _joint_numbers(mechanism: Mechanism) -> dict[str, Array]:

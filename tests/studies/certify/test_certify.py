@@ -5,12 +5,15 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.analytic.derivatives.dimensions import catalog_designs
 from mechsim.analytic.loops.constraints import cuts_of
 from mechsim.analytic.loops.motion import driven_path
 from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
+from mechsim.studies.certify.tolerances import joint_radii
+from mechsim.subjects import reference_data
 
 REGULAR = [
     "four_bar",
@@ -204,3 +207,36 @@ def test_a_motion_law_with_a_kink_is_not_certified_and_one_of_a_table_is(tmp_pat
     rows = "\n".join(f"{t},{np.sin(3.0 * t)}" for t in time.tolist())
     (tmp_path / "law.csv").write_text(f"t,crank\n{rows}\n")
     assert ms.certify("four_bar", drive={"crank": str(tmp_path / "law.csv")}, duration=1.0).certified
+
+
+def test_a_dimension_that_leads_through_a_singularity_and_back_is_rejected(tmp_path):
+    # at either end of the tolerance the ground is as long as in its middle, and between it is longer
+    text = (reference_data.folder() / "mechanisms" / "hoeken.toml").read_text().split("[formula]")[0]
+    text = text.replace("arm = 175\n", "arm = 175\nk = 10\n")
+    text = text.replace('at = ["ground", 0, 0] }\nb', 'at = ["ground + 60*sin(18*k)", 0, 0] }\nb')
+    (tmp_path / "wave.toml").write_text(text)
+    assert not ms.certify(tmp_path / "wave.toml", set={"k": "5deg"}).certified
+    with pytest.raises(ms.InputError, match="dimension k moves joints too unevenly"):
+        ms.certify(tmp_path / "wave.toml", within={"k": "10deg"})
+
+
+def test_radii_hold_what_two_dimensions_change_together():
+    designs = catalog_designs(ms.catalog.make("rssr", gamma1=0.3))
+    bounds = {"crank": 1e-4, "gamma1": 1e-3}
+    radii = joint_radii(designs, bounds)
+    nominal = {joint.name: joint for joint in designs.describe({}).joints}
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        moved = {
+            name: designs.dimensions[name].value + bound * rng.uniform(-1.0, 1.0)
+            for name, bound in bounds.items()
+        }
+        for joint in designs.describe(moved).joints:
+            for side in ("a", "b"):
+                end, start = getattr(joint, side), getattr(nominal[joint.name], side)
+                off = np.abs(
+                    np.subtract(
+                        [end.point, end.axis, end.reference], [start.point, start.axis, start.reference]
+                    )
+                )
+                assert (off <= radii.get(f"{joint.name}.{side}", np.zeros((3, 3))) + 1e-15).all()
