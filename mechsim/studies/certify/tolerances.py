@@ -10,8 +10,8 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-# places within a tolerance, in parts of it, at which a quadratic through its ends and middle is checked
-PLACES = (-0.81, -0.62, -0.43, -0.24, 0.19, 0.38, 0.57, 0.76)
+# fractions of a tolerance at which a quadratic through its ends and middle is checked
+FRACTIONS = (-0.81, -0.62, -0.43, -0.24, 0.19, 0.38, 0.57, 0.76)
 # largest departure from the quadratic, in parts of the largest change
 DEPARTURE = 0.1
 # factor of departures and of what two dimensions change together, which are sampled
@@ -46,12 +46,12 @@ def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str,
             )
         return _stacked(mechanism) - start
 
-    ends = {name: [change({name: sign * bound}) for sign in (-1.0, 1.0)] for name, bound in bounds.items()}
+    ends = {name: [change({name: sign * bounds[name]}) for sign in (-1.0, 1.0)] for name in bounds}
     for name, (down, up) in ends.items():
         departure = np.zeros_like(start)
-        for place in PLACES:
-            quadratic = 0.5 * place * (up - down) + 0.5 * place**2 * (up + down)
-            departure = np.maximum(departure, np.abs(change({name: place * bounds[name]}) - quadratic))
+        for fraction in FRACTIONS:
+            quadratic = 0.5 * fraction * (up - down) + 0.5 * fraction**2 * (up + down)
+            departure = np.maximum(departure, np.abs(change({name: fraction * bounds[name]}) - quadratic))
         extent = np.maximum(np.abs(down), np.abs(up))
         if not departure.max() <= DEPARTURE * extent.max() + ROUNDING * np.abs(start).max():
             raise InputError(
