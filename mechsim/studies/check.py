@@ -1,6 +1,7 @@
 """Check closed-loop models by the linter's rules, from files or objects of MuJoCo."""
 
 from collections.abc import Sequence
+from os import PathLike
 from typing import Any
 
 from mechsim.errors import InputError
@@ -14,18 +15,26 @@ from mechsim.simulation.findings.rules import (
     violations,
 )
 from mechsim.simulation.mjcf_reader import MjcfModel, read_model
+from mechsim.studies.robots.joint_map import mujoco_spec
+from mechsim.subjects.mjcf_source import mujoco_input
 
 
 def check(
-    model: Any, *, select: Sequence[str] = (), ignore: Sequence[str] = (), target: str | None = None
+    model: Any,
+    *,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    target: str | None = None,
+    loops: str | PathLike[str] | None = None,
 ) -> list[Violation]:
     """Return what the linter's rules find in a closed-loop model, errors first.
 
     Args:
-        model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
+        model: an MJCF or URDF file, `mujoco.MjSpec`, `mujoco.MjModel`, or what `load` takes, then exported.
         select: codes of rules, or their beginnings, as "MS1"; empty takes all.
         ignore: likewise, rules to leave out.
         target: "urdf" reports what URDF cannot hold too.
+        loops: path of a sidecar file with the loop closures of a URDF file.
 
     Returns:
         Violations with rule, severity, file, line, object, value, message and fix.
@@ -45,7 +54,7 @@ def check(
             raise InputError(f"there is no rule {code!r}; known are {', '.join(rule.code for rule in RULES)}")
     return [
         violation
-        for violation in violations(_read(model), known_target)
+        for violation in violations(_read(model, loops), known_target)
         if (not select or violation.rule.startswith(tuple(select)))
         and not (ignore and violation.rule.startswith(tuple(ignore)))
     ]
@@ -62,5 +71,6 @@ def fixed_copy(path: str, violated: Sequence[Violation]) -> tuple[str, list[str]
         return fixed_text(file.read(), _read(path), violated)
 
 
-def _read(model: Any) -> MjcfModel:
-    return read_model(model, lint=True)
+def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
+    own = mujoco_input(model, loops)
+    return read_model(mujoco_spec(model) if own is None else own, lint=True)

@@ -1,6 +1,7 @@
 """Closed configurations of any model in MuJoCo's order of qpos; a mechanism is exported to MuJoCo first."""
 
 from collections.abc import Mapping
+from os import PathLike
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -12,7 +13,11 @@ from mechsim.studies.robots.joint_map import mujoco_model, quantity_of_joint
 
 
 def closed_qpos(
-    model: Any, values: Mapping[str, ArrayLike], *, set: Mapping[str, str | float] | None = None
+    model: Any,
+    values: Mapping[str, ArrayLike],
+    *,
+    set: Mapping[str, str | float] | None = None,
+    loops: str | PathLike[str] | None = None,
 ) -> Array:
     """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
 
@@ -22,6 +27,7 @@ def closed_qpos(
         values: hinge or slide -> positions in [rad] or [m], scalar or (n,), or text, as "30deg". Joints that
             neither these nor the loops determine stay at the reference.
         set: parameter of a mechanism -> its value, as `load` takes it.
+        loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
         InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
@@ -31,7 +37,7 @@ def closed_qpos(
         >>> ms.closed_qpos("four_bar", {"crank": "30deg"}).shape
         (1, 3)
     """
-    compiled = mujoco_model(model, set)
+    compiled = mujoco_model(model, set, loops)
     read = {
         name: quantity_of_joint(compiled, name, value) if isinstance(value, str) else value
         for name, value in values.items()
@@ -39,7 +45,14 @@ def closed_qpos(
     return closed_configurations.closed_qpos(compiled, read)
 
 
-def sample(model: Any, n: int, seed: int = 0, *, set: Mapping[str, str | float] | None = None) -> Sample:
+def sample(
+    model: Any,
+    n: int,
+    seed: int = 0,
+    *,
+    set: Mapping[str, str | float] | None = None,
+    loops: str | PathLike[str] | None = None,
+) -> Sample:
     """Return closed states drawn at random within the joint limits, in the assembly of the file.
 
     Args:
@@ -47,6 +60,7 @@ def sample(model: Any, n: int, seed: int = 0, *, set: Mapping[str, str | float] 
         n: number of states.
         seed: of the random numbers; the same seed gives the same states.
         set: parameter of a mechanism -> its value, as `load` takes it.
+        loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
         InputError: for a model without loops, or one of whose joint limits few configurations satisfy.
@@ -56,4 +70,4 @@ def sample(model: Any, n: int, seed: int = 0, *, set: Mapping[str, str | float] 
         >>> ms.sample("four_bar", 100).qpos.shape
         (100, 3)
     """
-    return closed_configurations.sample(mujoco_model(model, set), n, seed)
+    return closed_configurations.sample(mujoco_model(model, set, loops), n, seed)

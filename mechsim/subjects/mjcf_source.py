@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,6 +80,27 @@ class MujocoSource(ModelSource):
             still=prescription.still,
         )
         return ModelDescription(solver, prescribed=True)
+
+
+def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "MujocoInput | None":
+    """Return the path or object of a model that MuJoCo compiles as it is; None for any other model.
+
+    Args:
+        model: as `load` takes it. Of a solver that was read from MJCF, this is the specification it runs.
+        loops: path of a sidecar file with the loop closures of a URDF file.
+
+    Raises:
+        InputError: for loops of another model.
+    """
+    import mujoco
+
+    if isinstance(model, MjcfForm) and model.source is not None:
+        model = model.source.spec
+    named = fspath(model) if isinstance(model, str | PathLike) else model
+    closed = with_loops(named, None if loops is None else fspath(loops))
+    if isinstance(closed, str):
+        return closed if closed.lower().endswith((".xml", ".urdf")) else None
+    return closed if isinstance(closed, mujoco.MjSpec | mujoco.MjModel) else None
 
 
 def with_loops(model: Any, loops: str | None) -> Any:

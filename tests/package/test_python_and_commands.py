@@ -51,6 +51,7 @@ def mechsim_json(tmp_path_factory):
         lambda model: ms.simulate(model, speed="60rpm", turns=0.05),
         lambda model: ms.trace(model, starts=1),
         lambda model: ms.sample(model, 2),
+        ms.check,
         lambda model: ms.view(model),
         lambda model: ms.export(model, format="toml"),
         lambda model: (
@@ -59,10 +60,16 @@ def mechsim_json(tmp_path_factory):
             else None
         ),
     ],
-    ids=["load", "simulate", "trace", "sample", "view", "export", "joint_map"],
+    ids=["load", "simulate", "trace", "sample", "check", "view", "export", "joint_map"],
 )
 def test_a_function_takes_every_kind_of_model(call, kind):
     assert call(models()[kind]) is not False
+
+
+def test_a_file_keeps_its_order_of_coordinates_as_a_path_or_a_solver():
+    expected = ms.sample(str(SCENE), 2).qpos
+    for model in (SCENE, ms.load(SCENE, still=True)):
+        np.testing.assert_allclose(ms.sample(model, 2).qpos, expected, rtol=0, atol=1e-12)
 
 
 def test_lists_are_the_same(mechsim_json):

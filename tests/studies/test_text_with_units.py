@@ -38,6 +38,11 @@ def test_motions_take_speeds_and_angles_as_text():
     assert same(given, expected)
 
 
+def test_certificates_take_ends_as_text():
+    given, expected = (ms.certify(RSSR, ends) for ends in (("0deg", "20deg"), "0:20deg"))
+    assert given.certified and given.range == expected.range
+
+
 def test_runs_take_speeds_and_tolerances_as_text():
     form = ms.catalog.make(RSSR)
     asked = {"samples": 8}

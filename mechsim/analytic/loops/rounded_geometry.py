@@ -168,12 +168,9 @@ def _enters_equations(joint: Joint, component: int) -> bool:
 
 def _perturbed(mechanism: Mechanism, change: Array) -> Mechanism:
     """Return a mechanism whose joint sides are shifted, in parts of the size, and turned, in [rad]."""
+    length = mechanism.characteristic_length
     joints = tuple(
-        replace(
-            joint,
-            a=_moved(joint.a, sides[0], mechanism.characteristic_length),
-            b=_moved(joint.b, sides[1], mechanism.characteristic_length),
-        )
+        replace(joint, a=_moved(joint.a, sides[0], length), b=_moved(joint.b, sides[1], length))
         for joint, sides in zip(mechanism.joints, change, strict=True)
     )
     return replace(mechanism, joints=joints)

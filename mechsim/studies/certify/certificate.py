@@ -269,7 +269,7 @@ def _about_computed_motion(motion: ComputedMotion, segments: Segments) -> bool:
 
 def certify(
     model: "Model",
-    angles: str | tuple[float, float] | None = None,
+    angles: str | tuple[float | str, float | str] | None = None,
     *,
     within: Mapping[str, str | float] | None = None,
     set: Mapping[str, str | float] | None = None,
@@ -282,8 +282,8 @@ def certify(
 
     Args:
         model: as `load` takes it.
-        angles: range of the crank angle, as "10:350deg" or in [rad]; None for all that it reaches.
-            Under motion laws the range is all of them.
+        angles: range of the crank angle, as "10:350deg", or its ends as text or in [rad]; None for all
+            that it reaches. Under motion laws the range is all of them.
         within: dimension -> tolerance, as "0.02mm" or in SI; the proof then covers all mechanisms within.
         set: parameter -> its value, as `load` takes it.
         options: what else `load` takes.
@@ -317,10 +317,10 @@ def certify(
     return certified_motion(solver, _range_of(angles), radii)
 
 
-def _range_of(angles: str | tuple[float, float] | None) -> tuple[float, float] | None:
+def _range_of(angles: str | tuple[float | str, float | str] | None) -> tuple[float, float] | None:
     if angles is None:
         return None
     ends = units.parse_angles(angles.replace(":", ","), "the range") if isinstance(angles, str) else angles
     if len(ends) != 2:
         raise InputError(f"the range {angles!r} is not two angles; write start:stop, for example 10:350deg")
-    return float(ends[0]), float(ends[1])
+    return float(units.si(ends[0], "rad", "the range")), float(units.si(ends[1], "rad", "the range"))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -15,6 +16,7 @@ from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.subjects.driver_positions import driver_path
+from mechsim.subjects.mjcf_source import mujoco_input
 from mechsim.subjects.readers import load
 from mechsim.units import Unit, si
 
@@ -58,6 +60,7 @@ def joint_map(
     points: int = 21,
     degree: int | None = None,
     set: Mapping[str, str | float] | None = None,
+    loops: str | PathLike[str] | None = None,
 ) -> JointMap:
     """Return the outputs of a closed-loop model over a grid of its inputs.
 
@@ -68,6 +71,7 @@ def joint_map(
         points: grid points along each input.
         degree: total degree of polynomials that approximate the outputs; None for none.
         set: parameter -> value.
+        loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
         InputError: for an unknown name, an input without range or limits, or a grid that is too large.
@@ -78,21 +82,26 @@ def joint_map(
         >>> table.polynomials.position_error.max() < 1e-2
         True
     """
-    own_model = mujoco_model(model, set)
+    own_model = mujoco_model(model, set, loops)
     ranges = joint_ranges(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
     return map_over_grid(own_model, ranges, outputs, points=points, degree=degree)
 
 
-def mujoco_model(model: Any, set: Mapping[str, str | float] | None = None) -> mujoco.MjModel:
+def mujoco_model(
+    model: Any, set: Mapping[str, str | float] | None = None, loops: str | PathLike[str] | None = None
+) -> mujoco.MjModel:
     """Return a model as MuJoCo compiles it; a mechanism is exported as `mechsim export` does."""
-    return model if isinstance(model, mujoco.MjModel) else compiled(mujoco_spec(model, set))
+    is_compiled = isinstance(model, mujoco.MjModel) and loops is None
+    return model if is_compiled else compiled(mujoco_spec(model, set, loops))
 
 
-def mujoco_spec(model: Any, set: Mapping[str, str | float] | None = None) -> mujoco.MjSpec:
+def mujoco_spec(
+    model: Any, set: Mapping[str, str | float] | None = None, loops: str | PathLike[str] | None = None
+) -> mujoco.MjSpec:
     """Return the specification of a model; missing meshes are left out."""
-    is_file = isinstance(model, str) and model.lower().endswith((".xml", ".urdf"))
-    if is_file or isinstance(model, mujoco.MjModel | mujoco.MjSpec):
-        return parse_file(model)[0]
+    own = mujoco_input(model, loops)
+    if own is not None:
+        return parse_file(own)[0]
     solver = load(model, set, still=True)
     return exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
 

@@ -16,7 +16,7 @@ from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import scalar_dof, straight_path
 from mechsim.simulation.joint_map import JointMap, map_over_grid
-from mechsim.simulation.mjcf import to_xml
+from mechsim.simulation.mjcf import quiet, to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.model_loops import HINGE, SLIDE
 from mechsim.studies.robots.joint_map import joint_ranges, mujoco_spec
@@ -93,7 +93,8 @@ def serial_twin(
     """
     spec = mujoco_spec(model, set)
     name_elements(spec)
-    compiled = spec.compile()
+    with quiet():
+        compiled = spec.compile()
     names = tuple(independent) or _actuated(compiled)
     ranges = joint_ranges(compiled, independent if isinstance(independent, Mapping) else dict.fromkeys(names))
     passive = _passive_joints(compiled, names)
