@@ -40,7 +40,8 @@ def test_motions_take_speeds_and_angles_as_text():
 
 def test_certificates_take_ends_as_text():
     given, expected = (ms.certify(RSSR, ends) for ends in (("0deg", "20deg"), "0:20deg"))
-    assert given.certified and given.range == expected.range
+    assert given.certified
+    assert given.range == expected.range
 
 
 def test_runs_take_speeds_and_tolerances_as_text():

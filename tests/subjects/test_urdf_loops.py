@@ -195,5 +195,5 @@ def test_functions_take_a_sidecar_file(written):
     np.testing.assert_allclose(table.output[0], knee, rtol=0, atol=1e-12)
     assert "MS102" not in {violation.rule for violation in ms.check(path)}
     assert "MS102" in {violation.rule for violation in ms.check(path, loops=sidecar)}
-    with pytest.raises(ms.errors.InputError, match="close those of a URDF file"):
+    with pytest.raises(ms.errors.InputError, match="is no URDF file"):
         ms.sample("four_bar", 3, loops=sidecar)
