@@ -261,7 +261,7 @@ def dynamics(
     verbose: Verbose = False,
     units: Units = None,
 ) -> Result[DynamicsJson | ForwardJson]:
-    """Compute drive torques, joint reactions and energies of a motion, or a free motion under a motor.
+    """Compute torques and reactions of a motion, runs from an initial state, equilibria and modes.
 
     Examples:
     mechsim dynamics slider_crank --speed 600rpm --load press.csv --plot sheet.svg
