@@ -20,7 +20,7 @@ HOME = {
     "mechsim.cli.check",  # "fixed" is a key of its JSON
     "mechsim.simulation.mjcf_reader.urdf_loops",  # types of joints in URDF
     "mechsim.studies.certify.loop_equations",  # interval equations of a ball
-    "mechsim.codegen.passive_spin",  # replaces a ball by a universal joint
+    "mechsim.codegen.assembly",  # replaces a ball by a universal joint
     "mechsim.studies.robots.serial_twin",  # types of joints in URDF
     "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link
 }
