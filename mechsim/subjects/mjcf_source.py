@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import make_motion_laws, steady
-from mechsim.subjects.model_source import ModelDescription, ModelSource
+from mechsim.subjects.model_source import ModelDescription, ModelSource, file_reader
 from mechsim.subjects.prescription import Prescription
 from mechsim.units import Unit
 
@@ -99,7 +100,9 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
     named = fspath(model) if isinstance(model, str | PathLike) else model
     closed = with_loops(named, None if loops is None else fspath(loops))
     if isinstance(closed, str):
-        return closed if closed.lower().endswith((".xml", ".urdf")) else None
+        # MuJoCo says what it misses in a file of unknown suffix
+        of_mujoco = closed.lower().endswith((".xml", ".urdf"))
+        return closed if of_mujoco or (Path(closed).suffix and file_reader(closed) is None) else None
     return closed if isinstance(closed, mujoco.MjSpec | mujoco.MjModel) else None
 
 
