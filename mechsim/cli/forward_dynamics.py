@@ -33,7 +33,7 @@ from mechsim.model.quantities import (
 )
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
-from mechsim.studies.dynamics_check import crosscheck_forward
+from mechsim.studies.dynamics_check import crosscheck_equilibrium, crosscheck_forward
 from mechsim.studies.release import Release, frequency_response
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
@@ -90,12 +90,14 @@ class EquilibriumJson(TypedDict):
 
 
 class StaticsJson(TypedDict):
-    """Equilibria, and the effort in each driver that holds the initial configuration."""
+    """Equilibria, what holds the initial configuration, and the check of each equilibrium in MuJoCo."""
 
     mechanism: str
     masses: list[LinkMass]
     equilibria: list[EquilibriumJson]
     holding: dict[str, float]
+    passed: bool | None
+    checks: list[CheckJson]
 
 
 class ModesJson(EquilibriumJson):
@@ -188,7 +190,7 @@ def forward_dynamics(
         raise InputError("--plot draws a run, modes or a response; drop it, or --statics")
     initial = dict(forward.initial)
     if forward.statics:
-        return _statics(model, initial)
+        return _statics(model, initial, output)
     if forward.modes:
         return _modes(model, initial, output.plot)
     if forward.response is not None:
@@ -285,9 +287,15 @@ def _final(result: DynamicRun) -> dict[str, float]:
     return final
 
 
-def _statics(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
-    """Return the equilibria, and what holds the initial configuration."""
+def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output) -> Result[Any]:
+    """Return the equilibria, what holds the initial configuration, and the comparison with MuJoCo."""
     mechanism, solutions = model.mechanism, equilibria(model, initial=initial)
+    compared = output.method != "none"
+    verdicts = {
+        f"equilibrium {place} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
+        for place, equilibrium in enumerate(solutions, start=1)
+        if compared
+    }
     torques = holding(model, initial=initial) if initial else {}
     drivers = mechanism.drivers or tuple(solutions[0].q)[:1] if solutions else ()
 
@@ -309,8 +317,16 @@ def _statics(model: DynamicModel, initial: Mapping[str, str]) -> Result[Any]:
                 f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
             )
 
+        if verdicts:
+            print_verdicts(verdicts, verbose=output.verbose)
+
     facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
-    return Result({"equilibria": facts, "holding": torques}, text)
+    checks = [
+        check.as_dict() | {"variant": name} for name, verdict in verdicts.items() for check in verdict.checks
+    ]
+    agreed = all(verdict.passed for verdict in verdicts.values())
+    data = {"equilibria": facts, "holding": torques, "passed": agreed if verdicts else None, "checks": checks}
+    return Result(data, text, agreed)
 
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:

@@ -5,13 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun, free_run, prescribed
+from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, free_run, prescribed
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.loops.oracle import conditioning_of
+from mechsim.errors import AssemblyError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
+from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict, check_of, concluded
 from mechsim.verdict.crosscheck import crosscheck_forces, crosscheck_free_run
@@ -26,6 +28,12 @@ MOST_STEPS = 400_000
 # of the largest value: what rounding and the compliance of MuJoCo's constraints leave; dry friction is a soft
 # constraint there
 FLOOR, FRICTION_FLOOR = 1e-9, 1e-4
+# an equilibrium may be off by this, in [rad] or sizes: differences of MuJoCo's accelerations leave 1e-8
+CONFIGURATION = 1e-6
+# of the largest eigenvalue: the square root of what differences leave of a stiffness that is zero
+EIGENVALUES = 1e-3
+# rounding of an acceleration in [1/s2], and of the eigenvalue of a motion that nothing restores in [1/s]
+REST, NEUTRAL = 1e-9, 1e-3
 
 
 def crosscheck_driven(
@@ -128,6 +136,52 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
         _forward_check(name, unit, times, values, floor * largest[unit]) for name, unit, *values in compared
     ]
     return concluded(checks)
+
+
+def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Verdict:
+    """Compare an equilibrium with MuJoCo at rest in its configuration.
+
+    Args:
+        equilibrium: of the analytic side.
+        model: of the equilibrium.
+
+    Raises:
+        InputError: for a mechanism without revolute or prismatic joint.
+    """
+    linear = equilibrium.linear
+    index_of = linear.equations.loops.tree.index_of
+    coordinates = {name: float(linear.q.values[i, 0]) for name, i in index_of.items()}
+    try:
+        state = static_state(model.mechanism, model.forces, coordinates)
+    except AssemblyError as error:
+        return Verdict("cannot assemble", (), str(error))
+    exact = np.linalg.eigvals(linear.matrix)
+    if len(exact) != len(state.eigenvalues):
+        reason = f"{len(state.eigenvalues) // 2} degrees of freedom in MuJoCo, {len(exact) // 2} in formulas"
+        return Verdict("failed", (), reason)
+    largest = float(np.abs(exact).max(initial=0.0))
+    magnitudes = np.sort(np.abs(exact)) - np.sort(np.abs(state.eigenvalues))
+    growth = exact.real.max(initial=-largest) - state.eigenvalues.real.max(initial=-largest)
+    at_rest = f"what {CONFIGURATION:.0e} rad or sizes off the equilibrium cause"
+    of_largest = f"{EIGENVALUES:.0e} of the largest eigenvalue, by finite differences"
+    tolerances = (
+        (
+            "acceleration at rest",
+            state.accelerations,
+            CONFIGURATION * state.stiffness + REST,
+            "1/s2",
+            at_rest,
+        ),
+        ("natural frequency", magnitudes, EIGENVALUES * largest + NEUTRAL, "rad/s", of_largest),
+        ("largest growth rate", np.array([growth]), EIGENVALUES * largest + NEUTRAL, "1/s", of_largest),
+    )
+    return concluded(
+        replace(
+            check_of(name, "", np.abs(error), np.zeros(len(error)), Tolerance(value, unit, reason)),
+            method="pose",
+        )
+        for name, error, value, unit, reason in tolerances
+    )
 
 
 def _compared(exact: Motion, coarse: Motion, fine: Motion) -> Iterator[tuple[str, str, Array, Array, Array]]:

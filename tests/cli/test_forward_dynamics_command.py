@@ -62,6 +62,9 @@ def test_equilibria_are_listed_with_their_stability(facts):
     code, found = facts("--statics", "--initial", "crank.q=30deg")
     assert code == 0
     assert [equilibrium["stable"] for equilibrium in found["equilibria"]] == [True, False]
+    assert found["passed"]
+    assert {check["method"] for check in found["checks"]} == {"pose"}
+    assert facts("--statics", "--method", "none")[1]["passed"] is None
     assert found["holding"]["crank"] == pytest.approx(0.0035634582077113, rel=1e-9)
 
 

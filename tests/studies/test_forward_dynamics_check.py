@@ -10,7 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.model.forces import Forces, Friction, JointSpring
-from mechsim.studies.dynamics_check import crosscheck_forward
+from mechsim.studies.dynamics_check import crosscheck_equilibrium, crosscheck_forward
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analytic"))
 from test_forward_dynamics import WEIGHT, double_pendulum, point_mass, slider
@@ -62,3 +62,34 @@ def test_the_error_of_mujoco_falls_with_the_fourth_order_of_its_step():
         stepped = stepped_run(mechanism, WEIGHT, {"A": 0.3}, {}, run.time, substeps)
         errors.append(np.abs(stepped.motion.joints["A"].value - run.motion.joints["A"].value).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
+
+
+def test_mujoco_rests_in_the_equilibria_of_a_double_pendulum_and_is_as_stable():
+    machine = ms.dynamics.dynamic_model(heavy(double_pendulum()), WEIGHT)
+    found = ms.dynamics.equilibria(machine, starts=25)
+    assert len(found) == 4
+    for equilibrium in found:
+        verdict = crosscheck_equilibrium(equilibrium, machine)
+        assert verdict.passed, verdict
+        assert len(verdict.checks) == 3
+
+
+def test_a_planted_wrong_equilibrium_is_rejected():
+    machine = ms.dynamics.dynamic_model(heavy(double_pendulum()), WEIGHT)
+    stable, *_, unstable = ms.dynamics.equilibria(machine, starts=25)
+    q = stable.linear.q
+    moved = replace(stable, linear=replace(stable.linear, q=replace(q, values=q.values + 1e-5)))
+    verdict = crosscheck_equilibrium(moved, machine)
+    assert verdict.outcome == "failed"
+    assert "acceleration at rest" in verdict.reason
+    swapped = replace(stable, linear=replace(stable.linear, matrix=unstable.linear.matrix))
+    assert "largest growth rate" in crosscheck_equilibrium(swapped, machine).reason
+
+
+def test_dry_friction_holds_no_wrong_equilibrium():
+    forces = Forces(gravity=WEIGHT.gravity, friction=(Friction("crank", 1e-4, 0.5),))
+    machine = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), forces)
+    stable = ms.dynamics.equilibria(machine, starts=6)[0]
+    assert crosscheck_equilibrium(stable, machine).passed
+    slanted = ms.dynamics.dynamic_model(machine.mechanism, replace(forces, gravity=(0.1, -9.81, 0.0)))
+    assert crosscheck_equilibrium(stable, slanted).outcome == "failed"

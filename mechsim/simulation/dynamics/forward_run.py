@@ -101,13 +101,15 @@ def stepped_run(
     """
     model = free_model(mechanism, forces, {*coordinates, *rates} if kept is None else kept)
     if kept is not None:
-        coordinates, rates = (_without_cuts(model, values) for values in (coordinates, rates))
+        coordinates, rates = (without_cuts(model, values) for values in (coordinates, rates))
     independent = {*mechanism.drivers, *(coordinates if kept is None else kept)}
     qpos = _moved(model, {name: value for name, value in coordinates.items() if name in independent})
-    qpos = _closed(model, model.loops, qpos, *_dofs(model, coordinates), np.array([*coordinates.values()]))
+    qpos = closed_at(
+        model, model.loops, qpos, *dofs_of(model, coordinates), np.array([*coordinates.values()])
+    )
     qvel = _rates(model, qpos, rates)
     timestep = float(times[1] - times[0]) / substeps
-    stepped = _prepared(model, settings, timestep)
+    stepped = prepared(model, settings, timestep)
     drives = Drives(model, stepped, prescribed or {})
     begin = timer.perf_counter()
     states, diverged = _steps(model, stepped, drives, (qpos, qvel), times, substeps)
@@ -160,7 +162,7 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
     )
 
 
-def _prepared(model: LoadedModel, settings: Settings, timestep: float) -> mujoco.MjModel:
+def prepared(model: LoadedModel, settings: Settings, timestep: float) -> mujoco.MjModel:
     """Return a copy of the model that is set up for stepping, without virtual drive inertia."""
     stepped = copy.copy(model.model)
     crank = np.array([model.loops.crank])
@@ -182,7 +184,7 @@ class Controllers:
     def __init__(self, model: LoadedModel) -> None:
         self.used = model.forces.controllers
         names = sorted({name for controller in self.used for name in controller.coordinates})
-        addresses, dofs = _dofs(model, dict.fromkeys(names, 0.0))
+        addresses, dofs = dofs_of(model, dict.fromkeys(names, 0.0))
         self.addresses, self.dofs = (
             dict(zip(names, addresses, strict=True)),
             dict(zip(names, dofs, strict=True)),
@@ -213,7 +215,7 @@ class Drives:
 
     def __init__(self, model: LoadedModel, stepped: mujoco.MjModel, laws: Mapping[str, State]) -> None:
         self.names, self.laws, self.stepped = tuple(laws), tuple(laws.values()), stepped
-        self.dofs = np.array(_dofs(model, dict.fromkeys(laws, 0.0))[1], dtype=np.int64)
+        self.dofs = np.array(dofs_of(model, dict.fromkeys(laws, 0.0))[1], dtype=np.int64)
         self.scratch = mujoco.MjData(stepped)
         self.evaluating = False
         self.forces, self.others = np.zeros(len(laws)), np.zeros(stepped.nv)
@@ -243,7 +245,7 @@ class Drives:
         return accelerations
 
 
-def _dofs(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], list[int]]:
+def dofs_of(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], list[int]]:
     """Return addresses in qpos and degrees of freedom of joint coordinates.
 
     Raises:
@@ -266,7 +268,7 @@ def _dofs(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], li
     return addresses, dofs
 
 
-def _without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, float]:
+def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, float]:
     """Return the values of those coordinates at which no loop is cut."""
     called = model_names(model.mechanism)
     joints = {model.model.joint(i).name for i in range(model.model.njnt)}
@@ -278,17 +280,17 @@ def _without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, 
 
 def _moved(model: LoadedModel, coordinates: Mapping[str, float]) -> Array:
     """Return the closed state at independent coordinates, (nq,), by short steps from the reference."""
-    addresses, dofs = _dofs(model, coordinates)
+    addresses, dofs = dofs_of(model, coordinates)
     loops, qpos = model.loops, model.qpos.copy()
     target, begin = np.array([*coordinates.values()]), qpos[addresses].copy()
     lengths = loops.units[dofs]
     steps = max(1, int(np.ceil(np.abs((target - begin) / lengths).max(initial=0.0) / STEP)))
     for k in range(1, steps + 1):
-        qpos = _closed(model, loops, qpos, addresses, dofs, begin + (target - begin) * (k / steps))
+        qpos = closed_at(model, loops, qpos, addresses, dofs, begin + (target - begin) * (k / steps))
     return qpos
 
 
-def _closed(
+def closed_at(
     model: LoadedModel, loops: ModelLoops, qpos: Array, addresses: list[int], dofs: list[int], values: Array
 ) -> Array:
     """Return the nearest state with closed loops and some coordinates at given values."""
@@ -305,7 +307,7 @@ def _closed(
 
 def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array:
     """Return the rates of least norm, (nv,), that satisfy the loops and the initial rates."""
-    _, dofs = _dofs(model, rates)
+    _, dofs = dofs_of(model, rates)
     loops = model.loops
     _, jacobian = loops.linearise(qpos[None])
     rows = np.concatenate([jacobian[0], np.eye(model.model.nv)[dofs]]) * loops.units
@@ -429,7 +431,7 @@ def _motion(
         kind = KINDS[joint.kind]
         for i, (name, unit) in enumerate(zip(joint.coordinates, kind.units, strict=True)):
             try:
-                (address,), (dof,) = _dofs(model, {name: 0.0})
+                (address,), (dof,) = dofs_of(model, {name: 0.0})
             except InputError:
                 continue
             index = None if kind.single else i

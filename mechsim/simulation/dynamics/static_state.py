@@ -1,0 +1,110 @@
+"""MuJoCo at rest in a configuration: accelerations under the loads, and the eigenvalues of small motions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.model.forces import Forces
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import null_spaces
+from mechsim.simulation import loop_jacobian
+from mechsim.simulation.dynamics.forward_run import (
+    FREE,
+    Controllers,
+    closed_at,
+    dofs_of,
+    free_model,
+    prepared,
+    without_cuts,
+)
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.mjcf import quiet
+
+# central differences, in [rad] or characteristic lengths
+STEP = 1e-4
+# of MuJoCo's constraints, which takes no step here, in [s]
+TIMESTEP = 1e-3
+NONE_LOCKED = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class StaticState:
+    """A configuration in MuJoCo, at rest.
+
+    Attributes:
+        accelerations: along the independent directions, (dof,) in [rad or characteristic lengths /s2].
+        stiffness: largest singular value of their derivative by displacements, in [1/s2].
+        eigenvalues: of small motions, (2 dof,) in [1/s].
+    """
+
+    accelerations: Array
+    stiffness: float
+    eigenvalues: NDArray[np.complex128]
+
+
+@quiet()
+def static_state(mechanism: Mechanism, forces: Forces, coordinates: Mapping[str, float]) -> StaticState:
+    """Return MuJoCo's accelerations from rest and the eigenvalues of small motions, by finite differences.
+
+    Dry friction is left out; loads over time act as at time zero.
+
+    Args:
+        mechanism: links without an inertia are rods.
+        forces: what acts.
+        coordinates: of all joints of one degree of freedom, in [m] or [rad], not wrapped.
+
+    Raises:
+        InputError: for a mechanism without revolute or prismatic joint.
+        AssemblyError: where MuJoCo's loops do not close there.
+    """
+    smooth = tuple(replace(friction, coulomb=0.0, coulomb_turn=0.0) for friction in forces.friction)
+    model = free_model(mechanism, replace(forces, friction=smooth), set())
+    loops = model.loops
+    values = without_cuts(model, coordinates)
+    qpos = closed_at(model, loops, model.qpos, *dofs_of(model, values), np.array([*values.values()]))
+    jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
+    basis = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
+    look = _Accelerations(model, basis)
+    rest, dof = np.zeros(model.model.nv), basis.shape[1]
+    matrix = np.zeros((2 * dof, 2 * dof))
+    matrix[:dof, dof:] = np.eye(dof)
+    for k, direction in enumerate((loops.units[:, None] * basis).T):
+        ahead, behind = (look.at(_displaced(model, qpos, sign * STEP * direction), rest) for sign in (1, -1))
+        matrix[dof:, k] = (ahead - behind) / (2.0 * STEP)
+        ahead, behind = (look.at(qpos, sign * STEP * direction) for sign in (1, -1))
+        matrix[dof:, dof + k] = (ahead - behind) / (2.0 * STEP)
+    stiffness = float(np.linalg.norm(matrix[dof:, :dof], 2)) if dof else 0.0
+    return StaticState(look.at(qpos, rest), stiffness, np.linalg.eigvals(matrix).astype(np.complex128))
+
+
+def _displaced(model: LoadedModel, qpos: Array, step: Array) -> Array:
+    """Return the nearest state with closed loops after a step in the degrees of freedom, (nq,)."""
+    moved = model.loops.displaced(qpos[None], step[None])
+    return loop_jacobian.close(model.loops, moved, NONE_LOCKED)[0]
+
+
+class _Accelerations:
+    """MuJoCo's accelerations along independent directions, under its own constraint forces."""
+
+    def __init__(self, model: LoadedModel, basis: Array) -> None:
+        self.model, self.basis = model, basis
+        self.stepped = prepared(model, FREE, TIMESTEP)
+        self.data, self.controllers = mujoco.MjData(self.stepped), Controllers(model)
+
+    def at(self, qpos: Array, qvel: Array) -> Array:
+        """Return the accelerations at a state, (dof,)."""
+        data = self.data
+        data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
+        crank = self.model.loops.crank_address if self.model.mechanism.has_crank else None
+        angle = np.zeros(1) if crank is None else qpos[[crank]]
+        if self.stepped.nu:
+            data.ctrl[:] = self.model.controls(angle, np.zeros(1))[0]
+        data.qfrc_applied[:] = 0.0
+        self.controllers.apply(data)
+        mujoco.mj_forward(self.stepped, data)
+        found: Array = self.basis.T @ (data.qacc / self.model.loops.units)
+        return found
