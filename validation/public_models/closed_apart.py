@@ -102,6 +102,8 @@ def coordinates(model, path):
     Up to three drivers are replaced all, of more of them one.
     """
     count = len(path.drivers)
+    if not count:
+        return None
     jacobian = path.loops.linearise(path.reference[None])[1][0]
     rates = np.zeros((model.nv, count))
     rates[path.drivers] = np.diag(path.loops.units[path.drivers])
