@@ -292,8 +292,8 @@ def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output) ->
     mechanism, solutions = model.mechanism, equilibria(model, initial=initial)
     compared = output.method != "none"
     verdicts = {
-        f"equilibrium {place} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
-        for place, equilibrium in enumerate(solutions, start=1)
+        f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
+        for index, equilibrium in enumerate(solutions, start=1)
         if compared
     }
     torques = holding(model, initial=initial) if initial else {}

@@ -68,17 +68,22 @@ def static_state(mechanism: Mechanism, forces: Forces, coordinates: Mapping[str,
     qpos = closed_at(model, loops, model.qpos, *dofs_of(model, values), np.array([*values.values()]))
     jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
     basis = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
-    look = _Accelerations(model, basis)
+    accelerations = _Accelerations(model, basis)
     rest, dof = np.zeros(model.model.nv), basis.shape[1]
     matrix = np.zeros((2 * dof, 2 * dof))
     matrix[:dof, dof:] = np.eye(dof)
     for k, direction in enumerate((loops.units[:, None] * basis).T):
-        ahead, behind = (look.at(_displaced(model, qpos, sign * STEP * direction), rest) for sign in (1, -1))
+        ahead, behind = (
+            accelerations.along_basis(_displaced(model, qpos, sign * STEP * direction), rest)
+            for sign in (1, -1)
+        )
         matrix[dof:, k] = (ahead - behind) / (2.0 * STEP)
-        ahead, behind = (look.at(qpos, sign * STEP * direction) for sign in (1, -1))
+        ahead, behind = (accelerations.along_basis(qpos, sign * STEP * direction) for sign in (1, -1))
         matrix[dof:, dof + k] = (ahead - behind) / (2.0 * STEP)
     stiffness = float(np.linalg.norm(matrix[dof:, :dof], 2)) if dof else 0.0
-    return StaticState(look.at(qpos, rest), stiffness, np.linalg.eigvals(matrix).astype(np.complex128))
+    return StaticState(
+        accelerations.along_basis(qpos, rest), stiffness, np.linalg.eigvals(matrix).astype(np.complex128)
+    )
 
 
 def _displaced(model: LoadedModel, qpos: Array, step: Array) -> Array:
@@ -92,19 +97,19 @@ class _Accelerations:
 
     def __init__(self, model: LoadedModel, basis: Array) -> None:
         self.model, self.basis = model, basis
-        self.stepped = prepared(model, FREE, TIMESTEP)
-        self.data, self.controllers = mujoco.MjData(self.stepped), Controllers(model)
+        self.prepared_model = prepared(model, FREE, TIMESTEP)
+        self.data, self.controllers = mujoco.MjData(self.prepared_model), Controllers(model)
 
-    def at(self, qpos: Array, qvel: Array) -> Array:
+    def along_basis(self, qpos: Array, qvel: Array) -> Array:
         """Return the accelerations at a state, (dof,)."""
         data = self.data
         data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
         crank = self.model.loops.crank_address if self.model.mechanism.has_crank else None
         angle = np.zeros(1) if crank is None else qpos[[crank]]
-        if self.stepped.nu:
+        if self.prepared_model.nu:
             data.ctrl[:] = self.model.controls(angle, np.zeros(1))[0]
         data.qfrc_applied[:] = 0.0
         self.controllers.apply(data)
-        mujoco.mj_forward(self.stepped, data)
-        found: Array = self.basis.T @ (data.qacc / self.model.loops.units)
-        return found
+        mujoco.mj_forward(self.prepared_model, data)
+        result: Array = self.basis.T @ (data.qacc / self.model.loops.units)
+        return result
