@@ -1,7 +1,7 @@
 """Forward dynamics, statics and vibrations of `mechsim dynamics`: from any initial state, drivers free."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
 import numpy as np
@@ -322,7 +322,9 @@ def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output) ->
 
     facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
     checks = [
-        check.as_dict() | {"variant": name} for name, verdict in verdicts.items() for check in verdict.checks
+        replace(check, variant=name).as_dict()
+        for name, verdict in verdicts.items()
+        for check in verdict.checks
     ]
     agreed = all(verdict.passed for verdict in verdicts.values())
     data = {"equilibria": facts, "holding": torques, "passed": agreed if verdicts else None, "checks": checks}
