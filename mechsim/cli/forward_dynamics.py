@@ -85,6 +85,7 @@ class EquilibriumJson(TypedDict):
 
     q: dict[str, float]
     stable: bool
+    reached: bool
     potential: float
     modes: list[ModeJson]
 
@@ -142,6 +143,9 @@ class ForwardOptions(InitialOptions):
     statics: bool = option(
         False, "List the equilibria; with --initial also what holds that configuration.", name="--statics"
     )
+    assemblies: int = option(
+        0, "With --statics: random configurations of any assembly to search from besides.", metavar="N"
+    )
     modes: bool = option(
         False, "Natural frequencies, damping ratios and mode shapes about the equilibrium.", name="--modes"
     )
@@ -161,7 +165,8 @@ class ForwardOptions(InitialOptions):
     @property
     def requested(self) -> bool:
         """Whether any of them is asked for."""
-        return bool(self.initial or self.until or self.statics or self.modes or self.response)
+        named = self.initial or self.until or self.statics or self.assemblies or self.modes or self.response
+        return bool(named)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,13 +189,15 @@ def forward_dynamics(
         raise InputError("--drive prescribes a run; drop it, or --statics, --modes, --response")
     if forward.quantities and analysis:
         raise InputError("--of is of a run from an initial state; drop it, or --statics, --modes, --response")
+    if forward.assemblies and not forward.statics:
+        raise InputError("--assemblies is of the search for equilibria; add --statics")
     if output.csv is not None and (forward.statics or forward.modes):
         raise InputError("--csv holds a run or a response; take --json for --statics and --modes")
     if output.plot is not None and forward.statics:
         raise InputError("--plot draws a run, modes or a response; drop it, or --statics")
     initial = dict(forward.initial)
     if forward.statics:
-        return _statics(model, initial, output)
+        return _statics(model, initial, output, forward.assemblies)
     if forward.modes:
         return _modes(model, initial, output.plot)
     if forward.response is not None:
@@ -287,9 +294,9 @@ def _final(result: DynamicRun) -> dict[str, float]:
     return final
 
 
-def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output) -> Result[Any]:
+def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output, assemblies: int) -> Result[Any]:
     """Return the equilibria, what holds the initial configuration, and the comparison with MuJoCo."""
-    mechanism, solutions = model.mechanism, equilibria(model, initial=initial)
+    mechanism, solutions = model.mechanism, equilibria(model, initial=initial, assemblies=assemblies)
     compared = output.method != "none"
     verdicts = {
         f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
@@ -304,14 +311,17 @@ def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output) ->
             (
                 ", ".join(f"{driver} {number(equilibrium.q[driver])}" for driver in drivers),
                 "yes" if equilibrium.stable else "no",
+                "yes" if equilibrium.reached else "no",
                 number(equilibrium.potential),
                 ", ".join(number(mode.frequency) for mode in equilibrium.modes) if equilibrium.stable else "",
             )
             for equilibrium in solutions
         ]
-        searched = f"found from {STARTS + 1} configurations of this assembly"
-        title = f"{mechanism.name}: {len(solutions)} equilibria {searched}"
-        print_table(title, ("at [rad, m]", "stable", "potential [J]", "frequencies [Hz]"), rows)
+        searched = f"found from {STARTS + 1} configurations along the motion"
+        other = f" and {assemblies} random ones of any assembly" if assemblies else ""
+        title = f"{mechanism.name}: {len(solutions)} equilibria {searched}{other}"
+        head = ("at [rad, m]", "stable", "reached", "potential [J]", "frequencies [Hz]")
+        print_table(title, head, rows)
         for driver, torque in torques.items():
             print_text(
                 f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
@@ -335,6 +345,7 @@ def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
     return {
         "q": dict(equilibrium.q),
         "stable": equilibrium.stable,
+        "reached": equilibrium.reached,
         "potential": equilibrium.potential,
         "modes": [_mode_facts(mode) for mode in equilibrium.modes],
     }

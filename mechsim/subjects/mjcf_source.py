@@ -93,8 +93,6 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
     Raises:
         InputError: for loops of another model.
     """
-    import mujoco
-
     if isinstance(model, MjcfForm) and model.source is not None:
         model = model.source.spec
     named = fspath(model) if isinstance(model, str | PathLike) else model
@@ -103,7 +101,7 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
         # MuJoCo says what it misses in a file of unknown suffix
         of_mujoco = closed.lower().endswith((".xml", ".urdf"))
         return closed if of_mujoco or (Path(closed).suffix and file_reader(closed) is None) else None
-    return closed if isinstance(closed, mujoco.MjSpec | mujoco.MjModel) else None
+    return closed if type(closed).__name__ in ("MjSpec", "MjModel") else None
 
 
 def with_loops(model: Any, loops: str | None) -> Any:

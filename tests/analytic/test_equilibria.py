@@ -57,6 +57,7 @@ def test_a_four_bar_has_a_stable_and_an_unstable_equilibrium():
     form = ms.catalog.make("four_bar")
     found = ms.dynamics.equilibria(form, WEIGHT, starts=6)
     assert [equilibrium.stable for equilibrium in found] == [True, False]
+    assert all(equilibrium.reached for equilibrium in found)
     for equilibrium in found:
         torque = ms.dynamics.holding(form, WEIGHT, initial={"crank.q": equilibrium.q["crank"]})
         assert abs(torque["crank"]) <= 1e-12
@@ -83,3 +84,21 @@ def test_small_vibrations_of_the_nonlinear_run_have_the_linear_frequency():
 def test_without_loads_there_is_no_single_equilibrium_to_vibrate_about():
     with pytest.raises(AssemblyError, match="no equilibrium"):
         ms.dynamics.modes(slider(), Forces(gravity=(1.0, 0.0, 0.0)))
+
+
+def test_equilibria_of_other_assemblies_are_found_and_named_as_such():
+    crank, rod = 0.05, 0.2
+    form = ms.catalog.make("slider_crank", crank=crank, rod=rod, offset=0.0)
+    found = ms.dynamics.equilibria(form, WEIGHT, starts=4, assemblies=12)
+    assert {equilibrium.reached for equilibrium in found} == {True, False}
+    # crank up or down, the slider on either side: by symmetry the crank is across the guide
+    sides = set()
+    for equilibrium in found:
+        angle = equilibrium.q["crank"]
+        slider = crank * np.cos(angle) + rod * np.cos(angle + equilibrium.q["A"])
+        assert abs(np.cos(angle)) < 1e-9
+        assert abs(slider) == pytest.approx(np.sqrt(rod**2 - crank**2), abs=1e-9)
+        sides.add((equilibrium.reached, bool(slider > 0.0)))
+    assert (True, True) in sides
+    assert (True, False) not in sides
+    assert (False, False) in sides

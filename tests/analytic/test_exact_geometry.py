@@ -80,7 +80,9 @@ def test_the_size_is_measured_a_few_times_a_derivative(monkeypatch):
     monkeypatch.setattr(
         Mechanism, "characteristic_length", property(lambda self: measured.append(1) or size.fget(self))
     )
-    trial = rounded_geometry._perturbed
-    monkeypatch.setattr(rounded_geometry, "_perturbed", lambda *given: perturbed.append(1) or trial(*given))
+    trial = rounded_geometry.with_moved_sides
+    monkeypatch.setattr(
+        rounded_geometry, "with_moved_sides", lambda *given: perturbed.append(1) or trial(*given)
+    )
     corrected(mechanism)
     assert 0 < len(measured) <= 3 * len(perturbed) + 50

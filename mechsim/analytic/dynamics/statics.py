@@ -1,7 +1,7 @@
 """Statics of any mechanism: equilibria under its loads, and the efforts that hold a configuration."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,8 @@ from mechsim.numerics.arrays import Array
 
 # searches from configurations reached by random steps along the motion of the mechanism
 STARTS = 20
+# random configurations from which mechanisms without loops are searched besides
+RANDOM = 10
 # length of one of these random steps, in [rad] or sizes of the mechanism
 RANDOM_STEP = 0.7
 # Newton steps from each start, and the longest
@@ -55,6 +57,8 @@ class Equilibrium:
         potential: of gravity and springs, in [J].
         modes: of small vibrations about it.
         linear: the linear model about it.
+        reached: whether the search along the motion from the initial configuration found it; otherwise it may
+            be of another assembly.
     """
 
     q: Mapping[str, float]
@@ -62,6 +66,7 @@ class Equilibrium:
     potential: float
     modes: tuple[Mode, ...]
     linear: LinearModel
+    reached: bool = True
 
 
 def equilibria(
@@ -70,19 +75,23 @@ def equilibria(
     *,
     initial: Mapping[str, float | str] | None = None,
     starts: int = STARTS,
+    assemblies: int = 0,
     seed: int = 0,
 ) -> tuple[Equilibrium, ...]:
-    """Return the equilibria found from random steps along the mechanism's motion, by rising potential.
+    """Return the equilibria found by a random search, by rising potential.
 
-    Newton's method starts at the initial configuration and at `starts` others in the same assembly. Coulomb
-    friction is left out; loads over time act as at time zero.
+    Newton's method starts at the initial configuration and at `starts` others, each a random step along the
+    motion from the one before, then at `assemblies` random configurations that close the loops anywhere;
+    without loops, at ten random configurations.
+    Coulomb friction is left out; loads over time act as at time zero.
 
     Args:
         source: a mechanism, or what has one.
         forces: what acts; None takes the forces of the source.
         initial: coordinates `J.q` of the initial configuration.
-        starts: number of random starts; 0 searches from the initial configuration only.
-        seed: of the random steps.
+        starts: number of random steps; without them and `assemblies` only the initial configuration counts.
+        assemblies: number of random configurations of any assembly.
+        seed: of the random numbers.
 
     Raises:
         InputError: for values that cannot be used.
@@ -91,21 +100,38 @@ def equilibria(
     Accuracy: coordinates to about 1e-11 at a regular equilibrium.
     """
     equations, q = _prepared(source, forces, initial or {})
-    if starts < 0:
-        raise InputError(f"starts of the search are {starts}; give 0 or more")
-    random = np.random.default_rng(seed)
+    for name, count in (("starts", starts), ("assemblies", assemblies)):
+        if count < 0:
+            raise InputError(f"{name} of the search are {count}; give 0 or more")
     solutions: list[Equilibrium] = []
-    for number in range(starts + 1):
-        if number:
-            q = _random_step(equations, q, random)
+    for start, reached in _starts(equations, q, starts, assemblies, np.random.default_rng(seed)):
         for downhill in (False, True):
-            solution = _newton(equations, q, downhill=downhill)
+            solution = _newton(equations, start, downhill=downhill)
             if solution is None:
                 continue
             values = _coordinates(equations, solution)
             if not any(_same(equations, values, other.q) for other in solutions):
-                solutions.append(_described(equations, solution))
+                solutions.append(replace(_described(equations, solution), reached=reached))
     return tuple(sorted(solutions, key=lambda equilibrium: equilibrium.potential))
+
+
+def _starts(
+    equations: EquationsOfMotion,
+    q: Coordinates,
+    starts: int,
+    assemblies: int,
+    random: np.random.Generator,
+) -> Iterator[tuple[Coordinates, bool]]:
+    """Yield configurations, and whether they are reached along the motion from the first."""
+    yield q, True
+    for _ in range(starts):
+        q = _random_step(equations, q, random)
+        yield q, True
+    for _ in range(assemblies if equations.loops.rows else RANDOM if starts else 0):
+        closed = _random_configuration(equations, q, random)
+        if closed is not None:
+            # without loops there is one assembly
+            yield closed, not equations.loops.rows
 
 
 def modes(
@@ -252,7 +278,9 @@ def _newton_step(jacobian: Array, value: Array, downhill: bool) -> Array:
         return -np.asarray(np.linalg.lstsq(jacobian, value, rcond=SINGULAR)[0], np.float64)
     values, vectors = np.linalg.eig(jacobian)
     steep = -np.maximum(np.abs(values), SINGULAR * np.abs(values).max(initial=1e-300))
-    return np.real(-vectors @ (np.linalg.solve(vectors, value.astype(np.complex128)) / steep))
+    with np.errstate(over="ignore", invalid="ignore"):
+        # a step without bounds ends the search
+        return np.real(-vectors @ (np.linalg.solve(vectors, value.astype(np.complex128)) / steep))
 
 
 def _described(equations: EquationsOfMotion, q: Coordinates) -> Equilibrium:
@@ -282,6 +310,23 @@ def _same(equations: EquationsOfMotion, q: Mapping[str, float], other: Mapping[s
         if abs(difference) > SAME_EQUILIBRIUM * units[name]:
             return False
     return True
+
+
+def _random_configuration(
+    equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator
+) -> Coordinates | None:
+    """Return a configuration of any assembly: random coordinates closed by Newton's method; None without."""
+    from scipy.spatial.transform import Rotation
+
+    tree = equations.loops.tree
+    values = (np.where(tree.slides, tree.length, np.pi) * random.uniform(-1.0, 1.0, tree.count))[:, None]
+    turns = q.turns.copy()
+    for k in range(len(turns)):
+        turns[k, ..., 0] = Rotation.random(random_state=random).as_matrix()
+    try:
+        return projected(equations, Coordinates(values, turns), 0.0 * values, np.zeros(1))[0]
+    except (AssemblyError, np.linalg.LinAlgError):
+        return None
 
 
 def _random_step(equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator) -> Coordinates:

@@ -83,7 +83,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
         change = change + correction.reshape(change.shape)
         if not np.abs(change).max() < MAX_CORRECTION:
             break
-        trial = _perturbed(mechanism, change)
+        trial = with_moved_sides(mechanism, change)
         loops = _loops(trial)
         poses = [nearest_consistent(loops, q, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE) for q in poses]
         if not _inconsistent(loops, poses):
@@ -151,7 +151,7 @@ def _jacobians(
         if joint.name in concerned and _enters_equations(joint, index[2]):
             step = np.zeros(jacobian.shape[2:])
             step[index] = STEP
-            perturbed = _loops(_perturbed(mechanism, step)).linearise(q)[0]
+            perturbed = _loops(with_moved_sides(mechanism, step)).linearise(q)[0]
             jacobian[(slice(None), slice(None), *index)] = (perturbed - residual) / STEP
     return jacobian
 
@@ -166,7 +166,7 @@ def _enters_equations(joint: Joint, component: int) -> bool:
     return not kind.floating and (component < 3 or not kind.ball)
 
 
-def _perturbed(mechanism: Mechanism, change: Array) -> Mechanism:
+def with_moved_sides(mechanism: Mechanism, change: Array) -> Mechanism:
     """Return a mechanism whose joint sides are shifted, in parts of the size, and turned, in [rad]."""
     length = mechanism.characteristic_length
     joints = tuple(
