@@ -28,7 +28,7 @@ GROUPS = {
         "sample": ("sample.sample", "Draw closed configurations of a MuJoCo model."),
         "map": ("map.map_joints", "Map motors to joints: positions, Jacobians, torques."),
         "trace": ("trace.trace", "Trace all assemblies as closed curves."),
-        "dynamics": ("dynamics.dynamics", "Compute drive torques, joint reactions, energies."),
+        "dynamics": ("dynamics.dynamics", "Compute torques, runs from a state, equilibria, modes."),
     },
     "Verification": {
         "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo: the main job."),
