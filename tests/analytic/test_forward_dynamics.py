@@ -116,6 +116,27 @@ def test_a_row_of_four_bars_crosses_five_singular_poses_without_loss_of_digits()
     assert run.energy_error <= 1e-9
 
 
+# the crank of the row of four-bars lies flat for the first time after 0.63743126 s
+FLAT = 0.63743126
+
+
+@pytest.mark.parametrize("later", [-2e-3, 0.0, 2e-3])
+def test_a_run_ends_at_its_duration_near_a_singular_pose(later):
+    duration = FLAT + later
+    run = ms.dynamics.run(
+        a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.3}, duration=duration, samples=3
+    )
+    assert run.time[-1] == pytest.approx(duration, abs=1e-15)
+
+
+@pytest.mark.parametrize("height", [1e-3, 0.0, -1e-3])
+def test_an_event_near_a_singular_pose_ends_the_run(height):
+    start, until = {"A0.v": -1.3}, f"B0.y={height}"
+    run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial=start, duration=1.0, until=until, samples=3)
+    assert run.motion.points["B0"].position[-1, 1] == pytest.approx(height, abs=1e-11)
+    assert run.time[-1] < 0.7
+
+
 @pytest.mark.parametrize(("stiffness", "crossed"), [(1.0, True), (1e6, False)])
 def test_collocation_crosses_a_smooth_motion_and_rejects_one_that_it_does_not_resolve(stiffness, crossed):
     def derivative(_, state):

@@ -194,8 +194,8 @@ class Integration:
             # stages between the ends of an accepted step, for its dense output, may be nearer
             self.stepping = False
             self.steps += 1
-            if self.blocked and self._cross():
-                return None
+            if self.blocked and self._approaches_singular():
+                return self._cross(solver.t_bound)
             if solver.status == "failed" or not np.isfinite(solver.y).all():
                 return "diverged", f"the integrator found no step at {self.time:.6g} s ({message})"
             if self.steps > MOST_STEPS:
@@ -203,31 +203,42 @@ class Integration:
                     "failed",
                     f"{MOST_STEPS:,} steps reach {self.time:.6g} s only: the equations are too stiff",
                 )
-            dense = solver.dense_output()
-            before, after = self.time, float(solver.t)
-            event = self._first_event(dense, before, after)
-            last = after if event is None else event[0]
-            self.pieces.append(Piece(before, last, dense, self.mode, self.contacts.indices(self.mode)))
-            self.time = last
-            q, rates, work, lost = self.layout.unpack(solver.y if event is None else dense(last))
-            q, rates = projected(self.equations, q, rates, np.array([last]))
-            rates = self._balanced(q, rates, work - lost)
-            self.fastest = max(self.fastest, float(np.abs(rates).max(initial=0.0)))
-            self.state = self.layout.pack(q, rates, work, lost)
-            if event is not None:
-                if event[1] != "mode":
-                    return "done", ""
-                self.events.append(last)
-                if len(self.events) > MOST_EVENTS:
-                    return "stopped", f"{MOST_EVENTS:,} impacts and changes of friction by {last:.6g} s"
-                self._impact()
-                self.mode = self.contacts.choose(self._kinematics(self.state), self.time, self.fastest)
-                return self._at_rest()
+            after = float(solver.t)
+            kind = self._accept(solver.dense_output(), after, solver.y)
+            if kind is not None:
+                return self._after_event(kind)
             if self.nearest < self.regular and self._conditioning(self.state) > CLOSE * self.regular:
                 self.nearest = self.regular
             solver.y = self.state.copy()
             solver.f = self._derivative(after, self.state)
         return None
+
+    def _accept(self, solution: Callable[[float], Array], after: float, state: Array) -> str | None:
+        """Continue from an instant, where the state is known, or from the first event before it.
+
+        Return the kind of the event.
+        """
+        event = self._first_event(solution, self.time, after)
+        last = after if event is None else event[0]
+        self.pieces.append(Piece(self.time, last, solution, self.mode, self.contacts.indices(self.mode)))
+        self.time = last
+        q, rates, work, lost = self.layout.unpack(state if event is None else solution(last))
+        q, rates = projected(self.equations, q, rates, np.array([last]))
+        rates = self._balanced(q, rates, work - lost)
+        self.fastest = max(self.fastest, float(np.abs(rates).max(initial=0.0)))
+        self.state = self.layout.pack(q, rates, work, lost)
+        return None if event is None else event[1]
+
+    def _after_event(self, kind: str) -> tuple[Outcome, str] | None:
+        """Change rates and mode at an event; the outcome where the run ends."""
+        if kind != "mode":
+            return "done", ""
+        self.events.append(self.time)
+        if len(self.events) > MOST_EVENTS:
+            return "stopped", f"{MOST_EVENTS:,} impacts and changes of friction by {self.time:.6g} s"
+        self._impact()
+        self.mode = self.contacts.choose(self._kinematics(self.state), self.time, self.fastest)
+        return self._at_rest()
 
     def _balanced(self, q: Coordinates, rates: Array, gained: float) -> Array:
         """Return rates scaled so that energy balances, and count the correction.
@@ -272,41 +283,47 @@ class Integration:
         dynamics = self.contacts.accelerate(kinematics, times, self.mode)
         return self.layout.derivatives(states, kinematics, dynamics)
 
-    def _cross(self) -> bool:
-        """Cross a singular configuration, or allow steps nearer to it where the path only passes near one.
-
-        False where none is near.
-        """
+    def _approaches_singular(self) -> bool:
+        """Return whether the last piece comes near a singular configuration."""
         if not self.pieces:
             return False
+        conditioning, before = self._conditioning(self.state), self._conditioning_before()
+        return conditioning <= CLOSE * self.nearest and before > conditioning
+
+    def _conditioning_before(self) -> float:
+        """Return the smallest singular value of the loop constraints where the last piece begins."""
         piece = self.pieces[-1]
-        conditioning = self._conditioning(self.state)
-        before = self._conditioning(piece.solution(piece.first))
-        if conditioning > CLOSE * self.nearest or not before > conditioning:
-            return False
+        return self._conditioning(piece.solution(piece.first))
+
+    def _cross(self, duration: float) -> tuple[Outcome, str] | None:
+        """Cross a singular configuration, or allow steps nearer to it where the path only passes near one.
+
+        Return the outcome where the run ends on the way, at the latest after a duration in [s].
+        """
+        crossing = self._crossing()
+        if crossing is None:
+            self.nearest *= NEARER
+            return None
+        solution, last = crossing
+        last = min(last, duration)
+        self.nearest = self.regular
+        kind = self._accept(solution, last, solution(last))
+        return None if kind is None else self._after_event(kind)
+
+    def _crossing(self) -> tuple[Callable[[float], Array], float] | None:
+        """Return the solution across the next singular configuration, and when it ends in [s]."""
+        piece = self.pieces[-1]
+        conditioning, before = self._conditioning(self.state), self._conditioning_before()
         distance = 2.0 * (piece.last - piece.first) * conditioning / (before - conditioning)
         for _ in range(CROSSINGS):
             beyond = self._conditioning(piece.solution(self.time + distance))
             if beyond > conditioning:
                 # the smallest singular value is proportional to the distance on both sides
                 distance *= 2.0 * conditioning / (conditioning + beyond)
-                crossing = collocated(self._on_loops, self.time, self.state, distance, piece.solution)
-                if crossing is None:
-                    break
-                self._accept_crossing(self.time + distance, crossing)
-                return True
+                solution = collocated(self._on_loops, self.time, self.state, distance, piece.solution)
+                return None if solution is None else (solution, self.time + distance)
             distance *= 1.5
-        self.nearest *= NEARER
-        return True
-
-    def _accept_crossing(self, time: float, solution: Callable[[float], Array]) -> None:
-        """Continue from the far side of a singular configuration."""
-        q, rates, work, lost = self.layout.unpack(solution(time))
-        q, rates = projected(self.equations, q, rates, np.array([time]))
-        rates = self._balanced(q, rates, work - lost)
-        self.pieces.append(Piece(self.time, time, solution, self.mode, self.contacts.indices(self.mode)))
-        self.time, self.state = time, self.layout.pack(q, rates, work, lost)
-        self.nearest = self.regular
+        return None
 
     def _on_loops(self, time: float, state: Array) -> tuple[Array, float]:
         """Return the derivative at the nearest state that satisfies the loops, and the distance to it."""
