@@ -11,7 +11,7 @@ from mechsim._version import __version__
 
 if TYPE_CHECKING:
     from mechsim import simulation, testing, units
-    from mechsim.analytic import catalog, dynamics
+    from mechsim.analytic import catalog
     from mechsim.analytic import loops as closure
     from mechsim.codegen.compiled import compile
     from mechsim.errors import AssemblyError, InputError, MechsimError
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mechsim.pictures import plots, render
     from mechsim.report.notebook import show, view
     from mechsim.simulation import Run, Settings
-    from mechsim.studies.agreement.agreement import Agreement, validate
+    from mechsim.studies.agreement.agreement import Agreement
     from mechsim.studies.calibration import fit
     from mechsim.studies.certify import Certificate, certify
     from mechsim.studies.check import check
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
     from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
     from mechsim.studies.sweep.sweeping import sweep
+    from mechsim.studies.validate import Validation, validate
+    from mechsim.subjects import dynamics
     from mechsim.subjects.listing import list
     from mechsim.subjects.readers import load
     from mechsim.subjects.simulate_by_name import simulate
@@ -50,12 +52,12 @@ if TYPE_CHECKING:
     from mechsim.verdict.crosscheck import crosscheck
     from mechsim.verdict.tolerances import Tolerance
 
-# public name -> where it is: modules, then what is in one
+# public name -> module that defines it; modules first
 _MODULES = {
     "catalog": "analytic.catalog",
     "closure": "analytic.loops",
     "course": "model.load_profile",
-    "dynamics": "analytic.dynamics",
+    "dynamics": "subjects.dynamics",
     "motors": "model.motors",
     "plots": "pictures.plots",
     "render": "pictures.render",
@@ -64,7 +66,7 @@ _MODULES = {
     "testing": "testing",
     "units": "units",
 }
-_HOMES = _MODULES | {
+_LOCATIONS = _MODULES | {
     "Agreement": "studies.agreement.agreement",
     "AssemblyError": "errors",
     "Certificate": "studies.certify",
@@ -91,6 +93,7 @@ _HOMES = _MODULES | {
     "Settings": "simulation",
     "Spring": "model.forces",
     "Tolerance": "verdict.tolerances",
+    "Validation": "studies.validate",
     "Verdict": "verdict.checks",
     "certify": "studies.certify",
     "check": "studies.check",
@@ -113,7 +116,7 @@ _HOMES = _MODULES | {
     "tolerance_study": "studies.sensitivity.tolerance_analysis",
     "trace": "theory.continuation.mechanism_trace",
     "tune": "studies.scene.tune_model",
-    "validate": "studies.agreement.agreement",
+    "validate": "studies.validate",
     "view": "report.notebook",
 }
 
@@ -144,6 +147,7 @@ __all__ = [
     "Settings",
     "Spring",
     "Tolerance",
+    "Validation",
     "Verdict",
     "__version__",
     "catalog",
@@ -183,13 +187,13 @@ __all__ = [
 ]
 
 
-if not TYPE_CHECKING:  # what a type checker does not find above it is to complain of
+if not TYPE_CHECKING:  # a type checker must report names that are not imported above
 
     def __getattr__(name: str) -> Any:
-        if name not in _HOMES:
+        if name not in _LOCATIONS:
             raise AttributeError(f"module 'mechsim' has no attribute {name!r}")
-        home = import_module(f"mechsim.{_HOMES[name]}")
-        globals()[name] = home if name in _MODULES else getattr(home, name)
+        module = import_module(f"mechsim.{_LOCATIONS[name]}")
+        globals()[name] = module if name in _MODULES else getattr(module, name)
         return globals()[name]
 
 

@@ -18,10 +18,11 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.cli.verdict_text import findings_in_json, print_findings, scene_findings
+from mechsim.cli.verdict_text import findings_in_json, print_findings
 from mechsim.model.finding import Finding
 from mechsim.report.facts import facts
 from mechsim.subjects import gallery, listing
+from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.units import parse_angle
 
 # significant digits of parameters and coupling coefficients, which are inputs

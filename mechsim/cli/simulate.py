@@ -31,7 +31,6 @@ from mechsim.cli.verdict_text import (
     findings_in_json,
     motion_law_of_crank,
     print_finding_lines,
-    scene_findings,
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import POSITION_TOLERANCE, Outcome
@@ -47,6 +46,7 @@ from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import plain_settings
 from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path
+from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_time
 
 RunSettings = Annotated[Mapping[str, Any], Settings]

@@ -33,7 +33,6 @@ from mechsim.cli.verdict_text import (
     print_cases,
     print_finding_lines,
     print_verdicts,
-    scene_findings,
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding, Outcome
@@ -45,8 +44,9 @@ from mechsim.report.validation import worst_first, write_agreement_report, write
 from mechsim.studies.agreement.agreement import compare_model
 from mechsim.studies.certify.certificate import certified_motion
 from mechsim.studies.reference import by_reference
-from mechsim.studies.validate import BUDGET, Case, validate_all
+from mechsim.studies.validate import BUDGET, validate_all
 from mechsim.subjects import gallery, reference_data
+from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import load
 from mechsim.units import crank_speed, option
 from mechsim.verdict.checks import Verdict
@@ -284,15 +284,12 @@ def _validated(
             }
             print_json({"passed": False, "mechanisms": entries})
         raise
-    findings = {name: _findings(case) for name, case in cases.items()}
     proofs = {name: certified_motion(case.solver) for name, case in cases.items() if task.certify}
     passed = all(case.passed for case in cases.values())
     data: Any = {
         "passed": passed,
         "mechanisms": {
-            name: case.as_dict()
-            | findings_in_json(findings[name])
-            | ({"certificate": proofs[name].summary} if proofs else {})
+            name: case.as_dict() | ({"certificate": proofs[name].summary} if proofs else {})
             for name, case in cases.items()
         },
     }
@@ -303,20 +300,12 @@ def _validated(
                 print_stderr(note)
 
     def text() -> None:
-        print_cases(cases, findings, f"{task.speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
+        print_cases(cases, f"{task.speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
         for name, proof in proofs.items():
             print_text(f"{name}: {proof.summary}")
         _print_report(folder)
 
     return Result(data, text, passed)
-
-
-def _findings(case: Case) -> tuple[Finding, ...] | None:
-    """Return the findings in an MJCF file, and the result with its own settings; None for others."""
-    findings = scene_findings(case.solver)
-    if findings is None or case.published is None:
-        return findings
-    return (*findings, case.published.finding())
 
 
 def _print_report(folder: Path | None) -> None:

@@ -18,25 +18,8 @@ from mechsim.subjects.mjcf_source import MjcfForm
 
 if TYPE_CHECKING:
     from mechsim.studies.agreement.agreement import Agreement
-    from mechsim.studies.validate import Case
+    from mechsim.studies.validate import Validation
     from mechsim.verdict.checks import Check, Verdict
-
-
-def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
-    """Return the findings in an MJCF file, the most severe first; None for any other mechanism.
-
-    Args:
-        solver: the mechanism.
-        laws: motion laws of the drivers; None takes its own.
-    """
-    if not isinstance(solver, MjcfForm) or solver.source is None:
-        return None
-    # MuJoCo is loaded for MJCF files only
-    from mechsim.simulation.findings import findings
-    from mechsim.simulation.mjcf import quiet
-
-    with quiet():
-        return findings(solver.source, laws or solver.motion_laws)
 
 
 def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> MotionLaws | None:
@@ -274,21 +257,17 @@ def attribution_lines(agreement: "Agreement") -> list[str]:
     return []
 
 
-Scenes = Mapping[str, Sequence[Finding] | None]
-
-
-def print_cases(cases: Mapping[str, "Case"], scenes: Scenes, speed: str, *, verbose: bool) -> None:
+def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool) -> None:
     """Print the results of `mechsim validate`: failures first, with their cause.
 
     Args:
         cases: results by name.
-        scenes: findings in MJCF files by name.
         speed: of the crank, as text.
         verbose: whether all checks are listed.
     """
     single = len(cases) == 1
     for name, case in cases.items():
-        print_finding_lines(scenes[name])
+        print_finding_lines(case.file_findings)
         if verbose or single or not case.passed:
             _print_block(name, case, speed, verbose)
     if single:
@@ -305,7 +284,7 @@ def print_cases(cases: Mapping[str, "Case"], scenes: Scenes, speed: str, *, verb
         typer.echo(f"  ({posed} gallery {mechanisms}: solved poses only; --gallery also steps {them})")
 
 
-def _print_block(name: str, case: "Case", speed: str, verbose: bool) -> None:
+def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> None:
     """Print what was compared of a mechanism, and what failed."""
     lines = [headline(f"{name}  {_description(case)}", case.passed, case.seconds)]
     if not case.passed:
@@ -320,7 +299,7 @@ def _print_block(name: str, case: "Case", speed: str, verbose: bool) -> None:
         print_verdict(name, case.verdict)
 
 
-def _print_summary(cases: Mapping[str, "Case"]) -> None:
+def _print_summary(cases: Mapping[str, "Validation"]) -> None:
     """Print a line for each mechanism, and how many passed."""
     _echo(summary_lines({name: case.verdict for name, case in cases.items()}))
     passed = sum(case.passed for case in cases.values())
@@ -328,7 +307,7 @@ def _print_summary(cases: Mapping[str, "Case"]) -> None:
     typer.echo(f"  {passed} passed, {len(cases) - passed} failed in {seconds:.1f} s   (% = error/tolerance)")
 
 
-def _description(case: "Case") -> str:
+def _description(case: "Validation") -> str:
     """Return a mechanism in words: planar or spatial, links, degrees of freedom, range of the crank."""
     mechanism = case.solver.mechanism
     facts = [
@@ -341,7 +320,7 @@ def _description(case: "Case") -> str:
     return ", ".join(facts)
 
 
-def _stepped(case: "Case", speed: str) -> str:
+def _stepped(case: "Validation", speed: str) -> str:
     """Return how a stepped run was made."""
     if not case.solver.motion_laws.crank:
         speed = "motion laws"
@@ -350,7 +329,7 @@ def _stepped(case: "Case", speed: str) -> str:
     return f"MuJoCo, {speed}{integrator}, {case.run.steps} steps"
 
 
-def _notes(case: "Case") -> list[str]:
+def _notes(case: "Validation") -> list[str]:
     """Return what else is known of a stepped run."""
     from mechsim.simulation.settings import COMPLIANCE
 

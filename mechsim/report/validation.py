@@ -23,7 +23,7 @@ from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.views import case_view
 from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import COMPONENTS
-from mechsim.studies.validate import Case
+from mechsim.studies.validate import Validation
 
 RESOLUTION = (640, 480)
 FRAMES_PER_TURN = 36
@@ -42,7 +42,7 @@ VIDEO_TIME = 3.0
 
 def write_validation_report(
     folder: Path,
-    cases: Mapping[str, Case],
+    cases: Mapping[str, Validation],
     results: Mapping[str, Any],
     progress: Callable[[str, float], None] = lambda _, __: None,
     descriptions: Mapping[str, str] | None = None,
@@ -104,7 +104,7 @@ def _picture(solver: KinematicSolver, motion: Motion, notes: list[str]) -> bytes
     return _webp(pixels)
 
 
-def _write_video(folder: Path, name: str, case: Case, notes: list[str]) -> str:
+def _write_video(folder: Path, name: str, case: Validation, notes: list[str]) -> str:
     """Write a video of a time-stepped run and return its file's name; empty where there is none."""
     from mechsim.pictures.render import Look, turn_angles, write_video
     from mechsim.pictures.render.drawn_model import drawn_as
@@ -123,7 +123,7 @@ def _write_video(folder: Path, name: str, case: Case, notes: list[str]) -> str:
     return path.name
 
 
-def _write_view(folder: Path, name: str, case: Case) -> str:
+def _write_view(folder: Path, name: str, case: Validation) -> str:
     """Write the interactive 3-D view and return its file's name; empty where there is none.
 
     All views share one file of three.js.
@@ -152,7 +152,7 @@ def _webp(picture: bytes | NDArray[np.uint8]) -> bytes:
     return out.getvalue()
 
 
-def _plots(case: Case) -> list[tuple[str, bytes]]:
+def _plots(case: Validation) -> list[tuple[str, bytes]]:
     """Return captions and plots of a case."""
     source = PlotSource(
         solver=case.solver,
@@ -170,12 +170,12 @@ def _plots(case: Case) -> list[tuple[str, bytes]]:
     return [(kind.about, _webp(plots.drawn(kind.figure(source), "png"))) for kind in kinds]
 
 
-def _position_tolerance(case: Case, method: Literal["step", "pose"]) -> float:
+def _position_tolerance(case: Validation, method: Literal["step", "pose"]) -> float:
     checks = (c for c in case.verdict.checks if (c.method, c.kind) == (method, "position"))
     return next((check.tolerance for check in checks), math.nan)
 
 
-def _facts(case: Case) -> dict[str, Any]:
+def _facts(case: Validation) -> dict[str, Any]:
     known_facts = facts(case.solver)
     joints = known_facts["joints"]
     rows: dict[str, Any] = {
@@ -203,7 +203,7 @@ def _facts(case: Case) -> dict[str, Any]:
     return rows
 
 
-def _settings(case: Case) -> dict[str, Any]:
+def _settings(case: Validation) -> dict[str, Any]:
     run = case.run
     poses = {"solved poses": f"{case.poses.steps} in {case.poses.seconds:.4g} s"}
     if case.quick:

@@ -31,7 +31,7 @@ from mechsim.pictures.view.pose_grid import (
 )
 from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid, platform_of
 from mechsim.studies.reference import simulated
-from mechsim.studies.validate import Case
+from mechsim.studies.validate import Validation
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.model_source import ModelSource
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, even_motion
@@ -304,7 +304,7 @@ def _view(solver: KinematicSolver, grids: list[PoseGrid], facts: list[str]) -> V
     return View(solver.mechanism, grids, solver.name.replace("_", "-"), lines, **drawn_as(solver))
 
 
-def case_view(case: Case) -> View | None:
+def case_view(case: Validation) -> View | None:
     """Return what a page shows of a validation; None of a motion without links."""
     solver, motion = case.solver, case.exact
     if not motion.links:
@@ -328,7 +328,7 @@ def case_view(case: Case) -> View | None:
     return View(solver.mechanism, [grid], solver.name.replace("_", "-"), [fact], **drawn_as(solver))
 
 
-def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:
+def _with_ghost(case: Validation, grid: PoseGrid) -> PoseGrid:
     run = case.run.motion
     if case.quick or run.broken:
         return grid
@@ -337,7 +337,7 @@ def _with_ghost(case: Case, grid: PoseGrid) -> PoseGrid:
     return replace(grid, ghost=ghost_of("MuJoCo, stepped", case.solver.mechanism, exact, run, rows))
 
 
-def _error(case: Case, grid: PoseGrid, angles: Array) -> float:
+def _error(case: Validation, grid: PoseGrid, angles: Array) -> float:
     """Return the largest position error in the middle between poses, in [m]."""
     middles, nodes = 0.5 * (angles[1:] + angles[:-1]), grid.sliders[0].nodes
     return between(grid, case.solver.solve_along(middles), 0.5 * (nodes[1:] + nodes[:-1]))

@@ -4,7 +4,7 @@ from collections.abc import Container, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -14,21 +14,29 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, BudgetError
-from mechsim.model.finding import most_severe
+from mechsim.model.finding import Finding, Outcome, most_severe
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
-from mechsim.model.motion_laws import CrankProfile, interval_around, swing
+from mechsim.model.motion_laws import CrankProfile, State, interval_around, swing
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
 from mechsim.simulation.stepping import Progress, no_progress
-from mechsim.studies.agreement.agreement import Agreement, compare_model
+from mechsim.studies.agreement.agreement import (
+    SPEED,
+    Against,
+    Agreement,
+    compare,
+    compare_model,
+    comparison_inputs,
+    parametric,
+)
 from mechsim.studies.reference import profile_of, simulated
 from mechsim.studies.scene.published_run import PublishedRun, published_run
-from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.subjects.mjcf_source import MjcfForm, scene_findings
 from mechsim.subjects.readers import parametric_model as dimension_family
-from mechsim.verdict.checks import Verdict, check_of, checks_of, combined, concluded, tolerances_of
+from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
 from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import EPS, RecordInstants, Requested, Tolerance
@@ -47,19 +55,20 @@ BUDGET = 120.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """A mechanism's validation: what was compared, how it came out, and the motions for pictures.
+class Validation:
+    """The validation of one model by every method; print it to see the checks.
 
     Attributes:
-        solver: the mechanism.
-        verdict: over all methods and variants.
-        exact: closed form over the range, evenly spread.
-        poses: the run by solved poses.
-        run: the stepped run; in a quick validation that by poses again.
-        quick: whether no run was stepped.
-        seconds: for the whole case.
-        formula: how the formula that its file names agrees with it; None where there is none.
-        published: an MJCF file's run with its own settings; None of anything else, or where not stepped.
+        solver: the model.
+        verdict: of all methods and variants.
+        exact: analytic motion at instants spread evenly over the range.
+        poses: MuJoCo's configurations, solved one by one.
+        run: MuJoCo's run in time; that of solved configurations if none was stepped.
+        seconds: duration of the validation in [s].
+        quick: True if no run was stepped.
+        formula: comparison with the formula that the model's file names; None without a formula.
+        published: run of an MJCF file with its own settings; None for other models, or if none was stepped.
+        file_findings: findings in an MJCF file, the most severe first; None for other models.
     """
 
     solver: KinematicSolver
@@ -71,11 +80,41 @@ class Case:
     quick: bool = False
     formula: Agreement | None = None
     published: PublishedRun | None = None
+    file_findings: tuple[Finding, ...] | None = None
 
     @property
     def passed(self) -> bool:
         """Whether every quantity of every method is within its tolerance."""
         return self.verdict.passed
+
+    @property
+    def outcome(self) -> Outcome:
+        """The worst outcome of all methods."""
+        return self.verdict.outcome
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Checks of all methods and variants."""
+        return self.verdict.checks
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Findings in an MJCF file, then causes of a difference from its formula, most likely first."""
+        causes = () if self.formula is None else self.formula.findings
+        return (*(self.file_findings or ()), *causes)
+
+    @property
+    def why(self) -> str:
+        """What was compared, or the largest error and its likely cause."""
+        if self.passed:
+            return f"{self.solver.name} passes {len(self.checks)} checks"
+        causes = [] if self.formula is None else [finding.message for finding in self.formula.findings[:1]]
+        return "; ".join([self.verdict.reason, *causes])
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.outcome}: {self.why}", *(f"  {check}" for check in self.checks)])
+
+    __repr__ = __str__
 
     @property
     def compliance(self) -> float | None:
@@ -85,10 +124,11 @@ class Case:
     def as_dict(self) -> dict[str, Any]:
         """Return the case as `mechsim validate --json` prints it."""
         cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
-        compare_model = {} if self.compliance is None else {"compliance": self.compliance}
+        compliance = {} if self.compliance is None else {"compliance": self.compliance}
         published = {} if self.published is None else {"published": self.published.as_dict()}
         explained = {} if self.formula is None else self.formula.explained
-        return self.verdict.as_dict() | cost | compare_model | explained | published
+        findings = {"findings": [finding.as_dict() for finding in self.findings]}
+        return self.verdict.as_dict() | cost | compliance | explained | published | findings
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +149,7 @@ def case_of(
     tolerance: float | None = None,
     budget: float = BUDGET,
     progress: Progress = no_progress,
-) -> Case:
+) -> Validation:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
     One without a closed form: loop equations against MuJoCo's, and the formula that its file names, which is
@@ -132,6 +172,7 @@ def case_of(
     """
     designs = model if isinstance(model, DesignFamily) else dimension_family(model)
     solver = designs.make({})
+    solver.motion_laws.require_drivers(solver.mechanism)
     work = _Work(quick, tolerance, ProcessorBudget(budget), progress)
     case = _validated(solver, designs, speed, work)
     for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
@@ -142,7 +183,7 @@ def case_of(
     return case
 
 
-def _with_variant(case: Case, name: str, variant: Case) -> Case:
+def _with_variant(case: Validation, name: str, variant: Validation) -> Validation:
     """Return a case that holds a variant's checks too, each with the variant's name."""
     own, other = case.verdict, variant.verdict
     worse = most_severe([own.outcome, other.outcome]) == 1
@@ -154,7 +195,7 @@ def _with_variant(case: Case, name: str, variant: Case) -> Case:
     return replace(case, verdict=verdict, seconds=case.seconds + variant.seconds)
 
 
-def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, work: _Work) -> Case:
+def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, work: _Work) -> Validation:
     begin, quick, tolerance, progress = perf_counter(), work.quick, work.tolerance, work.progress
     profile = profile_of(solver, speed, solver.period / REVOLUTION)
     solver = solver.starting_at(profile.angles)
@@ -166,11 +207,11 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
         verdicts["closed form"] = against_loops(solver, exact)
     formula = None
     if solver.formula:
-        formula = compare_model(designs, speed=speed, tolerance=tolerance, attribute=not quick)
+        formula = compare_model(designs, speed=speed, tolerance=tolerance, stepped=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
     # only a crank at constant speed has a drive whose error means something
     crank_speed = speed if profile.steady and solver.motion_laws.crank else None
-    published = None
+    published, findings = None, scene_findings(solver)
     progress("poses", 0.0)
     poses = run = simulated(solver, profile, method="pose", progress=lambda text, _: progress(text, 0.0))
     verdicts["pose"] = crosscheck(poses.motion, solver, speed=crank_speed)
@@ -182,9 +223,10 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
             verdicts["step"] = Verdict("failed", (), str(error))
         if isinstance(solver, MjcfForm) and solver.source is not None:
             published = published_run(solver, profile)
+            findings = (*(findings or ()), published.finding())
             if tolerance is not None:
                 verdicts["as published"] = _of_published(published, position)
-    return Case(
+    return Validation(
         solver=solver,
         verdict=combined(verdicts),
         exact=exact,
@@ -194,6 +236,7 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
         quick=quick,
         formula=formula,
         published=published,
+        file_findings=findings,
     )
 
 
@@ -271,6 +314,84 @@ def _decided(solver: KinematicSolver, profile: CrankProfile, speed: float) -> Cr
     return swing(0.5 * (low + high), 0.49 * (high - low), speed)
 
 
+@overload
+def validate(
+    model: Any,
+    against: None = None,
+    *,
+    set: Mapping[str, str | float] | None = None,
+    drive: Mapping[str, str | State] | None = None,
+    duration: str | float | None = None,
+    speed: float | str = SPEED,
+    tolerance: float | str | None = None,
+    stepped: bool = True,
+) -> Validation: ...
+@overload
+def validate(
+    model: Any,
+    against: Against,
+    *,
+    set: Mapping[str, str | float] | None = None,
+    drive: Mapping[str, str | State] | None = None,
+    duration: str | float | None = None,
+    speed: float | str = SPEED,
+    tolerance: float | str | None = None,
+    stepped: bool = True,
+) -> Agreement: ...
+def validate(
+    model: Any,
+    against: Against | None = None,
+    *,
+    set: Mapping[str, str | float] | None = None,
+    drive: Mapping[str, str | State] | None = None,
+    duration: str | float | None = None,
+    speed: float | str = SPEED,
+    tolerance: float | str | None = None,
+    stepped: bool = True,
+) -> "Agreement | Validation":
+    """Validate a model by every method, or compare it with a formula or a table; as `mechsim validate`.
+
+    Args:
+        model: a name, a file, a MuJoCo object, a mechanism, what `load` returns, or a parametric model.
+        against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; it is run. None compares
+            the closed form or the formula that the model's file names, the loop equations, and MuJoCo.
+        set: parameter -> value, as for `load`.
+        drive: coordinate -> motion law, as for `load`.
+        duration: of the motion laws, as for `load`.
+        speed: of a crank, in [rad/s], or text, as "600rpm".
+        tolerance: on positions of stepped runs, with `against` on all positions, in [m] or text, as "10um".
+            None takes 1e-8 of the stroke or of the workspace.
+        stepped: whether MuJoCo also steps the model in time.
+
+    Returns:
+        `Validation` or, with `against`, `Agreement`; both have `passed`, `outcome`, `checks`, `why` and
+        `findings`.
+
+    Raises:
+        InputError: for a model, a function or a table that cannot be used.
+        AssemblyError: if the loops do not close.
+
+    Example:
+        >>> import mechsim as ms
+        >>> ms.validate("four_bar", stepped=False).passed
+        True
+    """
+    if against is not None:
+        return compare(
+            model,
+            against,
+            set=set,
+            drive=drive,
+            duration=duration,
+            speed=speed,
+            tolerance=tolerance,
+            stepped=stepped,
+        )
+    crank_speed, limit = comparison_inputs(speed, tolerance)
+    designs = parametric(model, set, drive, duration)
+    return case_of(designs, speed=crank_speed, quick=not stepped, tolerance=limit)
+
+
 def validate_all(
     models: Mapping[str, KinematicSolver | DesignFamily],
     *,
@@ -279,7 +400,7 @@ def validate_all(
     tolerance: float | None = None,
     budget: float = BUDGET,
     progress: Progress = no_progress,
-) -> dict[str, Case]:
+) -> dict[str, Validation]:
     """Validate several mechanisms.
 
     Args:
@@ -290,7 +411,7 @@ def validate_all(
         budget: as in `case_of`.
         progress: called with a text and the finished fraction of all mechanisms.
     """
-    cases: dict[str, Case] = {}
+    cases: dict[str, Validation] = {}
     for i, (name, model) in enumerate(models.items()):
 
         def reported(what: str, _: float, i: int = i, name: str = name) -> None:

@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.rounded_geometry import Corrected, corrected
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
+from mechsim.model.finding import Finding
 from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion
-from mechsim.model.motion_laws import make_motion_laws, steady
+from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.subjects.model_source import ModelDescription, ModelSource, file_reader
 from mechsim.subjects.prescription import Prescription
 from mechsim.units import Unit
@@ -215,3 +217,20 @@ def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
     }
     counted |= {name: float(motion.joints[name].value[0]) for name in counted if name in motion.joints}
     return replace(mechanism, guess=poses, counted=counted | locked)
+
+
+def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
+    """Return the findings in an MJCF file, the most severe first; None for any other mechanism.
+
+    Args:
+        solver: the mechanism.
+        laws: motion laws of the drivers; None takes its own.
+    """
+    if not isinstance(solver, MjcfForm) or solver.source is None:
+        return None
+    # MuJoCo is loaded for MJCF files only
+    from mechsim.simulation.findings import findings
+    from mechsim.simulation.mjcf import quiet
+
+    with quiet():
+        return findings(solver.source, laws or solver.motion_laws)

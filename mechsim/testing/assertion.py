@@ -10,7 +10,7 @@ from typing import Any
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
-from mechsim.studies.agreement.agreement import SPEED, Agreement, validate
+from mechsim.studies.agreement.agreement import SPEED, Agreement, compare
 from mechsim.subjects.readers import load
 from mechsim.testing.report_page import failure, write_page
 from mechsim.testing.running import RUNNING, RunningTest
@@ -49,7 +49,7 @@ def assert_agrees(
     """
     __tracebackhide__ = True
     source = str(model) if isinstance(model, Path) else model
-    agreement = validate(
+    agreement = compare(
         source, formula, set=set, drive=drive, duration=duration, speed=speed, tolerance=tolerance
     )
     running = RUNNING.get()

@@ -123,7 +123,7 @@ def test_comparisons_of_torques_say_which_masses_they_use(mechsim, press, tmp_pa
     assert "computed as round steel rods" in " ".join(answer.out.split())
     told = json.loads(mechsim(*words, "--json").out)["mechanisms"]["press"]
     assert [one["source"] for one in told["masses"]] == ["given", "rod", "rod"]
-    verdict = ms.validate(press, str(table), speed=10.0, attribute=False)
+    verdict = ms.validate(press, str(table), speed=10.0, stepped=False)
     assert [one.link for one in verdict.masses] == ["crank", "rod", "slider"]
 
 

@@ -46,7 +46,7 @@ def verdict(name, factor):
     def formula(angle):
         return {name: factor * of_angles(name, angle)}
 
-    return ms.validate(catalog.make("four_bar"), against=formula, speed=2.0, attribute=False)
+    return ms.validate(catalog.make("four_bar"), against=formula, speed=2.0, stepped=False)
 
 
 def of_angles(name, angle):
@@ -101,8 +101,8 @@ def test_fields_of_forces_with_a_unit_have_names_and_rows():
     for name, unit in effort_units().items():
         assert quantity(name, form.mechanism).unit == unit
         assert unit in units or name not in vars(type(study.forces))
-    exact = ms.validate(form, against=lambda angle: {"kinetic": energy(form, angle)}, attribute=False)
-    wrong = ms.validate(form, against=lambda angle: {"kinetic": 1.001 * energy(form, angle)}, attribute=False)
+    exact = ms.validate(form, against=lambda angle: {"kinetic": energy(form, angle)}, stepped=False)
+    wrong = ms.validate(form, against=lambda angle: {"kinetic": 1.001 * energy(form, angle)}, stepped=False)
     assert exact.passed
     assert not wrong.passed
 

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -175,3 +176,23 @@ def test_what_type_checkers_see_is_what_there_is():
 def test_no_module_of_ours_is_made_callable():
     for path in Path(ms.__file__).parent.rglob("*.py"):
         assert "sys.modules[__name__]" not in path.read_text()
+
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["four_bar", MODELS / "four_bar.xml", mujoco.MjSpec.from_file(str(MODELS / "four_bar.xml"))],
+    ids=["name", "path", "object"],
+)
+def test_dynamics_takes_names_files_and_mujoco_objects(source):
+    run = ms.dynamics.run(source, initial={"crank.q": "30deg"}, duration="10ms", samples=2)
+    assert run.motion.joints["crank"].value[0] == pytest.approx(np.pi / 6.0, abs=1e-12)
+
+
+def test_validate_runs_every_method_without_a_formula():
+    result = ms.validate("four_bar", stepped=False)
+    assert result.passed
+    assert {check.method for check in result.checks} == {"closed form", "pose"}
+    assert ms.validate("four_bar", stepped=False, speed="1rpm").why == result.why

@@ -77,7 +77,7 @@ def test_comparisons_take_speeds_and_tolerances_as_text():
 
     verdict = ms.testing.assert_agrees(form, formula, tolerance="10um", speed="60rpm")
     assert {check.tolerance for check in verdict.checks} == {1e-5}
-    assert ms.validate(form, formula, tolerance="10um", attribute=False).passed
+    assert ms.validate(form, formula, tolerance="10um", stepped=False).passed
 
 
 def test_studies_take_speeds_as_text():

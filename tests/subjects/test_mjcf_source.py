@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 from mechsim.cli import main
-from mechsim.cli.verdict_text import scene_findings
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.report.facts import facts
 from mechsim.simulation.mjcf_reader import states_of
-from mechsim.subjects.mjcf_source import read_mjcf
+from mechsim.subjects.mjcf_source import read_mjcf, scene_findings
 from mechsim.subjects.readers import load
 
 # five bars in a tilted plane: two cranks of 0.05 m, 0.1 m apart, rods of 0.09 m; closed by sites, the drawing

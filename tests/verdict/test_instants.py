@@ -77,7 +77,7 @@ def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
     columns = [motion.joints[name].value for name in ("left", "right")]
     rows = np.column_stack([*columns, place])
     np.savetxt(path, rows, delimiter=",", header="left,right,P.x,P.y,P.z", comments="", fmt="%.17g")
-    found = ms.validate(ms.load("five_bar"), path, attribute=False)
+    found = ms.validate(ms.load("five_bar"), path, stepped=False)
     check = next(one for one in found.checks if not one.passed)
     assert (check.instant, check.at_unit) == (7.0, "row")
 

@@ -194,6 +194,7 @@ PERMITTED = {
             "cli/tradeoff.py",
             "simulation/run.py",
             "agreement/agreement.py",
+            "studies/validate.py",
             "subjects/prescription.py",
             "subjects/readers.py",
             "testing/assertion.py",
@@ -201,7 +202,10 @@ PERMITTED = {
         "`drive=` and `--drive` prescribe a coordinate: public names of the contract",
     ),
     "at": (("cli/motion_warnings.py", "cli/schema.py"), "`at` is a public field of the JSON of `validate`"),
-    "why": (("cli/validate.py",), "`Agreement.why` is a public name of the contract"),
+    "why": (
+        ("cli/validate.py", "studies/validate.py", "studies/agreement/agreement.py"),
+        "`why` of a comparison is a public name of the contract",
+    ),
     "size": (
         (
             "render/look.py",

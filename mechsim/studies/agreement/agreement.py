@@ -94,7 +94,7 @@ class Agreement:
         return noise_report(self.measured)
 
     @property
-    def explanation(self) -> str:
+    def why(self) -> str:
         """One or two sentences: what is off, and what explains it."""
         noise = [self.noise_report] if self.measured else []
         if self.passed:
@@ -113,11 +113,7 @@ class Agreement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as `mechsim validate --json` prints it."""
-        return (
-            Verdict(self.outcome, self.checks, self.reason).as_dict()
-            | {"why": self.explanation}
-            | self.explained
-        )
+        return Verdict(self.outcome, self.checks, self.reason).as_dict() | {"why": self.why} | self.explained
 
     @property
     def explained(self) -> dict[str, Any]:
@@ -131,12 +127,12 @@ class Agreement:
         }
 
     def __str__(self) -> str:
-        return "\n".join([f"{self.outcome}: {self.explanation}", *(f"  {check}" for check in self.checks)])
+        return "\n".join([f"{self.outcome}: {self.why}", *(f"  {check}" for check in self.checks)])
 
     __repr__ = __str__
 
 
-def validate(
+def compare(
     model: Any,
     against: Against | None = None,
     *,
@@ -145,34 +141,39 @@ def validate(
     duration: str | float | None = None,
     speed: float | str = SPEED,
     tolerance: float | str | None = None,
-    attribute: bool = True,
+    stepped: bool = True,
 ) -> Agreement:
-    """Hold a model against somebody's formula or table, and say whether and why they differ.
+    """Compare a model with a formula or a table, and find the cause of a difference.
 
     Args:
-        model: what `load` takes or returns: a name, a file, a MuJoCo object, a mechanism; a family
-            of dimensions says which may be wrong.
+        model: as `load` takes it, or a parametric model, whose parameters are suspects of a difference.
         against: a function of the drivers' coordinates, FILE.py:FUNC, or FILE.csv; None takes the formula
             that the model's file names. The function is run.
-        set: parameter -> its value, as `load` takes it.
-        drive: coordinate -> its motion law, as `load` takes it.
-        duration: of the motion laws, as `load` takes it.
+        set: parameter -> value, as for `load`.
+        drive: coordinate -> motion law, as for `load`.
+        duration: of the motion laws, as for `load`.
         speed: of a crank, in [rad/s], or text, as "600rpm".
-        tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
-            None takes 1e-8 of the workspace, and rounding for the formula that the model's file names.
-        attribute: whether a run in time is made, and its distance from the claim taken apart.
+        tolerance: on positions, in [m] or text, as "10um"; other quantities scale with it. None takes 1e-8
+            of the workspace, and rounding for the formula that the model's file names.
+        stepped: whether MuJoCo also steps the model, to attribute the error of a run to its sources.
 
     Raises:
-        InputError: for a model, a function or a table that cannot be used; one sentence.
-        AssemblyError: where the loops of the model close nowhere.
+        InputError: for a model, a function or a table that cannot be used.
+        AssemblyError: if the loops do not close.
     """
+    crank_speed, limit = comparison_inputs(speed, tolerance)
+    designs = parametric(model, set, drive, duration)
+    return compare_model(designs, against, speed=crank_speed, tolerance=limit, stepped=stepped)
+
+
+def comparison_inputs(speed: float | str, tolerance: float | str | None) -> tuple[float, float | None]:
+    """Return a crank speed in [rad/s] and a tolerance in [m], from numbers or text."""
     crank_speed, limit = si(speed, "rad/s", "the speed"), si(tolerance, "m", "the tolerance")
     if not 0.0 < abs(number(crank_speed)) < np.inf:
         raise InputError(f"the speed is {speed}; give a finite one other than 0, as '600rpm'")
     if limit is not None and not 0.0 < number(limit) < np.inf:
         raise InputError(f"the tolerance is {tolerance}; give a finite length above 0, as '10um'")
-    designs = _designs(model, set, drive, duration)
-    return compare_model(designs, against, speed=crank_speed, tolerance=limit, attribute=attribute)
+    return crank_speed, limit
 
 
 def compare_model(
@@ -181,15 +182,15 @@ def compare_model(
     *,
     speed: float,
     tolerance: float | None = None,
-    attribute: bool = True,
+    stepped: bool = True,
 ) -> Agreement:
-    """Hold what moves, as it stands in its family, against a formula or a table; arguments as `validate`."""
+    """Compare a parametric model with a formula or a table; arguments as for `compare`."""
     source, evaluation, candidates, ask = _candidates(designs.make({}), against, speed)
     exact = against is None
     result = agreement(
         evaluation, candidates, source, tolerance, designs, function=ask is not None, exact_formula=exact
     )
-    if not attribute:
+    if not stepped:
         return result
     return replace(
         result, attribution=attribution_data(evaluation, candidates, scales_of(evaluation, candidates), ask)
@@ -254,16 +255,17 @@ def agreement(
     )
 
 
-def _designs(
-    model: str | KinematicSolver | Mechanism | DesignFamily,
+def parametric(
+    model: Any,
     set: Mapping[str, str | float] | None,
     drive: Mapping[str, str | State] | None,
     duration: str | float | None,
 ) -> DesignFamily:
+    """Return a model with the dimensions that may change; arguments as for `compare`."""
     if not isinstance(model, DesignFamily | ClosedForm | LoopForm | Mechanism):
         return dimension_family(model, set, drive=drive, duration=duration)
     if set or drive or duration is not None:
-        raise InputError("set, drive and duration are of a model given by name; give them where it is loaded")
+        raise InputError("set, drive and duration apply to a name or a file; give them to ms.load")
     return model if isinstance(model, DesignFamily) else dimension_family(model)
 
 
@@ -274,12 +276,12 @@ def _is_table(against: str | Path) -> bool:
 def _candidates(
     solver: KinematicSolver, against: Against | None, speed: float
 ) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
-    """Return what is held against a form: its name, the instants, what it says, what asks it again."""
+    """Return a formula or a table: its name, evaluation points, values there, and the function to call."""
     if against is None:
         against = solver.formula
         if not against:
             raise InputError(
-                f"nothing is held against {solver.name}; give a function, FILE.py:FUNC or FILE.csv"
+                f"no formula to compare {solver.name} with; give a function, FILE.py:FUNC or FILE.csv"
             )
     if isinstance(against, str | Path) and _is_table(against):
         source, table = str(against), read_table(str(against))

@@ -20,16 +20,16 @@ def changed(**parts):
 
 def test_a_right_formula_of_points_in_a_plane_and_of_a_joint_is_met():
     found = ms.validate("slider_crank", against=slider)
-    assert found.passed, found.explanation
+    assert found.passed, found.why
     assert {candidate.quantity.kind for candidate in found.candidates} == {"position", "joint"}
     assert not found.findings
 
 
 def test_a_formula_a_thousandth_off_is_missed():
     function = changed(B=lambda one: one["B"] * 1.001)
-    found = ms.validate("slider_crank", against=function, attribute=False)
+    found = ms.validate("slider_crank", against=function, stepped=False)
     assert not found.passed
-    assert "position of B" in found.explanation
+    assert "position of B" in found.why
     assert [check.passed for check in found.checks] == [True, False, True]
 
 
@@ -72,7 +72,7 @@ def test_several_drivers_come_by_name():
         return {"P": np.column_stack([at.real, at.imag])}
 
     assert ms.validate("five_bar", against=tool).passed
-    wrong = ms.validate("five_bar", against=lambda d: {"P": 1e3 * tool(d)["P"]}, attribute=False)
+    wrong = ms.validate("five_bar", against=lambda d: {"P": 1e3 * tool(d)["P"]}, stepped=False)
     assert [one.kind for one in wrong.findings] == ["units"]
 
 

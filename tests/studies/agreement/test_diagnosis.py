@@ -18,7 +18,7 @@ SPEED = 20 * np.pi
 
 
 def said(function, model="four_bar", **asked):
-    return ms.validate(model, against=function, attribute=False, **asked)
+    return ms.validate(model, against=function, stepped=False, **asked)
 
 
 def bar(offset=0.0, scale=1.0, **changed):
@@ -83,7 +83,7 @@ def test_the_cause_of_a_difference_is_named_with_its_size(name):
     found = said(function)
     first = found.findings[0]
     assert not found.passed
-    assert (first.kind, first.what) == (kind, what), found.explanation
+    assert (first.kind, first.what) == (kind, what), found.why
     assert first.certain
     assert first.explains > 0.999
     assert by is None or first.by == pytest.approx(by, rel=1e-3)
@@ -115,7 +115,7 @@ def test_of_two_that_explain_alike_both_are_said():
         ("offset", "crank"),
         ("frame", "turn about z"),
     }
-    assert "as does another" in found.explanation
+    assert "as does another" in found.why
 
 
 def test_a_program_out_of_phase_is_named():
@@ -184,7 +184,7 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     named = quantity("torque:crank", form.mechanism)
     candidate = Candidate(named, replace(evaluation, dynamic_model=other).exact(named))
     found = agreement(evaluation, [candidate], "the test", None, parametric_model(form))
-    assert found.findings[0].kind == kind, found.explanation
+    assert found.findings[0].kind == kind, found.why
     assert found.findings[0].certain
 
 
@@ -197,8 +197,8 @@ def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_p
         rows = [f"{a:.12g},{x:.12g},{y:.12g},0.011,0.011" for a, (x, y) in zip(angle, noisy, strict=True)]
         path = tmp_path / f"{name}.csv"
         path.write_text("\n".join(["angle,B.x [mm],B.y [mm],B.x ± [mm],± B.y [mm]", *rows]))
-        found = ms.validate("four_bar", against=path, attribute=False)
-        assert found.passed == passed, found.explanation
+        found = ms.validate("four_bar", against=path, stepped=False)
+        assert found.passed == passed, found.why
     assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "coupler")
     assert found.findings[0].by == pytest.approx(0.05, abs=2e-3)
 

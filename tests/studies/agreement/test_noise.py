@@ -41,14 +41,14 @@ def measured(path, model, columns, *, seed=1, edit=None, stated=SIGMA, bare=(), 
 
 
 def judged(path, model="four_bar", **asked):
-    return ms.validate(model, against=path, attribute=False, **asked)
+    return ms.validate(model, against=path, stepped=False, **asked)
 
 
 def test_a_right_table_with_normal_noise_of_the_stated_size_passes(tmp_path):
     found = judged(measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y")))
-    assert found.passed, found.explanation
-    assert "noise of 0.85 sigma, nothing systematic" in found.explanation
-    assert "120 degrees of freedom" in found.explanation
+    assert found.passed, found.why
+    assert "noise of 0.85 sigma, nothing systematic" in found.why
+    assert "120 degrees of freedom" in found.why
 
 
 def test_a_rod_a_tenth_of_a_millimetre_short_fails_with_its_cause(tmp_path):
@@ -59,7 +59,7 @@ def test_a_rod_a_tenth_of_a_millimetre_short_fails_with_its_cause(tmp_path):
     assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "rod")
     assert found.findings[0].certain
     assert found.findings[0].by == pytest.approx(-5e-4, rel=0.05)
-    assert "not noise alone" in found.explanation
+    assert "not noise alone" in found.why
 
 
 def test_a_systematic_error_below_one_standard_deviation_is_found_by_its_smooth_part(tmp_path):
@@ -82,14 +82,14 @@ def test_one_wrong_row_of_many_is_named(tmp_path):
 
     found = judged(measured(tmp_path / "row.csv", "four_bar", ("B.x", "B.y"), edit=spoil))
     assert not found.passed
-    assert "row 17 of B" in found.explanation
+    assert "row 17 of B" in found.why
 
 
 def test_noise_of_twice_the_stated_size_fails_and_smaller_noise_passes(tmp_path):
     assert not judged(measured(tmp_path / "a.csv", "four_bar", ("B.x", "B.y"), stated=SIGMA / 2)).passed
     found = judged(measured(tmp_path / "b.csv", "four_bar", ("B.x", "B.y"), stated=5 * SIGMA))
     assert found.passed
-    assert "(less than stated)" in found.explanation
+    assert "(less than stated)" in found.why
 
 
 def test_a_systematic_error_within_the_tolerance_is_allowed_beside_noise(tmp_path):

@@ -1,0 +1,87 @@
+"""Dynamics of anything that `load` takes: a name, a file, a MuJoCo object or a mechanism.
+
+The functions are those of `mechsim.analytic.dynamics`, which take mechanisms and solvers only.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from os import PathLike
+from typing import Any, ParamSpec, TypeVar
+
+from mechsim.analytic import dynamics
+from mechsim.analytic.dynamics import (
+    Balance,
+    DynamicModel,
+    DynamicRun,
+    Equilibrium,
+    Fluctuation,
+    FreeRun,
+    InverseDynamics,
+    Mode,
+    Reaction,
+    Reduced,
+    actuator_forces,
+    fluctuation,
+    flywheel_for,
+    free_run,
+    prescribed,
+    reduced,
+)
+from mechsim.subjects.readers import load
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _loading(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function of a model that also takes a name, a path or a MuJoCo object."""
+
+    @wraps(function)
+    def load_and_call(*args: P.args, **options: P.kwargs) -> R:
+        source: Any = args[0] if args else None
+        if _is_unread(source):
+            rest: Any = (load(source, still=True), *args[1:])
+            return function(*rest, **options)
+        return function(*args, **options)
+
+    return load_and_call
+
+
+def _is_unread(source: Any) -> bool:
+    # MuJoCo is not imported to recognise its objects
+    return isinstance(source, str | PathLike) or type(source).__name__ in ("MjModel", "MjSpec")
+
+
+dynamic_model = _loading(dynamics.dynamic_model)
+equilibria = _loading(dynamics.equilibria)
+holding = _loading(dynamics.holding)
+modes = _loading(dynamics.modes)
+nearest_equilibrium = _loading(dynamics.nearest_equilibrium)
+response = _loading(dynamics.response)
+run = _loading(dynamics.run)
+
+__all__ = [
+    "Balance",
+    "DynamicModel",
+    "DynamicRun",
+    "Equilibrium",
+    "Fluctuation",
+    "FreeRun",
+    "InverseDynamics",
+    "Mode",
+    "Reaction",
+    "Reduced",
+    "actuator_forces",
+    "dynamic_model",
+    "equilibria",
+    "fluctuation",
+    "flywheel_for",
+    "free_run",
+    "holding",
+    "modes",
+    "nearest_equilibrium",
+    "prescribed",
+    "reduced",
+    "response",
+    "run",
+]
