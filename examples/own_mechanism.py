@@ -1,7 +1,7 @@
 """Describe your own mechanism once, and compare its loop equations with MuJoCo.
 
 A spatial slider-crank: a crank on a slanted shaft drives a slider through a rod with a ball joint at
-one end and a universal joint at the other. There is no closed form; `closure` solves the loop
+one end and a universal joint at the other. There is no closed form; `loops` solves the loop
 equations of any mechanism.
 
 Run: python examples/own_mechanism.py
@@ -10,7 +10,7 @@ Run: python examples/own_mechanism.py
 import numpy as np
 
 import mechsim as ms
-from mechsim import End, Joint, Link, Mechanism, Pose, closure
+from mechsim import End, Joint, Link, Mechanism, Pose, loops
 
 TIP = (0.03, 0.0, 0.0)
 
@@ -41,15 +41,15 @@ mechanism = Mechanism(
 def main() -> None:
     speed = ms.units.rpm(600.0)
     run = ms.simulate(mechanism, speed=speed, tolerance=1e-7, samples=36)
-    exact = closure.solve(mechanism, run.motion.angle, run.motion.speed, run.motion.acceleration)
+    exact = loops.solve(mechanism, run.motion.angle, run.motion.speed, run.motion.acceleration)
     verdict = ms.crosscheck(run.motion, exact, tolerance=1e-7, speed=speed)
     stroke = exact.points["slider"].position[:, 0]
     print(f"the slider's stroke is {1e3 * (stroke.max() - stroke.min()):.2f} mm")
     print(verdict)
     assert verdict.passed
 
-    poses = closure.assemble(mechanism, [0.0])
-    print("degrees of freedom:", closure.dof_count(mechanism, poses))
+    poses = loops.assemble(mechanism, [0.0])
+    print("degrees of freedom:", loops.dof_count(mechanism, poses))
 
 
 if __name__ == "__main__":

@@ -11,13 +11,10 @@ from mechsim._version import __version__
 
 if TYPE_CHECKING:
     from mechsim import simulation, testing, units
-    from mechsim.analytic import catalog
-    from mechsim.analytic import loops as closure
+    from mechsim.analytic import catalog, loops
     from mechsim.codegen.compiled import compile
     from mechsim.errors import AssemblyError, InputError, MechsimError
-    from mechsim.model import load_profile as course
-    from mechsim.model import masses as rods
-    from mechsim.model import motors
+    from mechsim.model import load_profile, masses, motors
     from mechsim.model.controllers import Controller
     from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
     from mechsim.model.joints import Coupling, End, Gear, Joint
@@ -55,13 +52,13 @@ if TYPE_CHECKING:
 # public name -> module that defines it; modules first
 _MODULES = {
     "catalog": "analytic.catalog",
-    "closure": "analytic.loops",
-    "course": "model.load_profile",
     "dynamics": "subjects.dynamics",
+    "load_profile": "model.load_profile",
+    "loops": "analytic.loops",
+    "masses": "model.masses",
     "motors": "model.motors",
     "plots": "pictures.plots",
     "render": "pictures.render",
-    "rods": "model.masses",
     "simulation": "simulation",
     "testing": "testing",
     "units": "units",
@@ -154,9 +151,7 @@ __all__ = [
     "certify",
     "check",
     "closed_qpos",
-    "closure",
     "compile",
-    "course",
     "crosscheck",
     "dynamics",
     "export",
@@ -164,13 +159,15 @@ __all__ = [
     "joint_map",
     "list",
     "load",
+    "load_profile",
+    "loops",
+    "masses",
     "motors",
     "moved",
     "optimise",
     "plots",
     "reduce",
     "render",
-    "rods",
     "sample",
     "sensitivity",
     "show",

@@ -3,7 +3,7 @@
 import numpy as np
 from strategies import CLOSED, EPS, longest
 
-from mechsim import closure
+from mechsim import loops
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
@@ -13,10 +13,10 @@ def agrees_with_loop_equations(drive: ClosedForm, motion: Motion, slack: float =
     """Assert that links close the loops and that points, links and joints move as the loops ask."""
     mechanism = drive.mechanism
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-    open_by, turned_by = closure.residual_norms(mechanism, poses, motion.angle)
+    open_by, turned_by = loops.residual_norms(mechanism, poses, motion.angle)
     assert open_by.max() <= slack * CLOSED * longest(drive)
     assert turned_by.max() <= slack * 32 * EPS
-    exact = closure.rates(mechanism, poses, motion.angle, motion.speed, motion.acceleration)
+    exact = loops.rates(mechanism, poses, motion.angle, motion.speed, motion.acceleration)
     assert motion.joints.keys() == exact.joints.keys()
     square = float((motion.speed**2).max())
     for kind in ("points", "links", "joints"):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim import closure
+from mechsim import loops
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
@@ -168,7 +168,7 @@ def everything() -> list[Mechanism]:
 def placed(mechanism: Mechanism, guess: dict[str, tuple[Vector, Vector]]) -> Mechanism:
     """Return the mechanism with a rough guess, link -> position and rotation vector, made into poses."""
     poses = {
-        name: Pose(np.array(place), closure.turned_by(np.eye(3)[None], np.array([turn]))[0])
+        name: Pose(np.array(place), loops.turned_by(np.eye(3)[None], np.array([turn]))[0])
         for name, (place, turn) in guess.items()
     }
     return mechanism.with_guess(poses, mechanism.start)

@@ -44,7 +44,9 @@ def _short(value: Any) -> str:
     if isinstance(value, tuple | list) and len(value) and all(is_dataclass(entry) for entry in value):
         return "(" + ", ".join(str(getattr(entry, "name", type(entry).__name__)) for entry in value) + ")"
     if is_dataclass(value) or callable(value):
-        return f"<{getattr(value, '__name__', type(value).__name__)}>"
+        kind = getattr(value, "__name__", type(value).__name__)
+        name = getattr(value, "name", "")
+        return f"<{kind} {name}>" if isinstance(name, str) and name else f"<{kind}>"
     if isinstance(value, float):
         return f"{value:.6g}"
     return textwrap.shorten(repr(value), MAX_TEXT, placeholder=" ...")

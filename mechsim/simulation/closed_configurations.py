@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_norm
@@ -55,6 +56,8 @@ class Sample:
     qvel: Array
     residual: Array
     accepted: float
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import (
     CLOSED,
@@ -128,6 +129,8 @@ class JointMap:
     reference: Array
     locked: Mapping[str, float]
     polynomials: Polynomials | None = None
+
+    __repr__ = short_repr
 
     def arrays(self) -> dict[str, Array]:
         """Return the arrays by name, with those of the polynomials as `polynomial_...`."""

@@ -17,7 +17,7 @@ from mechsim.errors import InputError, MechsimError
 from mechsim.model.finding import Finding
 from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
-from mechsim.model.motion import Motion
+from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.subjects.model_source import ModelDescription, ModelSource, file_reader
 from mechsim.subjects.prescription import Prescription
@@ -40,6 +40,8 @@ class MjcfForm(LoopForm):
     source: "MjcfModel | None" = None
     facts: tuple[str, ...] = ()
     corrected: tuple[float, float] = (0.0, 0.0)
+
+    __repr__ = short_repr
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
         """Return the motion along its path; links between several joints of one body are no part of it.

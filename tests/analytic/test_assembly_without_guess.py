@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import closure, simulate
+from mechsim import loops, simulate
 from mechsim.analytic.loops import oracle
 from mechsim.analytic.loops.start import assembled, start_poses
 from mechsim.errors import AssemblyError
@@ -110,7 +110,7 @@ def test_a_nut_stands_at_the_turn_of_its_screw_that_its_guess_means(lead, near, 
     )
     angle = np.linspace(0.0, 20.0, 9)
     exact = stands - lead * angle / (2.0 * np.pi)
-    place = closure.solve(jack, angle).points["P"].position[:, 0]
+    place = loops.solve(jack, angle).points["P"].position[:, 0]
     np.testing.assert_allclose(place, exact, atol=1e-15)
     run = simulate(jack, speed=2.0, turns=2.0).motion
     np.testing.assert_allclose(

@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from strategies import CLOSED, EPS, bennetts, longest
 
-from mechsim import closure
+from mechsim import loops
 from mechsim.analytic.catalog.bennett import Bennett
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import Pose
@@ -25,7 +25,7 @@ def poses_of(motion) -> dict[str, Pose]:
 @given(bennetts())
 def test_loop_closes_with_every_axis_at_every_crank_angle(drive):
     motion = drive.solve(ANGLES)
-    open_by, turned_by = closure.residual_norms(drive.mechanism, poses_of(motion), ANGLES)
+    open_by, turned_by = loops.residual_norms(drive.mechanism, poses_of(motion), ANGLES)
     assert open_by.max() <= CLOSED * longest(drive)
     assert turned_by.max() <= 32 * EPS
 
@@ -33,7 +33,7 @@ def test_loop_closes_with_every_axis_at_every_crank_angle(drive):
 @given(bennetts())
 def test_rates_satisfy_the_differentiated_loop_equations(drive):
     motion = drive.solve(ANGLES, 7.0, -3.0)
-    exact = closure.rates(drive.mechanism, poses_of(motion), ANGLES, 7.0, -3.0)
+    exact = loops.rates(drive.mechanism, poses_of(motion), ANGLES, 7.0, -3.0)
     # the loop Jacobian loses what the rocker's fastest moment multiplies
     slack = 1e-10 * (abs(drive.ratio) + 1.0 / abs(drive.ratio)) ** 2
     for name, link in motion.links.items():
@@ -105,7 +105,7 @@ def test_a_link_a_thousandth_too_long_closes_nowhere():
         for joint in mechanism.joints
     )
     with pytest.raises(AssemblyError, match="do not close"):
-        closure.assemble(replace(mechanism, joints=joints), [1.0])
+        loops.assemble(replace(mechanism, joints=joints), [1.0])
 
 
 def test_it_goes_through_validation_by_every_road():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from strategies import CLOSED, EPS, angles_of, four_bars, longest
 
-from mechsim import closure
+from mechsim import loops
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.errors import AssemblyError
 
@@ -93,10 +93,10 @@ def test_equal_links_that_fold_flat_start_where_the_assemblies_differ(lengths, b
         **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True)), branch=branch
     )
     mechanism = drive.mechanism
-    poses = closure.assemble(mechanism, [mechanism.start])
+    poses = loops.assemble(mechanism, [mechanism.start])
     tip = poses["rocker"].point((drive.rocker, 0.0, 0.0))
     assert np.abs(tip - drive.positions([mechanism.start])["B"]).max() <= CLOSED * longest(drive)
-    held = closure.equations(mechanism, poses, mechanism.start).jacobian
+    held = loops.equations(mechanism, poses, mechanism.start).jacobian
     # of 24 + 1 rows three repeat others in a planar loop
     values = np.linalg.svd(held[0] * np.tile([0.1] * 3 + [1.0] * 3, 3), compute_uv=False)
     assert values[17] > 1e-3 * values[0]

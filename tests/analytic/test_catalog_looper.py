@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from mpmath import mp
 from strategies import CLOSED, EPS, angles_of, longest, loopers
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.errors import AssemblyError, InputError
@@ -138,7 +138,7 @@ def test_poses_and_rates_agree_with_the_loop_equations(drive):
     low, high = drive.crank_range().arcs[0]
     angles = np.linspace(low + 0.05, high - 0.05, 17)
     speed, pull = 10.0, 3.0
-    ours, theirs = drive.solve(angles, speed, pull), closure.solve(drive.mechanism, angles, speed, pull)
+    ours, theirs = drive.solve(angles, speed, pull), loops.solve(drive.mechanism, angles, speed, pull)
     # rates lose the inverse of the sine of the transmission angle, once for each differentiation
     sine = np.sin(drive.transmission_angle(angles).min())
     for name, point in ours.points.items():
@@ -162,10 +162,10 @@ def test_poses_and_rates_agree_with_the_loop_equations(drive):
 def test_loops_stand_open_by_no_more_than_eight_ulp_and_one_freedom_is_left():
     drive, angles = Looper(), np.linspace(0.0, 2.0 * np.pi, 181)
     poses = {name: Pose(link.position, link.rotation) for name, link in drive.solve(angles).links.items()}
-    lengths_open, angles_open = closure.residual_norms(drive.mechanism, poses, angles)
+    lengths_open, angles_open = loops.residual_norms(drive.mechanism, poses, angles)
     assert lengths_open.max() <= 8 * EPS * longest(drive)
     assert angles_open.max() <= 8 * EPS
-    freedom = closure.dof_count(drive.mechanism, poses)
+    freedom = loops.dof_count(drive.mechanism, poses)
     assert (freedom.mobility, freedom.passive, freedom.redundant) == (1, 0, 0)
 
 
@@ -226,11 +226,11 @@ def test_the_cylinder_along_z_as_misprinted_does_not_match():
     slide = Joint("slide", "cylindrical", line, End("follower", axis=EZ, reference=EX))
     misprinted = replace(sound, joints=(*sound.joints[:-1], slide))
     with pytest.raises(AssemblyError, match="do not close"):
-        closure.solve(misprinted, angles, 1.0)
+        loops.solve(misprinted, angles, 1.0)
     # begun from a follower that lies as the misprint wants it, it closes, and is another mechanism
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     guess = {**sound.guess, "follower": Pose(np.array([0.0, drive.axis_y, 0.0]), quarter)}
-    c = closure.solve(misprinted.with_guess(guess, 0.0), angles, 1.0).points["C"].position
+    c = loops.solve(misprinted.with_guess(guess, 0.0), angles, 1.0).points["C"].position
     assert np.linalg.norm(c - drive.positions(angles)["C"], axis=1).min() > 5e-3
 
 

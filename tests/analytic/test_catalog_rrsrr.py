@@ -8,7 +8,7 @@ from mpmath import mp
 from strategies import CLOSED, angles_of, longest, rrsrrs
 from torus_sphere import sphere, start_points, torus, trace_path
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.errors import AssemblyError, InputError
 
@@ -95,11 +95,11 @@ def test_path_and_rocker_side_agree_with_fifty_digits(drive, speed, acceleration
 @pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
 def test_loop_equations_assembled_from_the_guess_find_the_same_assembly(drive):
     angles = drive.mechanism.start + np.linspace(-0.5, 0.5, 5)
-    found, closed = closure.solve(drive.mechanism, angles, 5.0, 2.0), drive.solve(angles, 5.0, 2.0)
+    found, closed = loops.solve(drive.mechanism, angles, 5.0, 2.0), drive.solve(angles, 5.0, 2.0)
     for name, link in closed.links.items():
         assert np.abs(found.links[name].position - link.position).max() <= 1e-15
         assert np.abs(found.links[name].rotation - link.rotation).max() <= 1e-13
-    assert closure.dof_count(drive.mechanism, closure.assemble(drive.mechanism, angles[:1])).mobility == 1
+    assert loops.dof_count(drive.mechanism, loops.assemble(drive.mechanism, angles[:1])).mobility == 1
 
 
 def test_default_layout_swings_as_the_digest_says():

@@ -8,7 +8,7 @@ from mpmath import mp
 from strategies import CLOSED, EPS, random_knitter
 from two_cranks import velocities
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.analytic.vector_method import triad
 from mechsim.errors import AssemblyError, InputError
@@ -87,7 +87,7 @@ def test_motion_agrees_with_the_loop_equations_of_the_description(drive):
     # closure turns the crank step by step from its start, so the angles rise from there
     angles = np.linspace(0.1, 5.0 if arcs.full else arcs.arcs[0][1] - 0.2, 6)
     here = drive.solve(angles, 3.0, 2.0)
-    there = closure.solve(drive.mechanism, angles, 3.0, 2.0)
+    there = loops.solve(drive.mechanism, angles, 3.0, 2.0)
     for kind in ("points", "links", "joints"):
         for name, motion in getattr(here, kind).items():
             other = getattr(there, kind)[name]
@@ -299,9 +299,9 @@ def test_without_gears_the_mechanism_has_two_freedoms():
     drive = WarpKnitter()
     links = drive.solve([0.4]).links
     poses = {name: Pose(link.position, link.rotation) for name, link in links.items()}
-    assert closure.dof_count(replace(drive.mechanism, gears=()), poses).mobility == 2
-    assert closure.dof_count(drive.mechanism, poses).mobility == 1
-    assert closure.dof_count(drive.mechanism, poses).redundant == 6
+    assert loops.dof_count(replace(drive.mechanism, gears=()), poses).mobility == 2
+    assert loops.dof_count(drive.mechanism, poses).mobility == 1
+    assert loops.dof_count(drive.mechanism, poses).redundant == 6
 
 
 def test_velocities_of_both_cranks_add_up_and_agree_with_the_geared_ones():
@@ -390,8 +390,8 @@ def test_a_description_with_a_wrong_rod_does_not_close_on_the_closed_form():
     motion = drive.solve(np.linspace(0.0, 6.0, 9))
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
     for wrong in (replace(drive, rod5=drive.rod5 * 1.001), replace(drive, gear_ratio=-2.02)):
-        gaps = closure.residual_norms(wrong.mechanism, poses, motion.angle)
+        gaps = loops.residual_norms(wrong.mechanism, poses, motion.angle)
         assert max(gap.max() for gap in gaps) > 1e-5
-    gaps = closure.residual_norms(drive.mechanism, poses, motion.angle)
+    gaps = loops.residual_norms(drive.mechanism, poses, motion.angle)
     assert gaps[0].max() <= CLOSED * longest(drive)
     assert gaps[1].max() <= 64 * EPS

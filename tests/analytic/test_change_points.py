@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flat_linkages import FLAT_ONES, FOLDING, flat_linkages, named, smooth_b, worst
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.vector_method.trig_polynomial import FLAT, sampled, signed_root
 from mechsim.errors import AssemblyError
@@ -67,7 +67,7 @@ def test_change_points_are_told_and_the_mechanism_says_when_it_comes_round(which
 def test_closed_form_and_loop_equations_pass_change_points_alike(which):
     drive = FLAT_ONES[which]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *drive.change_points()])
-    exact, found = (solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(closure.solve, drive)))
+    exact, found = (solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(loops.solve, drive)))
     # measured 5e-15, 3e-12 and 5e-10
     for part, most in (("position", 1e-13), ("velocity", 2e-11), ("acceleration", 2e-9)):
         for name, point in exact.points.items():
@@ -107,8 +107,8 @@ def test_loop_equations_fold_as_the_closed_form_does(which):
     beside = [at + off for at in drive.change_points() for off in (-1e-3, -1e-7, 0.0, 1e-7, 1e-3)]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *beside])
     exact = drive.solve(angles, -2.0, change_point="branch")
-    found = closure.solve(drive.mechanism, angles, -2.0, change_point="branch")
-    smooth = closure.solve(drive.mechanism, angles, -2.0)
+    found = loops.solve(drive.mechanism, angles, -2.0, change_point="branch")
+    smooth = loops.solve(drive.mechanism, angles, -2.0)
     # measured 3e-14 of the size, 2e-12 and 1e-8
     for name, point in exact.points.items():
         there = found.points[name]
@@ -127,7 +127,7 @@ def test_what_cannot_fold_is_refused_on_either_road(which):
     with pytest.raises(AssemblyError, match="no assembly leads into another; take change_point=smooth"):
         drive.positions([0.5], change_point="branch")
     with pytest.raises(AssemblyError, match="by folding, for it does not turn"):
-        closure.solve(drive.mechanism, [-0.5, 0.5], change_point="branch")
+        loops.solve(drive.mechanism, [-0.5, 0.5], change_point="branch")
 
 
 def test_a_mechanism_of_ones_own_folds_too():
@@ -175,7 +175,7 @@ def test_a_looper_tells_where_its_four_bar_lies_flat_and_its_range_ends_there(wh
     assert not any(low < at + lap < high for low, high in arcs.arcs for at in flat for lap in (0.0, TURN))
     low, high = arcs.arcs[0]
     angles = np.linspace(low + 0.1, high - 0.1, 25)
-    found = closure.solve(drive.mechanism, angles)
+    found = loops.solve(drive.mechanism, angles)
     for name, point in drive.solve(angles).points.items():
         assert (
             np.abs(found.points[name].position - point.position).max()

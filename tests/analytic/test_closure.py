@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from strategies import EPS, four_bars, rssrs
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.vector_method.vectors import rotation
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Gear, Joint
@@ -55,7 +55,7 @@ def moved(poses, twists, time):
     return {
         name: Pose(
             pose.position + time * twists[name][:, :3],
-            closure.turned_by(pose.rotation, time * twists[name][:, 3:]),
+            loops.turned_by(pose.rotation, time * twists[name][:, 3:]),
         )
         for name, pose in poses.items()
     }
@@ -64,8 +64,8 @@ def moved(poses, twists, time):
 def test_jacobian_is_the_derivative_of_the_residual(somewhere):
     poses, twists = somewhere
     step = 1e-5
-    ahead, behind = (closure.equations(EVERYTHING, moved(poses, twists, t), 0.2) for t in (step, -step))
-    rows = closure.equations(EVERYTHING, poses, 0.2)
+    ahead, behind = (loops.equations(EVERYTHING, moved(poses, twists, t), 0.2) for t in (step, -step))
+    rows = loops.equations(EVERYTHING, poses, 0.2)
     rate = rows.jacobian @ np.concatenate([twists[link.name][0] for link in EVERYTHING.links])
     # central differences: an error of step squared, and of rounding over the step
     error = (ahead.residual - behind.residual) / (2 * step) - rate
@@ -75,11 +75,9 @@ def test_jacobian_is_the_derivative_of_the_residual(somewhere):
 def test_bias_is_the_second_derivative_of_the_residual_at_constant_twist(somewhere):
     poses, twists = somewhere
     step = 1e-3
-    values = [
-        closure.equations(EVERYTHING, moved(poses, twists, i * step), 0.2).residual for i in range(-2, 3)
-    ]
+    values = [loops.equations(EVERYTHING, moved(poses, twists, i * step), 0.2).residual for i in range(-2, 3)]
     second = (-values[0] + 16 * values[1] - 30 * values[2] + 16 * values[3] - values[4]) / (12 * step**2)
-    bias = closure.equations(EVERYTHING, poses, 0.2, twists).bias
+    bias = loops.equations(EVERYTHING, poses, 0.2, twists).bias
     # fourth-order differences: an error of step to the fourth, and of rounding over step squared
     assert np.abs(second - bias)[:, JOINT_ROWS].max() <= 1e-8
 
@@ -95,8 +93,8 @@ def test_bias_is_the_second_derivative_of_the_residual_at_constant_twist(somewhe
 )
 def test_rank_tells_mobility_passive_freedoms_and_redundant_rows(name, changes, expected):
     mechanism = catalog.make(name, **changes).mechanism
-    poses = closure.assemble(mechanism, [0.3])
-    found = closure.dof_count(mechanism, poses)
+    poses = loops.assemble(mechanism, [0.3])
+    found = loops.dof_count(mechanism, poses)
     assert (found.mobility, found.passive, found.redundant) == expected
 
 
@@ -105,7 +103,7 @@ def test_rank_tells_mobility_passive_freedoms_and_redundant_rows(name, changes, 
 def test_solving_without_the_closed_form_gives_the_closed_form(name, branch):
     drive = catalog.make(name, branch=branch)
     angles = np.linspace(0.1, 2 * np.pi, 5)
-    exact, expected = closure.solve(drive.mechanism, angles, 3.0, 2.0), drive.solve(angles, 3.0, 2.0)
+    exact, expected = loops.solve(drive.mechanism, angles, 3.0, 2.0), drive.solve(angles, 3.0, 2.0)
     for point, motion in expected.points.items():
         for part in ("position", "velocity", "acceleration"):
             a, b = getattr(exact.points[point], part), getattr(motion, part)
@@ -121,8 +119,8 @@ def test_assembly_from_a_rough_place_finds_the_branch_meant(drive):
     # near a dead centre a rough place is as near to the other branch
     assume(drive.transmission_angle(start)[0] > 0.3)
     rough = {name: Pose(pose.position + 1e-4, pose.rotation) for name, pose in mechanism.guess.items()}
-    poses = closure.assemble(mechanism, start, rough)
-    assert closure.residual_norms(mechanism, poses, start)[0][0] <= 8 * EPS * mechanism.characteristic_length
+    poses = loops.assemble(mechanism, start, rough)
+    assert loops.residual_norms(mechanism, poses, start)[0][0] <= 8 * EPS * mechanism.characteristic_length
     tip = poses["rocker"].point((drive.rocker, 0.0, 0.0))
     assert np.abs(tip - drive.positions(start)["P3"]).max() <= 1e-12 * mechanism.characteristic_length / 0.3
 
@@ -135,7 +133,7 @@ def test_a_turn_and_back_ends_where_it_began(drive):
     mechanism = drive.mechanism
     _, high = next(arc for arc in arcs.arcs if arc[0] <= mechanism.start <= arc[1])
     aim = mechanism.start + 0.3 * (high - mechanism.start)
-    there = closure.follow(mechanism, [aim, mechanism.start])
+    there = loops.follow(mechanism, [aim, mechanism.start])
     for name, pose in mechanism.guess.items():
         assert np.abs(there[name].position[1] - pose.position).max() <= 1e-9 * mechanism.characteristic_length
 
@@ -153,7 +151,7 @@ def test_a_gear_turns_the_second_crank_also_past_a_whole_turn():
         gears=(Gear("crank", "second", -1.5, 0.4),),
     )
     angles = np.linspace(0.0, 9.0, 4)
-    motion = closure.solve(mechanism, angles, 2.0, 1.0)
+    motion = loops.solve(mechanism, angles, 2.0, 1.0)
     turned = -1.5 * angles + 0.4
     expected = np.stack([0.1 + 0.02 * np.cos(turned), 0.02 * np.sin(turned), 0 * turned], 1)
     assert np.abs(motion.points["P"].position - expected).max() <= 1e-14
@@ -166,20 +164,20 @@ def test_loops_that_cannot_close_say_where_and_by_how_much():
     mechanism = drive.mechanism
     out_of_reach = drive.crank_range().arcs[0][1] + 0.3
     with pytest.raises(AssemblyError, match=r"four_bar: the loops do not close at crank angle .* a gap of"):
-        closure.assemble(mechanism, [out_of_reach])
+        loops.assemble(mechanism, [out_of_reach])
 
 
 def test_a_link_that_nothing_holds_is_named():
     mechanism = catalog.make("four_bar").mechanism
     loose = replace(mechanism, links=(*mechanism.links, Link("loose")), guess={})
     with pytest.raises(AssemblyError, match="no joint holds link loose"):
-        closure.rough_poses(loose)
+        loops.rough_poses(loose)
 
 
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [0.1, np.nan]])
 def test_crank_angles_that_are_none_never_become_poses(angles):
     mechanism = catalog.make("four_bar").mechanism
-    for solve in (closure.assemble, closure.follow, closure.solve):
+    for solve in (loops.assemble, loops.follow, loops.solve):
         with pytest.raises((AssemblyError, InputError), match="crank angle"):
             solve(mechanism, angles)
 
@@ -191,7 +189,7 @@ def test_singular_values_vanish_at_a_dead_centre():
     def nearest(angle):
         motion = drive.solve([angle])
         poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-        return closure.singular_values(drive.mechanism, poses)[0, 17]
+        return loops.singular_values(drive.mechanism, poses)[0, 17]
 
     assert nearest(high - 1e-8) < 1e-3 < nearest((low + high) / 2)
 
@@ -204,4 +202,4 @@ def test_a_joint_put_together_with_its_axes_opposed_is_refused():
     rocker = guess["rocker"]
     guess["rocker"] = type(rocker)(rocker.position, rocker.rotation @ np.diag([1.0, -1.0, -1.0]))
     with pytest.raises(AssemblyError, match="axes opposed"):
-        closure.assemble(mechanism, [mechanism.start], guess)
+        loops.assemble(mechanism, [mechanism.start], guess)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from coupled_wheels import START, assert_all_turn_alike, coupled_wheels
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
 from mechsim.analytic.loops.path_segments import even_change_point
@@ -25,7 +25,7 @@ def test_wheels_turn_alike_where_all_rods_lie_flat(wheels):
     mechanism = coupled_wheels(wheels)
     # the change points themselves, poses close by, and a turn and a half in steps that fall between
     angle = np.r_[0.0, np.pi, np.pi + np.array([-1e-2, -1e-5, 1e-8, 3e-3]), np.arange(-1.0, 8.0, 0.173)]
-    assert_all_turn_alike(mechanism, closure.solve(mechanism, angle, 3.0), BOUNDS)
+    assert_all_turn_alike(mechanism, loops.solve(mechanism, angle, 3.0), BOUNDS)
 
 
 @pytest.mark.parametrize("steps", [61, 400])
@@ -87,9 +87,9 @@ def beside(one: Mechanism, other: Mechanism) -> Mechanism:
 def test_rods_that_lie_flat_apart_are_passed_one_by_one_and_close_together_are_refused():
     apart = coupled_wheels(3, lag=0.3)
     angle = np.r_[np.pi, np.pi + 0.3, np.arange(0.0, 6.4, 0.1)]
-    assert_all_turn_alike(apart, closure.solve(apart, angle, 3.0), BOUNDS)
+    assert_all_turn_alike(apart, loops.solve(apart, angle, 3.0), BOUNDS)
     with pytest.raises(AssemblyError, match=r"wheels: the pose at crank angle 3\.14\d* rad is too near"):
-        closure.solve(coupled_wheels(3, lag=1e-3), [np.pi])
+        loops.solve(coupled_wheels(3, lag=1e-3), [np.pi])
 
 
 @pytest.mark.parametrize("pairs", [2, 4])

@@ -6,7 +6,7 @@ import pytest
 from flat_linkages import flat_linkages, named, smooth_b, worst
 from mechanisms import three_cranks
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
@@ -47,7 +47,7 @@ def test_a_turn_told_from_the_description_on_looks_at_the_loops_few_times(name, 
     looks, look = [], TreeLoops.linearise
     monkeypatch.setattr(TreeLoops, "linearise", lambda loops, at: looks.append(len(at)) or look(loops, at))
     mechanism = catalog.make(name).mechanism
-    closure.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
+    loops.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
     # measured 29 and 44: of one pose at the start, of all of them at the end, else two or three a cell
     assert len(looks) <= most
 
@@ -69,7 +69,7 @@ def test_a_path_that_is_too_long_is_rejected_before_it_is_followed():
     drive = catalog.make("four_bar")
     said = r"the crank would be followed from 0 rad to 8000000 rad, 1,273,240 revolutions.* 1,274 times"
     with pytest.raises(InputError, match=said):
-        closure.solve(drive.mechanism, [0.0, 8e6])
+        loops.solve(drive.mechanism, [0.0, 8e6])
 
 
 def test_no_cell_is_longer_than_a_fifth_of_a_turn_however_little_moves():
@@ -127,7 +127,7 @@ def test_a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halve
 @pytest.mark.parametrize(("sense", "to"), [(1, 8.0), (-1, -2.0)])
 def test_cells_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sense, to, passing):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
-    poses = closure.follow(drive.mechanism, [0.5])
+    poses = loops.follow(drive.mechanism, [0.5])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
     path = crank_path(drive.mechanism.with_guess(guess, 0.5), passing)
     assert not path.drop_last_segment(sense)
@@ -155,7 +155,7 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
     # where crank and frame lie on each other the coupler could turn about them
     angles = ANGLES[np.abs(lengths[1] * np.exp(1j * ANGLES) - lengths[0]) > 1e-3 * lengths[0]]
-    point = closure.solve(mechanism, angles, 2.0, 0.0).points["B"]
+    point = loops.solve(mechanism, angles, 2.0, 0.0).points["B"]
     with mpmath.workdps(40):
         truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
         sign = min(truths, key=lambda one: worst(truths[one], point.position))
@@ -178,7 +178,7 @@ def test_a_parallelogram_stays_one_turn_after_turn():
     path.extend(9.0)
     for cells in path.segments.values():
         assert [cell.nodes[-1] for cell in cells[:-1]] == [cell.nodes[0] for cell in cells[1:]]
-    motion = closure.solve(mechanism, ANGLES)
+    motion = loops.solve(mechanism, ANGLES)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
 
 
@@ -197,7 +197,7 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
     lengths = SHARP[which]
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
     angles = np.unique([*np.linspace(-4.0, 4.0, 33), *np.linspace(-0.02, 0.02, 21), 1e-6, -1e-9])
-    found = closure.solve(mechanism, angles).points["B"].position
+    found = loops.solve(mechanism, angles).points["B"].position
     with mpmath.workdps(40):
         truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
     # measured 4e-12
@@ -222,7 +222,7 @@ def test_few_cells_lead_round_a_sharp_bend_and_through_a_change_point(lengths, m
 @pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 17))
 def test_change_points_are_found_wherever_the_path_begins(start):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
-    poses = closure.follow(drive.mechanism, [start])
+    poses = loops.follow(drive.mechanism, [start])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
     path = crank_path(drive.mechanism.with_guess(guess, float(start)))
     path.extend(7.0)
@@ -261,9 +261,9 @@ def test_a_change_point_that_rounding_hides_between_two_cells_is_looked_for_from
 @pytest.mark.parametrize("off", [3e-3, -2e-5])
 def test_a_path_may_begin_close_to_a_change_point(off):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
-    poses = closure.follow(drive.mechanism, [off])
+    poses = loops.follow(drive.mechanism, [off])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    found = closure.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
+    found = loops.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
     assert np.abs(found - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.characteristic_length
 
 
@@ -276,7 +276,7 @@ def test_a_path_that_begins_at_a_change_point_is_refused_with_the_angle_and_the_
     links = drive.solve([off]).links
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
     with pytest.raises(AssemblyError, match=f"rad.*{said}"):
-        closure.follow(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
+        loops.follow(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
 def test_a_path_that_begins_just_before_its_dead_centre_is_told_to_stay_there():
@@ -293,7 +293,7 @@ def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_f
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
     assert drive.crank_range().full
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
-    found, exact = closure.follow(drive.mechanism, angles), drive.solve(angles).links
+    found, exact = loops.follow(drive.mechanism, angles), drive.solve(angles).links
     for name, link in exact.items():
         assert (
             np.abs(found[name].position - link.position).max() <= 1e-9 * drive.mechanism.characteristic_length
@@ -342,13 +342,13 @@ def about(axis, angle):
 def test_change_points_of_an_overconstrained_linkage_are_told_whichever_rows_are_solved(start):
     mechanism = sarrus(start)
     angles = np.linspace(-3.0, 3.0, 24)
-    height = closure.solve(mechanism, angles).points["P"].position[:, 2]
+    height = loops.solve(mechanism, angles).points["P"].position[:, 2]
     np.testing.assert_allclose(height, 0.1 * np.sin(angles), atol=1e-12)
     form = LoopForm(mechanism)
     # folded, at 0 and pi, the second chain can swing about its own axes while the crank stands
     assert np.sort(np.sin(form.change_points())) == pytest.approx([-1.0, 0.0, 0.0, 1.0], abs=1e-9)
     assert form.period == 2.0 * np.pi
-    flat = closure.solve(mechanism, [0.0, np.pi])
+    flat = loops.solve(mechanism, [0.0, np.pi])
     np.testing.assert_allclose(flat.points["P"].velocity[:, 2], [0.1, -0.1], atol=1e-12)
 
 
@@ -356,7 +356,7 @@ def test_change_points_of_an_overconstrained_linkage_are_told_whichever_rows_are
 def test_a_third_parallel_crank_beside_the_line_of_pivots_leaves_no_change_point(aside):
     mechanism = three_cranks((0.047, aside))
     angles = np.concatenate([[np.pi, 2.0 * np.pi], np.linspace(-4.0, 7.0, 50)])
-    motion = closure.solve(mechanism, angles)
+    motion = loops.solve(mechanism, angles)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
     np.testing.assert_allclose(motion.links["third"].angular_velocity[:, 2], 1.0, atol=1e-9)
     assert LoopForm(mechanism).change_points() == ()

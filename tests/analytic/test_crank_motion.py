@@ -7,7 +7,7 @@ import pytest
 from driven import five_bar
 from mechanisms import at
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops.motion import crank_path, motion_along
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import Coupling, Joint
@@ -48,7 +48,7 @@ def swinging(**coupling) -> Mechanism:
 def test_a_swing_counted_on_another_lap_is_the_same_swing(wheel, laps):
     mechanism = swinging(**wheel)
     angles = mechanism.start + np.array([0.5, -0.3, 0.1])
-    here, there = (closure.solve(mechanism, angles + turned, 2.0, -3.0) for turned in (0.0, laps * TURN))
+    here, there = (loops.solve(mechanism, angles + turned, 2.0, -3.0) for turned in (0.0, laps * TURN))
     for name, joint in here.joints.items():
         counted = laps * TURN if name == "crank" else 0.0
         for part in ("value", "rate", "acceleration"):
@@ -68,11 +68,11 @@ def test_a_swing_is_on_another_lap_only_where_what_goes_with_the_crank_stands_al
     mechanism = swinging(turns=turns, coefficients=(0.003, ratio))
     angles = mechanism.start + laps * TURN + np.array([0.2])
     if same:
-        wheel = closure.solve(mechanism, angles).links["wheel"].rotation[0]
+        wheel = loops.solve(mechanism, angles).links["wheel"].rotation[0]
         np.testing.assert_allclose(wheel[:2, 0], [np.cos(0.303), np.sin(0.303)], atol=1e-14)
     else:
         with pytest.raises(AssemblyError, match="the crank cannot pass"):
-            closure.solve(mechanism, angles)
+            loops.solve(mechanism, angles)
 
 
 def test_a_path_on_another_lap_begins_a_turn_on_and_a_crank_turns_evenly_by_a_radian_a_second():
@@ -80,13 +80,13 @@ def test_a_path_on_another_lap_begins_a_turn_on_and_a_crank_turns_evenly_by_a_ra
     path, _ = motion_along(crank_path(mechanism), *np.array([[mechanism.start + TURN], [1.0], [0.0]]))
     assert path.initial == mechanism.start + TURN
     assert path.start.values[path.loops.driven[0]] == path.initial
-    assert closure.solve(mechanism, [0.1, 0.2]).speed.tolist() == [1.0, 1.0]
-    assert closure.solve(mechanism, [0.1, 0.2]).acceleration.tolist() == [0.0, 0.0]
+    assert loops.solve(mechanism, [0.1, 0.2]).speed.tolist() == [1.0, 1.0]
+    assert loops.solve(mechanism, [0.1, 0.2]).acceleration.tolist() == [0.0, 0.0]
 
 
 def test_what_is_held_stands_still_however_fast_the_crank_turns():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
-    motion = closure.solve(mechanism, [1.9, 2.1], 5.0, -7.0)
+    motion = loops.solve(mechanism, [1.9, 2.1], 5.0, -7.0)
     for part, wanted in (("value", 1.2), ("rate", 0.0), ("acceleration", 0.0)):
         np.testing.assert_allclose(getattr(motion.joints["right"], part), wanted, atol=1e-15)
     assert motion.joints["left"].rate.tolist() == [5.0, 5.0]
@@ -98,7 +98,7 @@ def test_what_is_held_stands_still_however_fast_the_crank_turns():
 )
 def test_links_whose_spin_nothing_determines_are_told(name, idle):
     drive = catalog.make(name)
-    assert closure.solve(drive.mechanism, [drive.mechanism.start + 0.3]).spinning == idle
+    assert loops.solve(drive.mechanism, [drive.mechanism.start + 0.3]).spinning == idle
 
 
 def test_a_rod_that_spins_about_one_axis_of_the_frame_alone_is_told():
@@ -114,6 +114,6 @@ def test_a_rod_that_spins_about_one_axis_of_the_frame_alone_is_told():
     }
     links = tuple(Link(name) for name in ("crank", "rod", "block"))
     points = {"P": ("block", (0.0, 0.0, 0.0))}
-    assert closure.solve(Mechanism("line", links, joints, "crank", points, guess=guess), [0.0]).spinning == {
+    assert loops.solve(Mechanism("line", links, joints, "crank", points, guess=guess), [0.0]).spinning == {
         "rod"
     }

@@ -7,7 +7,7 @@ import pytest
 from exact import DIGITS, four_bar_b, rssr_p3
 from mpmath import mp
 
-from mechsim import catalog, course, dynamics
+from mechsim import catalog, dynamics, load_profile
 from mechsim.analytic.dynamics import applied_forces, prescribed_motion
 from mechsim.analytic.dynamics.reduced_equation import kinetic_energy
 from mechsim.errors import AssemblyError, InputError
@@ -39,8 +39,10 @@ def busy(drive):
         friction=(Friction(slot, 1e-3, 2e-2), Friction("crank", 1e-4, 1e-3)),
         springs=(Spring((GROUND, (0.02, 0.03, 0.11)), point, 50.0, 0.03, 0.2),),
         joint_springs=(JointSpring(slot, 0.3, 0.1),),
-        loads=(Load(point, course.function(lambda x: np.stack([np.cos(x), x, 1.0 + 0.0 * x], 1), width=3)),),
-        crank_torque=course.harmonics([0.01, 0.02], [0.03]),
+        loads=(
+            Load(point, load_profile.function(lambda x: np.stack([np.cos(x), x, 1.0 + 0.0 * x], 1), width=3)),
+        ),
+        crank_torque=load_profile.harmonics([0.01, 0.02], [0.03]),
     )
 
 
@@ -210,7 +212,9 @@ def test_slider_crank_with_a_heavy_slider_has_the_torque_and_side_force_of_textb
     tiny = Inertia(1e-12, (0.0, 0.0, 0.0), (1e-16, 1e-16, 1e-16))
     block = Inertia(2.0, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
     mechanism = with_inertias(drive.mechanism, crank=tiny, rod=tiny, slider=block)
-    pressure = course.function(lambda x: np.stack([-30.0 + 5.0 * np.cos(x), 0.0 * x, 0.0 * x], 1), width=3)
+    pressure = load_profile.function(
+        lambda x: np.stack([-30.0 + 5.0 * np.cos(x), 0.0 * x, 0.0 * x], 1), width=3
+    )
     machine = dynamics.dynamic_model(drive, Forces(loads=(Load("B", pressure),)), mechanism=mechanism)
     f = np.linspace(0.2, 6.0, 30)
     study = dynamics.prescribed(machine, f, 40.0)
@@ -309,7 +313,7 @@ def test_a_spinning_coupler_that_is_not_round_or_that_friction_turns_is_refused(
     with pytest.raises(InputError, match="would spin a link whose spin nothing determines"):
         dynamics.prescribed(rubbing, [0.5], 1.0)
     aside = dynamics.dynamic_model(
-        drive, Forces(loads=(Load(("coupler", (0.0, 0.01, 0.0)), course.constant((1.0, 2.0, 3.0))),))
+        drive, Forces(loads=(Load(("coupler", (0.0, 0.01, 0.0)), load_profile.constant((1.0, 2.0, 3.0))),))
     )
     with pytest.raises(InputError, match="a load would spin"):
         dynamics.prescribed(aside, [0.5], 1.0)

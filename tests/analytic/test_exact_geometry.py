@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops import rounded_geometry
 from mechsim.analytic.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
 from mechsim.errors import MechsimError
@@ -40,11 +40,11 @@ def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
     angles = whole.start + np.linspace(-0.4, 0.4, 5)
     off = rounded(whole, 1e-6)
     with pytest.raises(MechsimError):
-        closure.solve(off, angles)
+        loops.solve(off, angles)
     found = corrected(off)
     assert 0.0 < found.moved < 1e-5 * whole.characteristic_length
     assert 0.0 < found.rotated < 1e-5
-    exact, motion = closure.solve(whole, angles), closure.solve(found.mechanism, angles)
+    exact, motion = loops.solve(whole, angles), loops.solve(found.mechanism, angles)
     for link in exact.links:
         np.testing.assert_allclose(
             motion.links[link].position, exact.links[link].position, atol=3e-5 * whole.characteristic_length

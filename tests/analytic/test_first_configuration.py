@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flat_linkages import FLAT_ONES, FOLDING
 
-from mechsim import catalog, closure, dynamics
+from mechsim import catalog, dynamics, loops
 from mechsim.model.forces import Forces
 
 TURN = 2.0 * np.pi
@@ -66,10 +66,10 @@ def test_every_mechanism_with_change_points_starts_with_its_sign_wherever_it_sta
 def test_loop_equations_start_with_the_sign_too(which):
     drive = FLAT_ONES[which]
     angles = 3.7 + np.linspace(0.0, 3.0, 12)
-    exact, loops = drive.solve(angles), closure.solve(drive, angles)
+    exact, by_loops = drive.solve(angles), loops.solve(drive, angles)
     for name, point in exact.points.items():
         assert (
-            np.abs(loops.points[name].position - point.position).max()
+            np.abs(by_loops.points[name].position - point.position).max()
             <= 1e-12 * drive.mechanism.characteristic_length
         )
 

@@ -8,7 +8,7 @@ import pytest
 from grids import grid
 from mpmath import mp
 
-from mechsim import catalog, closure, course, dynamics, motors
+from mechsim import catalog, dynamics, load_profile, motors
 from mechsim.analytic.dynamics.reduced_equation import CrankTable, columns
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.joints import End, Joint
@@ -87,9 +87,9 @@ def test_closed_form_and_loop_equations_run_freely_alike():
     assert np.abs(closed.angle - loops.angle).max() <= 1e-9
     motion = drive.solve(closed.angle, closed.speed, closed.acceleration)
     assert motion.points["B"].velocity[-1] == pytest.approx(
-        closure.rates(
+        loops.rates(
             drive.mechanism,
-            closure.follow(drive.mechanism, closed.angle[-1:]),
+            loops.follow(drive.mechanism, closed.angle[-1:]),
             closed.angle[-1:],
             closed.speed[-1:],
         )
@@ -233,7 +233,7 @@ def test_a_crank_passes_a_dead_centre_that_lies_a_hair_beside_its_path():
 
 
 def test_a_load_over_time_wakes_a_machine_that_friction_held():
-    push = course.table([0.0, 1.0, 2.0], [0.0, 0.0, 4.0], over="time")
+    push = load_profile.table([0.0, 1.0, 2.0], [0.0, 0.0, 4.0], over="time")
     wheel = pendulum(friction=(Friction("crank", 0.0, 1.0),), crank_torque=push)
     run = dynamics.free_run(wheel, angle=0.0, times=[0.0, 1.0, 1.24, 1.5, 2.0])
     # the torque passes 1 N m at 1.25 s; from there x'' = 4 (t - 1.25)
@@ -244,7 +244,7 @@ def test_a_load_over_time_wakes_a_machine_that_friction_held():
 
 def test_a_load_on_a_point_does_the_work_it_should():
     drive = catalog.make("slider_crank")
-    against = course.constant((-3.0, 0.0, 0.0))
+    against = load_profile.constant((-3.0, 0.0, 0.0))
     machine = dynamics.dynamic_model(drive, Forces(loads=(Load("B", against),)))
     run = dynamics.free_run(machine, angle=0.2, speed=30.0, turns=1.3, samples=50)
     path = drive.solve(run.angle).points["B"].position[:, 0]
@@ -273,8 +273,8 @@ def test_a_run_backwards_is_the_mirror_of_the_run_in_the_mirrored_world():
 def test_a_mechanism_of_ones_own_runs_freely_under_a_load_on_its_slider(force):
     """Along two axes the slider never moves: what the load has of a lever there is rounding."""
     drive = catalog.make("slider_crank")
-    loads = (Load("B", course.constant(force)),)
-    couple = Couple("slider", course.constant((0.0, 0.0, 2.0)))
+    loads = (Load("B", load_profile.constant(force)),)
+    couple = Couple("slider", load_profile.constant((0.0, 0.0, 2.0)))
     friction = (Friction("crank", 1e-4, 1e-3), Friction("B", 1e-3))
     forces = Forces(loads=loads, couples=(couple,), friction=friction, gravity=(0.0, 0.0, -9.81))
     own, known = (

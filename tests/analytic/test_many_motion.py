@@ -80,7 +80,7 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
 @pytest.mark.parametrize("rows_are_enough", [True, False])
 def test_designs_whose_rows_never_tell_enough_take_others_for_every_segment(rows_are_enough, monkeypatch):
     mechanisms = [ms.catalog.make("bennett", length0=length).mechanism for length in (0.05, 0.049, 0.051)]
-    exact = [ms.closure.solve(mechanism, ANGLES).points for mechanism in mechanisms]
+    exact = [ms.loops.solve(mechanism, ANGLES).points for mechanism in mechanisms]
     selections, select = [], path.loop_solver
     monkeypatch.setattr(path, "loop_solver", lambda *given: selections.append(given) or select(*given))
     if not rows_are_enough:
@@ -140,7 +140,7 @@ def flat_and_others():
     found = []
     for crank in (0.04, 0.038, 0.037, 0.036):
         mechanism = ms.catalog.make("four_bar", crank=crank, **lengths).mechanism
-        there = ms.closure.follow(mechanism, [2.0])
+        there = ms.loops.follow(mechanism, [2.0])
         found.append(mechanism.with_guess({name: pose.select(0) for name, pose in there.items()}, 2.0))
     return found
 

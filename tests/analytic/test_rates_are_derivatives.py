@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mechanisms import at
 
-from mechsim import closure
+from mechsim import loops
 from mechsim.errors import InputError
 from mechsim.model.joints import Coupling, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
@@ -162,9 +162,9 @@ def motions(name: str):
     time = STEP * (np.arange(9) - MIDDLE)
     angle = mechanism.start + 0.2 + SPEED * time + 0.5 * ACCELERATION * time**2
     speed, acceleration = SPEED + ACCELERATION * time, np.full(9, ACCELERATION)
-    whole = closure.solve(mechanism, angle, speed, acceleration)
+    whole = loops.solve(mechanism, angle, speed, acceleration)
     poses = {link: Pose(one.position, one.rotation) for link, one in whole.links.items()}
-    return closure.rates(mechanism, poses, angle, speed, acceleration), whole
+    return loops.rates(mechanism, poses, angle, speed, acceleration), whole
 
 
 def derivatives(values, weights, order):
@@ -225,21 +225,21 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
 def test_the_loops_are_closed(mechanism, request):
     motion = motions(request.node.callspec.id)[1]
     poses = {link: Pose(one.position, one.rotation) for link, one in motion.links.items()}
-    open_by, turned_by = closure.residual_norms(mechanism, poses, motion.angle)
+    open_by, turned_by = loops.residual_norms(mechanism, poses, motion.angle)
     assert open_by.max() <= 1e-14
     assert turned_by.max() <= 1e-13
 
 
 def test_a_crank_turns_evenly_unless_it_is_said_otherwise_and_its_rates_are_one_or_as_many_as_angles():
     mechanism, angles = KINDS[0], np.array([0.7, 0.8, 0.9])
-    poses = closure.assemble(mechanism, angles)
-    even = closure.rates(mechanism, poses, angles, SPEED)
+    poses = loops.assemble(mechanism, angles)
+    even = loops.rates(mechanism, poses, angles, SPEED)
     for speed in ([SPEED], [SPEED] * 3):
         for acceleration in (0.0, [0.0], [0.0] * 3):
-            same = closure.rates(mechanism, poses, angles, speed, acceleration)
+            same = loops.rates(mechanism, poses, angles, speed, acceleration)
             assert np.array_equal(same.acceleration, np.zeros(3))
             for name, point in even.points.items():
                 assert np.array_equal(point.acceleration, same.points[name].acceleration)
     for wrong in ([1.0, 2.0], np.nan, [1.0, np.inf, 1.0], [[1.0]], "1"):
         with pytest.raises(InputError, match="the crank's speed is no finite number; give one, or 3"):
-            closure.rates(mechanism, poses, angles, wrong)
+            loops.rates(mechanism, poses, angles, wrong)

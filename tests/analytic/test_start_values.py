@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import closure, simulate
+from mechsim import loops, simulate
 from mechsim.analytic.loops.start import start_poses, with_closed_guess
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
@@ -57,10 +57,10 @@ def test_legs_without_a_guess_are_put_towards_the_plate_that_has_one():
 def test_both_roads_begin_where_the_mechanism_is_put_together():
     mechanism = with_closed_guess(spherical_four_bar())
     poses = {name: Pose(one.position[None], one.rotation[None]) for name, one in mechanism.guess.items()}
-    assert max(opened.max() for opened in closure.residual_norms(mechanism, poses, 0.0)) < 1e-14
+    assert max(opened.max() for opened in loops.residual_norms(mechanism, poses, 0.0)) < 1e-14
     assert with_closed_guess(mechanism) is mechanism
     found = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
-    exact = closure.solve(spherical_four_bar(), found.angle)
+    exact = loops.solve(spherical_four_bar(), found.angle)
     assert max(gap.max() for gap in found.position_errors(exact).values()) < 1e-13
 
 

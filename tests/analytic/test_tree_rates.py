@@ -7,7 +7,7 @@ import pytest
 from driven import five_bar, waving, where_circles_meet
 from mechanisms import at
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path, motion_along
 from mechsim.analytic.loops.path_rates import CHUNK, rates_of_polynomial, regularised
@@ -121,7 +121,7 @@ def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they
     drive = catalog.make("four_bar")
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 2 * CHUNK + 300)
     found, exact = (
-        closure.solve(drive.mechanism, angles, 2.0, -3.0).points["B"],
+        loops.solve(drive.mechanism, angles, 2.0, -3.0).points["B"],
         drive.solve(angles, 2.0, -3.0).points["B"],
     )
     # measured 8e-17, 8e-17 and 4e-16

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops.mobility import driver_determinacy, with_coordinate_locked
 from mechsim.errors import MobilityError
 from mechsim.model.joints import End, Gear, Joint
@@ -34,7 +34,7 @@ def five_bar(*gears):
     return whole.with_guess(guess, 0.0)
 
 
-@pytest.mark.parametrize("road", [closure.follow, closure.solve])
+@pytest.mark.parametrize("road", [loops.follow, loops.solve])
 def test_a_five_bar_with_one_driver_is_refused_with_what_is_open(road):
     with pytest.raises(MobilityError, match=r"underdetermined: .* A is left open") as refused:
         road(five_bar(), [0.0, 0.1])
@@ -42,14 +42,14 @@ def test_a_five_bar_with_one_driver_is_refused_with_what_is_open(road):
 
 
 def test_geared_to_its_crank_it_is_determined():
-    motion = closure.solve(five_bar(Gear("crank", "D", 1.0)), [0.0, 0.1])
+    motion = loops.solve(five_bar(Gear("crank", "D", 1.0)), [0.0, 0.1])
     assert motion.joints["D"].rate == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
 def test_an_idle_spin_is_no_freedom(name):
     drive = catalog.make(name)
-    assert len(closure.solve(drive.mechanism, [drive.mechanism.start])) == 1
+    assert len(loops.solve(drive.mechanism, [drive.mechanism.start])) == 1
 
 
 def test_a_ball_that_no_loop_holds_and_no_point_tells_of_is_no_freedom():
@@ -63,7 +63,7 @@ def test_a_ball_that_no_loop_holds_and_no_point_tells_of_is_no_freedom():
         "crank",
         {"P": ("crank", (0.1, 0.0, 0.0))},
     )
-    motion = closure.solve(mechanism, [0.0, np.pi / 2])
+    motion = loops.solve(mechanism, [0.0, np.pi / 2])
     np.testing.assert_allclose(motion.points["P"].position[1], [0.0, 0.1, 0.0], atol=1e-16)
 
 
@@ -75,8 +75,8 @@ def test_a_start_at_a_dead_centre_is_no_freedom():
         for name, link in drive.solve([high - 1e-7]).links.items()
     }
     mechanism = drive.mechanism.with_guess(poses, high - 1e-7)
-    found = closure.follow(mechanism, [high - 0.1])
-    assert closure.solve(mechanism, [high - 0.1]).spinning == frozenset()
+    found = loops.follow(mechanism, [high - 0.1])
+    assert loops.solve(mechanism, [high - 0.1]).spinning == frozenset()
     exact = drive.solve([high - 0.1]).links
     # the start stands 1e-7 rad from where digits are halved; the pose asked for does not
     for name, link in exact.items():

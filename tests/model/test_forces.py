@@ -3,13 +3,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from mechsim import catalog, course, motors
+from mechsim import catalog, load_profile, motors
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 
 RSSR = catalog.make("rssr").mechanism
 LOOPER = catalog.make("looper").mechanism
-PUSH = course.constant((0.0, 0.0, 1.0))
+PUSH = load_profile.constant((0.0, 0.0, 1.0))
 FAR = (0.0, 0.0, 1.0)
 
 
@@ -24,7 +24,7 @@ FAR = (0.0, 0.0, 1.0)
         (partial(Forces, flywheel=-1e-3), "moment of inertia of the flywheel"),
         (partial(Forces, gravity=(0.0, np.nan, 0.0)), "gravity is"),
         (partial(Forces, crank_torque=PUSH), "three components"),
-        (partial(Load, "P3", course.constant(1.0)), "has one component"),
+        (partial(Load, "P3", load_profile.constant(1.0)), "has one component"),
         (partial(motors.DCMotor, 12.0, 0.0, 0.01), "motor resistance is 0.0 ohm"),
         (partial(motors.DCMotor, np.nan, 1.0, 0.01), "motor voltage"),
         (partial(motors.TorqueSpeedLine, 1.0, -100.0), "drives nothing"),

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mechsim import course
+from mechsim import load_profile
 from mechsim.errors import InputError
 
 TURN = 2.0 * np.pi
@@ -10,10 +10,10 @@ TURN = 2.0 * np.pi
 def test_a_table_over_the_turn_repeats_and_passes_through_its_rows():
     at, values = np.linspace(0.5, 0.5 + TURN, 9), [0.0, 1.0, 4.0, 2.0, -1.0, -3.0, -2.0, 0.5, 0.0]
     for smooth in (False, True):
-        load = course.table(at, values, smooth=smooth)
+        load = load_profile.table(at, values, smooth=smooth)
         for turns in (-3, 0, 7):
             assert np.allclose(load.evaluate(at + turns * TURN), values, atol=1e-13)
-    straight = course.table(at, values)
+    straight = load_profile.table(at, values)
     assert straight.evaluate((at[2] + at[3]) / 2.0)[0] == pytest.approx(3.0)
 
 
@@ -24,7 +24,7 @@ def test_a_smooth_table_follows_a_smooth_load_with_fourth_order():
         values[-1] = values[0]
         x = np.linspace(0.0, TURN, 997)
         return np.abs(
-            course.table(at, values, smooth=True).evaluate(x) - np.sin(x) - 0.3 * np.cos(3.0 * x)
+            load_profile.table(at, values, smooth=True).evaluate(x) - np.sin(x) - 0.3 * np.cos(3.0 * x)
         ).max()
 
     assert 3.8 < np.log2(error(48) / error(96)) < 4.2
@@ -32,7 +32,7 @@ def test_a_smooth_table_follows_a_smooth_load_with_fourth_order():
 
 def test_harmonics_are_their_own_sum():
     x = np.linspace(-1.0, 8.0, 50)
-    load = course.harmonics([0.5, 0.0, 2.0], [1.5])
+    load = load_profile.harmonics([0.5, 0.0, 2.0], [1.5])
     assert np.allclose(load.evaluate(x), 0.5 + 2.0 * np.cos(2.0 * x) + 1.5 * np.sin(x), atol=1e-14)
 
 
@@ -51,12 +51,12 @@ def test_harmonics_are_their_own_sum():
 )
 def test_a_table_that_is_no_load_over_the_turn_is_refused(at, values, said):
     with pytest.raises(InputError, match=said):
-        course.table(at, values)
+        load_profile.table(at, values)
 
 
 def test_a_table_whose_turn_is_written_with_six_digits_is_drawn_to_the_turn():
     x = np.linspace(0.0, TURN, 9)
-    exact, written = (course.table(at, np.cos(x).round(12)) for at in (x, x.round(5)))
+    exact, written = (load_profile.table(at, np.cos(x).round(12)) for at in (x, x.round(5)))
     places = np.linspace(0.0, TURN, 40)
     # half a unit of the sixth digit, at a slope of one
     assert np.abs(exact.evaluate(places, places) - written.evaluate(places, places)).max() < 1e-5
@@ -64,7 +64,7 @@ def test_a_table_whose_turn_is_written_with_six_digits_is_drawn_to_the_turn():
 
 def test_a_table_over_part_of_the_turn_or_over_time_is_never_read_outside_it():
     for over in ("angle", "time"):
-        load = course.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
+        load = load_profile.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
         assert load.evaluate([0.5], [0.5])[0] == 2.5
         with pytest.raises(InputError, match=r"covers .* 0 to 1, but 1.5 is asked for; make it longer"):
             load.evaluate([1.5], [1.5])
@@ -72,10 +72,10 @@ def test_a_table_over_part_of_the_turn_or_over_time_is_never_read_outside_it():
 
 def test_a_load_over_time_needs_times_and_a_function_must_give_finite_numbers():
     with pytest.raises(InputError, match="give the motion its time"):
-        course.function(np.sin, over="time").evaluate([0.0])
-    broken = course.function(lambda x: np.where(x < 0.5, x, np.nan))
+        load_profile.function(np.sin, over="time").evaluate([0.0])
+    broken = load_profile.function(lambda x: np.where(x < 0.5, x, np.nan))
     with pytest.raises(InputError, match=r"load over angle is no finite number at 0.5 rad"):
         broken.evaluate([0.0, 0.5])
     with pytest.raises(InputError, match="of shape"):
-        course.function(lambda x: np.zeros(3)).evaluate([0.0, 1.0])
-    assert course.constant((1.0, 2.0, 3.0)).evaluate([0.0, 1.0]).shape == (2, 3)
+        load_profile.function(lambda x: np.zeros(3)).evaluate([0.0, 1.0])
+    assert load_profile.constant((1.0, 2.0, 3.0)).evaluate([0.0, 1.0]).shape == (2, 3)

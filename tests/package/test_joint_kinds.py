@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import closure
+from mechsim import loops
 from mechsim.model.joint_kinds import KINDS, displaced
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose
@@ -66,7 +66,7 @@ def test_the_loop_equations_hold_what_a_kind_does_not_leave_free(kind, turned_ro
         values = (mechanism.joint("J").lead * -0.7 / (2.0 * np.pi), -0.7)
     poses = poses_at(mechanism, values)
     poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
-    rows = closure.equations(mechanism, poses, 0.0)
+    rows = loops.equations(mechanism, poses, 0.0)
     assert np.abs(rows.residual).max() <= 1e-15
     held = 6 - KINDS[kind].dof + KINDS[kind].helical
     assert rows.residual.shape == (1, 5 + held + 1)

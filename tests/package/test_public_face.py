@@ -52,7 +52,7 @@ REFUSED = {
     ),
     "no points": (lambda: ms.simulate(replace(MECHANISM, points={}), speed=10.0), "no point to track"),
     "no size in MuJoCo": (lambda: ms.simulate(pendulum_of_no_size(), speed=10.0), "dot has no extent"),
-    "no size by the loops": (lambda: ms.closure.solve(pendulum_of_no_size(), [0.0]), "dot has no extent"),
+    "no size by the loops": (lambda: ms.loops.solve(pendulum_of_no_size(), [0.0]), "dot has no extent"),
     "guess not a number": (lambda: guessed(position=np.full(3, NAN)), "position of shape .* or with NaN"),
     "guess too short": (lambda: guessed(rotation=np.eye(2)), r"rotation of shape \(2, 2\)"),
     "guess of nothing": (
@@ -76,10 +76,10 @@ REFUSED = {
     ),
     "an axis as text": (lambda: ms.End("crank", axis="z"), "axis z of a joint .* three finite numbers"),
     "a gear as text": (lambda: replace(MECHANISM, gears=(ms.Gear("crank", "crank", "2"),)), "ratio of gear"),
-    "no mechanism by the loops": (lambda: ms.closure.solve(None, [0.0]), "a mechanism is of type NoneType"),
-    "no crank angles": (lambda: ms.closure.solve(MECHANISM, []), "or there is none; give a list in"),
-    "half a range": (lambda: ms.closure.solve(MECHANISM, "0:1"), "must be start:stop:step"),
-    "loop speed as words": (lambda: ms.closure.solve(MECHANISM, [0.0], "fast"), "speed 'fast' is not a"),
+    "no mechanism by the loops": (lambda: ms.loops.solve(None, [0.0]), "a mechanism is of type NoneType"),
+    "no crank angles": (lambda: ms.loops.solve(MECHANISM, []), "or there is none; give a list in"),
+    "half a range": (lambda: ms.loops.solve(MECHANISM, "0:1"), "must be start:stop:step"),
+    "loop speed as words": (lambda: ms.loops.solve(MECHANISM, [0.0], "fast"), "speed 'fast' is not a"),
     "a name of nothing": (lambda: ms.catalog.make(None), "there is no mechanism None"),
     "a mechanism for a run": (lambda: ms.crosscheck(DRIVE, DRIVE), "is of type .*; give one of type Motion"),
     "nothing to compare": (lambda: ms.crosscheck(RUN.motion, None), "the analytic side is of type NoneType"),
@@ -91,8 +91,8 @@ REFUSED = {
         lambda: ms.dynamics.prescribed(DRIVE, [0.0], 1.0),
         "type Rssr; give one of type DynamicModel",
     ),
-    "rods for nothing": (lambda: ms.rods.with_inertia(None), "a mechanism is of type NoneType"),
-    "density as text": (lambda: ms.rods.with_inertia(MECHANISM, "steel"), "density of the rods is steel"),
+    "rods for nothing": (lambda: ms.masses.with_inertia(None), "a mechanism is of type NoneType"),
+    "density as text": (lambda: ms.masses.with_inertia(MECHANISM, "steel"), "density of the rods is steel"),
     "a number for text": (lambda: ms.units.parse_length(3.0), "the length is 3.0, which is no text"),
     "text for rpm": (lambda: ms.units.rpm("600 rpm"), r"or read text by units\.parse_speed"),
     "an unknown unit": (lambda: ms.units.parse("3", "mm"), "no unit 'mm' to turn the value into"),
@@ -111,8 +111,8 @@ def test_a_catalogue_mechanism_runs_as_its_description_does():
     assert RUN.outcome == "passed"
     other = ms.simulate(MECHANISM, speed=10.0, turns=0.1)
     np.testing.assert_array_equal(RUN.motion.points["P3"].position, other.motion.points["P3"].position)
-    by_loops = ms.closure.solve(DRIVE, [0.1]).points["P3"].position
-    np.testing.assert_array_equal(by_loops, ms.closure.solve(MECHANISM, [0.1]).points["P3"].position)
+    by_loops = ms.loops.solve(DRIVE, [0.1]).points["P3"].position
+    np.testing.assert_array_equal(by_loops, ms.loops.solve(MECHANISM, [0.1]).points["P3"].position)
 
 
 def test_an_incomplete_guess_is_completed_by_the_joints():
@@ -121,12 +121,12 @@ def test_an_incomplete_guess_is_completed_by_the_joints():
 
 
 FACE = """
-    Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia InputError
-    Joint
-    JointSpring Link Load Mechanism MechsimError Motion MotionLaws Pose Run Scene Settings Spring
-    Tolerance Verdict __version__ catalog certify check closed_qpos closure compile course crosscheck dynamics
-    export fit joint_map list load motors moved optimise plots reduce render rods sample sensitivity show
-    simulate simulation sweep testing tolerance_study trace tune units validate view
+    Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia
+    InputError Joint JointSpring Link Load Mechanism MechsimError Motion MotionLaws Pose Run Scene
+    Settings Spring Tolerance Validation Verdict __version__ catalog certify check closed_qpos compile
+    crosscheck dynamics export fit joint_map list load load_profile loops masses motors moved optimise
+    plots reduce render sample sensitivity show simulate simulation sweep testing tolerance_study trace
+    tune units validate view
 """
 NAMES = FACE.split()
 
@@ -148,9 +148,9 @@ def test_completion_runs_no_code_of_ours():
 @pytest.mark.parametrize(
     "line",
     [
-        "from mechsim import catalog, closure, course, dynamics, motors, plots, render, rods, units",
-        "import mechsim as ms; ms.render.still, ms.plots.motion_plot, ms.course.constant",
-        "import mechsim as ms; ms.rods.with_inertia, ms.motors, ms.simulation.simulate",
+        "from mechsim import catalog, loops, load_profile, dynamics, motors, plots, render, masses, units",
+        "import mechsim as ms; ms.render.still, ms.plots.motion_plot, ms.load_profile.constant",
+        "import mechsim as ms; ms.masses.with_inertia, ms.motors, ms.simulation.simulate",
         "from mechsim import *; catalog.make('rssr'), render.Look",
     ],
 )

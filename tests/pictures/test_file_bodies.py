@@ -75,7 +75,7 @@ def test_a_pivot_at_which_a_point_stays_goes_by_the_point_s_name():
     both = {**mechanism.points, "motor": ("crank", (0.0, 0.0, 0.0))}
     for points, told in ((mechanism.points, {"crank", "rocker"}), (both, {"motor", "rocker"})):
         with_points = replace(mechanism, points=points)
-        motion = ms.closure.solve(with_points, [0.0, 1.0])
+        motion = ms.loops.solve(with_points, [0.0, 1.0])
         names = set(named(Source(with_points, motion).drawn(Look()), 0))
         assert names == told | {"A", "B", "C"}
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from grids import grid
 
-from mechsim import catalog, course
+from mechsim import catalog, load_profile
 from mechsim.errors import InputError, OutputError
 from mechsim.model.forces import Forces
 from mechsim.pictures import plots
@@ -188,7 +188,7 @@ def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance(monke
 def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
     drive = load("quick_return")
-    pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=course.constant(-0.5)))
+    pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=load_profile.constant(-0.5)))
     study = PlotSource(solver=pulled, speed=1e-3).study()
     assert study.forces.torque == pytest.approx(0.5, abs=1e-6)
 

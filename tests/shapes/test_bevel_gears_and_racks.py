@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import closure, load
+from mechsim import load, loops
 from mechsim.model.joints import Coupling, End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.links import IDENTITY as STANDING
@@ -46,7 +46,7 @@ def heels(mechanism, link, poses):
 @pytest.mark.parametrize("carried", [GROUND, "one"])
 def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
     mechanism = shafts(heights, carried)
-    motion = closure.solve(mechanism, TURN)
+    motion = loops.solve(mechanism, TURN)
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
     poses[GROUND] = STANDING
     arm = np.broadcast_to(np.eye(3), (len(TURN), 3, 3)) if carried == GROUND else poses["one"].rotation

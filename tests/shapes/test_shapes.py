@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog, closure, load
+from mechsim import catalog, load, loops
 from mechsim.model.joints import End, Joint, joint_coordinate
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, Link, Pose
@@ -165,7 +165,7 @@ def test_a_planet_meshes_with_its_sun_and_its_ring(ring, sun):
         replace(gear, phase=phase) for gear, phase in zip(form.mechanism.gears, (0.2, -0.5), strict=True)
     )
     mechanism = replace(form.mechanism, gears=gears)
-    motion = closure.solve(mechanism, TURN)
+    motion = loops.solve(mechanism, TURN)
     carrier, planet, sun = (mechanism.joint(name) for name in ("carrier", "planet", "sun"))
     assert_mesh(motion, mechanism, ((planet, "planet"), (sun, "sun")), inside=False)
     assert_mesh(motion, mechanism, ((carrier, GROUND), (planet, "planet")), inside=True)
@@ -177,7 +177,7 @@ def test_a_planet_runs_round_a_wheel_that_stands():
     gears = replace(first, ratio=1.5, phase=0.2), replace(second, ratio=-1.0 / 1.5, phase=0.1)
     mechanism = replace(mechanism, gears=gears)
     wheels = (mechanism.joint("carrier"), GROUND), (mechanism.joint("planet"), "planet")
-    assert_mesh(closure.solve(mechanism, TURN), mechanism, wheels, inside=False)
+    assert_mesh(loops.solve(mechanism, TURN), mechanism, wheels, inside=False)
 
 
 def test_shafts_lead_to_the_side_that_the_links_keep_free():

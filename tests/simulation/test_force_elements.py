@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog, course
+from mechsim import catalog, load_profile
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.motors import ConstantTorque
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 
-PUSH = course.constant((1.0, 2.0, 3.0))
+PUSH = load_profile.constant((1.0, 2.0, 3.0))
 STARTS = {
     "motor": ("motor",),
     "crank_torque": ("crank torque",),
@@ -25,7 +25,7 @@ def all_on(name: str) -> Forces:
     straight = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")]
     return Forces(
         motor=ConstantTorque(1.0),
-        crank_torque=course.constant(0.1),
+        crank_torque=load_profile.constant(0.1),
         loads=tuple(Load(point, PUSH) for point in mechanism.points),
         couples=(Couple(mechanism.links[-1].name, PUSH),),
         joint_springs=tuple(JointSpring(joint, 0.3, 0.1) for joint in straight),

@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link
@@ -72,7 +72,7 @@ def test_the_reference_configuration_stands_where_the_loop_equations_put_it(mech
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert model.qpos0[read_loops(model).crank_address] == pytest.approx(mechanism.start, abs=1e-15)
-    exact = closure.solve(mechanism, [mechanism.start])
+    exact = loops.solve(mechanism, [mechanism.start])
     for name, point in exact.points.items():
         # both by Newton's method to rounding, from the same guess
         assert np.abs(data.site(name).xpos - point.position[0]).max() < 1e-14

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mechsim import catalog, closure, simulation
+from mechsim import catalog, loops, simulation
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import swing
@@ -63,7 +63,7 @@ def test_solved_poses_are_the_closed_form_to_a_million_millionth_of_the_crank(na
 
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
 def test_solved_poses_of_any_mechanism_are_those_of_the_loop_equations(mechanism: Mechanism) -> None:
-    exact = closure.solve(mechanism, mechanism.start + np.linspace(0.0, TURN, 25), 10.0)
+    exact = loops.solve(mechanism, mechanism.start + np.linspace(0.0, TURN, 25), 10.0)
     for one in (mechanism, mechanisms.swapped(mechanism)):
         motion = simulate(one, speed=10.0, method="pose", samples=24).motion
         assert worst(motion, exact) < 1e-13  # rounding in lengths of a tenth of a metre

@@ -10,7 +10,7 @@ from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from strategies import CASES, random_knitter
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.errors import AssemblyError
 from mechsim.model.motion_laws import PART_OF_RANGE, constant, interval_around, swing
 from mechsim.model.scene import Scene
@@ -57,7 +57,7 @@ def test_no_road_refuses_a_swing_inside_the_range_on_any_lap(name, data):
     assert crosscheck(poses.motion, drive, tolerance=same).passed
     angle = poses.motion.angle
     np.testing.assert_allclose(angle, profile.state(poses.motion.time)[0], rtol=0, atol=1e-12)
-    own = closure.solve(mechanism, angle)
+    own = loops.solve(mechanism, angle)
     for point, place in drive.positions(angle).items():
         np.testing.assert_allclose(own.points[point].position, place, rtol=0, atol=same)
     stepped = simulate(mechanism, profile=profile, samples=24, settings=Settings(steps_per_turn=100))
@@ -107,7 +107,7 @@ def test_where_a_crank_turns_by_more_than_a_turn_all_roads_mean_the_same_pose_on
     for middle, reach in ((low + 0.06, 0.05), (0.5 * (low + high), 0.49 * (high - low))):
         profile = swing(middle + REVOLUTION, reach, 20.0)
         poses = simulate(drive.mechanism, profile=profile, samples=12, method="pose").motion
-        own = closure.solve(drive.mechanism, poses.angle)
+        own = loops.solve(drive.mechanism, poses.angle)
         for point, place in drive.positions(poses.angle).items():
             for road in (poses, own):
                 np.testing.assert_allclose(road.points[point].position, place, rtol=0, atol=1e-11)
@@ -120,7 +120,7 @@ def test_no_road_goes_on_beyond_a_dead_centre_in_the_pose_of_a_turn_before():
         with pytest.raises(AssemblyError, match="does not close"):
             LOOPER.positions(angles + REVOLUTION * lap)
     with pytest.raises(AssemblyError, match="cannot pass"):
-        closure.solve(LOOPER.mechanism, angles)
+        loops.solve(LOOPER.mechanism, angles)
 
 
 def test_a_crank_whose_range_begins_beyond_half_a_turn_starts_there_and_says_so_in_its_model():

@@ -12,7 +12,7 @@ import gear_trains
 import numpy as np
 import pytest
 
-from mechsim import course
+from mechsim import load_profile
 from mechsim.analytic import dynamics
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.force_record import ForceRecord
@@ -128,8 +128,8 @@ def acting(mechanism: Mechanism, size: float) -> Forces:
         friction=tuple(rubbing),
         springs=(Spring((GROUND, (size, 2.0 * size, -size)), first, 50.0, 0.5 * size, 2.0),),
         joint_springs=tuple(wound),
-        loads=(Load(last, course.constant((7.0, 5.0, -6.0))),),
-        couples=(Couple(link.name, course.constant((size, 2.0 * size, -3.0 * size))),),
+        loads=(Load(last, load_profile.constant((7.0, 5.0, -6.0))),),
+        couples=(Couple(link.name, load_profile.constant((size, 2.0 * size, -3.0 * size))),),
     )
 
 
@@ -191,7 +191,7 @@ def press() -> Case:
     )
     links = Link("spindle", inertia=body), Link("nut", inertia=body)
     mechanism = Mechanism("press", links, joints, "motor", {"P": ("nut", (0.02, 0.0, 0.0))})
-    forces = Forces(loads=(Load("P", course.constant((0.0, 0.0, -100.0))),))
+    forces = Forces(loads=(Load("P", load_profile.constant((0.0, 0.0, -100.0))),))
     return Case(mechanism, forces, {"motor": lambda t: (2.0 * t, 2.0 + 0.0 * t, 0.0 * t)})
 
 

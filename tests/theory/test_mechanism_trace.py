@@ -7,7 +7,7 @@ import pytest
 from grids import grid
 from torus_sphere import torus_sphere
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.catalog.four_bar import FourBar
 from mechsim.analytic.catalog.rrsrr import Rrsrr
 from mechsim.analytic.catalog.rssr import Rssr
@@ -65,11 +65,11 @@ def test_every_pose_of_every_curve_is_an_assembly_of_the_closed_form(name):
     drive = FORMS[name]
     for curve in traced(name).curves:
         poses = curve.samples(16)
-        gaps, turned = closure.residual_norms(drive.mechanism, poses.poses, poses.angle)
+        gaps, turned = loops.residual_norms(drive.mechanism, poses.poses, poses.angle)
         assert gaps.max() <= 1e-13 * drive.mechanism.characteristic_length
         assert turned.max() <= 1e-13
         # a closed form keeps half the digits where the crank turns back
-        clear = closure.conditioning(drive.mechanism, poses.poses) > 1e-3
+        clear = loops.conditioning(drive.mechanism, poses.poses) > 1e-3
         assert clear.sum() > 12
         assert max(gap_to_closed_form(drive, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
 
@@ -132,7 +132,7 @@ def test_assemblies_that_come_near_each_other_and_do_not_meet_are_said_not_to():
     # it rounds the place where it would change over, and its crank swings past neither
     for curve in found.curves:
         poses = curve.samples(16)
-        clear = closure.conditioning(near.mechanism, poses.poses) > 1e-3
+        clear = loops.conditioning(near.mechanism, poses.poses) > 1e-3
         assert max(gap_to_closed_form(near, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
 
 
@@ -141,7 +141,7 @@ def test_a_component_whose_cranks_a_gear_joins_keeps_the_turns_the_gear_counts()
     for curve in trace(mechanism, starts=30).curves:
         poses = curve.samples(12)
         assert np.abs(poses.joints["wheel.q"] + 1.5 * poses.joints["crank.q"]).max() <= 1e-12
-        gaps, turned = closure.residual_norms(mechanism, poses.poses, poses.angle)
+        gaps, turned = loops.residual_norms(mechanism, poses.poses, poses.angle)
         assert gaps.max() <= 1e-15
         assert turned.max() <= 1e-13
 

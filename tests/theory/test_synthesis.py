@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from mechsim import closure
+from mechsim import loops
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.errors import AssemblyError, InputError
 from mechsim.theory.coupler_line import best_circle, follow_curve, line, synthesize_looper
@@ -209,7 +209,7 @@ def test_a_rocker_a_thousandth_long_misses_the_line(paper):
 
 def test_loop_equations_agree_on_the_synthesised_linkage(paper):
     angles = np.linspace(*sorted(paper.angles[[0, -1]]), 7)
-    ours, theirs = paper.design.positions(angles), closure.solve(paper.design.mechanism, angles, 1.0)
+    ours, theirs = paper.design.positions(angles), loops.solve(paper.design.mechanism, angles, 1.0)
     for name, place in ours.items():
         assert np.abs(place - theirs.points[name].position).max() <= 1e-14
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.model.motion_laws import swing
 from mechsim.simulation import Settings, simulate
@@ -103,7 +103,7 @@ def test_both_roads_tell_the_conditioning_of_the_loops(name):
         run.motion.conditioning,
         conditioning_of(drive.mechanism, drive.solve(run.motion.angle)),
     )
-    own = closure.solve(drive.mechanism, run.motion.angle).conditioning
+    own = loops.solve(drive.mechanism, run.motion.angle).conditioning
     for one in (simulated, own):
         assert 0.05 < (one / exact).min() <= (one / exact).max() < 20.0
     for one in (simulated, own, exact):

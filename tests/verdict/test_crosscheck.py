@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
@@ -74,7 +74,7 @@ def test_a_function_is_an_analytic_side(name: str, road: str) -> None:
 def test_the_loop_equations_are_an_analytic_side(name: str) -> None:
     mechanism = DRIVES[name].mechanism
     motion = motion_of(mechanism, samples=24)
-    exact = closure.solve(mechanism, motion.angle, motion.speed, motion.acceleration)
+    exact = loops.solve(mechanism, motion.angle, motion.speed, motion.acceleration)
     free = frozenset() if "guided" in name else DRIVES[name].solve([0.0]).spinning
     assert crosscheck(motion, replace(exact, spinning=free)).passed
 
@@ -199,7 +199,7 @@ def test_a_number_that_is_none_in_a_joint_or_a_loop_is_not_passed_over() -> None
     joints = {**motion.joints, "rocker": replace(motion.joints["rocker"], value=values)}
     refused(crosscheck(replace(motion, joints=joints), drive), "diverged")
     assert motion.closure is not None
-    open_loop = motion.closure.copy()
+    open_loop = motion.loops.copy()
     open_loop[-1] = np.nan
     refused(crosscheck(replace(motion, closure=open_loop), drive), "diverged")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from grids import grid
 
-from mechsim import catalog, course, dynamics
+from mechsim import catalog, dynamics, load_profile
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.links import Inertia
@@ -38,8 +38,8 @@ def everything(name: str) -> Forces:
         friction=tuple(Friction(joint, 1e-3, 1e-2 if planar else 0.0) for joint in straight),
         springs=(Spring(tip, ("ground", (0.1, 0.2, 0.3)), 10.0, 0.01, 0.3),),
         joint_springs=tuple(JointSpring(joint, 0.3, 0.12) for joint in straight),
-        loads=(Load(tip, course.function(push, width=3)),),
-        crank_torque=course.harmonics([0.1, 0.2]),
+        loads=(Load(tip, load_profile.function(push, width=3)),),
+        crank_torque=load_profile.harmonics([0.1, 0.2]),
         flywheel=1.2e-3,
     )
 
@@ -164,7 +164,7 @@ def test_each_wrong_machine_is_condemned_by_its_free_run():
 
 def test_a_load_over_the_crank_angle_acts_at_every_stage_of_every_step():
     forces = Forces(
-        motor=TorqueSpeedLine(5.0, 100.0), crank_torque=course.harmonics([-0.2, 0.1]), flywheel=0.01
+        motor=TorqueSpeedLine(5.0, 100.0), crank_torque=load_profile.harmonics([-0.2, 0.1]), flywheel=0.01
     )
     machine = of("four_bar", forces)
     run = free_run(machine.mechanism, machine.forces, turns=1.0, settings=Settings(steps_per_turn=500))

@@ -7,7 +7,7 @@ import pytest
 from driven import bending_rocker
 from mechanisms import rscr, three_cranks
 
-from mechsim import catalog, course, dynamics, load, motors
+from mechsim import catalog, dynamics, load, load_profile, motors
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, Load
 from mechsim.model.joints import End, Joint
@@ -22,7 +22,7 @@ from mechsim.studies.reference import weighing
 from mechsim.verdict.record_errors import of_reactions
 
 DRIVE = catalog.make("rrsrr")
-PUSH = course.table(
+PUSH = load_profile.table(
     [0.0, 2.0, 4.0, 2.0 * np.pi], [[0.0, 0.5, 1.0], [1.0, 0.0, -1.0], [0.5, 2.0, 0.0], [0.0, 0.5, 1.0]]
 )
 FORCES = Forces(

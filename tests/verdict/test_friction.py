@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mechanisms import rscr, rsup
 
-from mechsim import catalog, course, dynamics
+from mechsim import catalog, dynamics, load_profile
 from mechsim.errors import InputError
 from mechsim.model.forces import Couple, Forces, Friction
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
@@ -115,7 +115,9 @@ def test_a_crank_that_a_ball_joint_holds_cannot_start():
 
 
 def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link():
-    moment = course.function(lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3)
+    moment = load_profile.function(
+        lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3
+    )
     machine = dynamics.dynamic_model(catalog.make("rrsrr"), Forces(couples=(Couple("link", moment),)))
     run = driven(machine.mechanism, machine.forces, speed=30.0, samples=24)
     assert crosscheck_driven(run, machine).passed
@@ -145,14 +147,17 @@ def test_a_geared_motor_drives_as_the_reduced_equation_says_and_a_wrong_ratio_is
     ("make", "said"),
     [
         (lambda: Geared(ConstantTorque(1.0), 0.0), "gear ratio of the motor is 0.0"),
-        (lambda: Couple("link", course.constant(1.0)), "has one component"),
+        (lambda: Couple("link", load_profile.constant(1.0)), "has one component"),
         (lambda: Friction("sleeve", 0.0, 0.0, -1.0), "viscous friction in joint 'sleeve' is -1.0"),
         (lambda: Forces(friction=(Friction("shaft", coulomb_turn=1.0),)).check(rscr()), "only a cylindrical"),
         (
-            lambda: Forces(couples=(Couple("ground", course.constant((1, 0, 0))),)).check(rscr()),
+            lambda: Forces(couples=(Couple("ground", load_profile.constant((1, 0, 0))),)).check(rscr()),
             "on the frame",
         ),
-        (lambda: Forces(couples=(Couple("arm", course.constant((1, 0, 0))),)).check(rscr()), "no link 'arm'"),
+        (
+            lambda: Forces(couples=(Couple("arm", load_profile.constant((1, 0, 0))),)).check(rscr()),
+            "no link 'arm'",
+        ),
     ],
 )
 def test_what_means_nothing_is_refused(make, said):

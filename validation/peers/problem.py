@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim import catalog, dynamics, rods
+from mechsim import catalog, dynamics, masses
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Inertia
@@ -77,7 +77,7 @@ class Problem:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        return rods.with_inertia(self.drive.mechanism)
+        return masses.with_inertia(self.drive.mechanism)
 
     @property
     def crank(self) -> float:

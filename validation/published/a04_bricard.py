@@ -49,7 +49,7 @@ def _rod(way: np.ndarray) -> Inertia:
 
 def rows(duration: float = 10.0, timestep: float = 2.5e-4, balance: float = 1e-6) -> list[Row]:
     mechanism = bricard()
-    freedom = ms.closure.dof_count(mechanism, ms.closure.assemble(mechanism, [0.0]))
+    freedom = ms.loops.dof_count(mechanism, ms.loops.assemble(mechanism, [0.0]))
     run = free_run(
         mechanism, Forces(gravity=(0.0, -9.81, 0.0)), duration=duration, timestep=timestep, samples=200
     )

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from change_points import NAMES, random_linkages
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
@@ -68,10 +68,10 @@ def gap(drive: KinematicSolver, curve: AssemblyCurve) -> float:
     """Return how far the poses of a curve are from the truth, in parts of the size."""
     poses, size = curve.samples(SAMPLES + 1), drive.mechanism.characteristic_length
     # with several turns of a wheel on a crank's, poses alone do not tell what a coupling asks for
-    gaps, turned = closure.residual_norms(replace(drive.mechanism, gears=(), couplings=()), poses.poses, None)
+    gaps, turned = loops.residual_norms(replace(drive.mechanism, gears=(), couplings=()), poses.poses, None)
     worst = max(float(gaps.max()) / size, float(turned.max()), *off_laws(curve, poses))
     if isinstance(drive, ClosedForm):
-        clear = closure.conditioning(drive.mechanism, poses.poses) > CLEAR
+        clear = loops.conditioning(drive.mechanism, poses.poses) > CLEAR
         for k in np.flatnonzero(clear):
             listed = drive.assembly_points(float(poses.angle[k]))
             apart = [

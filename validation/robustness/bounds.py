@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from rough_drives import SPEED, rough_drives
 
-from mechsim import course, dynamics
+from mechsim import dynamics, load_profile
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces, Friction, Load
@@ -102,7 +102,7 @@ def _forces(drive: ClosedForm) -> Forces:
     return Forces(
         gravity=(0.0, -9.81, 0.0),
         friction=(Friction(drive.mechanism.driver, viscous=DRAG),),
-        loads=(Load(last, course.constant(PULL)),),
+        loads=(Load(last, load_profile.constant(PULL)),),
     )
 
 

@@ -19,7 +19,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim import catalog, closure
+from mechsim import catalog, loops
 from mechsim.errors import MechsimError
 from mechsim.model.motion import ChangePointPolicy
 from mechsim.simulation.poses import follow
@@ -100,7 +100,7 @@ def by_closed_form(drive: catalog.FourBar) -> Array:
 
 def by_loop_equations(drive: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    return closure.solve(drive.mechanism, ANGLES, change_point=drive.change_point).points["B"].position
+    return loops.solve(drive.mechanism, ANGLES, change_point=drive.change_point).points["B"].position
 
 
 def by_poses(drive: catalog.FourBar) -> Array:

@@ -295,7 +295,7 @@ def many_motion(
         Points and joints at d p instants, one design after another. A design that was not solved
         must be solved by itself, with the segments that it needs or an error that gives the reason.
 
-    Accuracy: as `closure.solve`, of which the assembly too is kept: each step is certified for each design.
+    Accuracy: as `loops.solve`, of which the assembly too is kept: each step is certified for each design.
     """
     instants = like.instants(angles, speed, 0.0)
     count = started.arrays.count

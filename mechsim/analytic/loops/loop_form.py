@@ -22,7 +22,7 @@ from mechsim.errors import AssemblyError
 from mechsim.model.forces import Forces
 from mechsim.model.limits import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import ChangePointPolicy, Motion
+from mechsim.model.motion import ChangePointPolicy, Motion, short_repr
 from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -141,6 +141,8 @@ class LoopForm:
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     written: WrittenUnits = WrittenUnits()
 
+    __repr__ = short_repr
+
     @property
     def name(self) -> str:
         """The mechanism's."""
@@ -186,7 +188,7 @@ class LoopForm:
         *,
         t: ArrayLike | None = None,
     ) -> Motion:
-        """Return the motion at crank angles, as `closure.solve`, or at times.
+        """Return the motion at crank angles, as `loops.solve`, or at times.
 
         Args:
             angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.

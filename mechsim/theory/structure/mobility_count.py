@@ -401,7 +401,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
 
-    Source: papers.md sections 1-4 for the counts; rank of the loop Jacobian, `closure.dof_count`.
+    Source: papers.md sections 1-4 for the counts; rank of the loop Jacobian, `loops.dof_count`.
     """
     stands = _stands(mechanism)
     ranked: list[tuple[DofCount, Mapping[str, Pose]]] = [

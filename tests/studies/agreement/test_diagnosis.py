@@ -160,7 +160,7 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
     x, y, z = joint.a.point
     moved = replace(joint, a=replace(joint.a, point=(x + 1e-4, y, z)))
     other = replace(mechanism, joints=(*mechanism.joints[:-1], moved))
-    found = said(lambda angle: {"B": ms.closure.solve(other, angle).points["B"].position}, mechanism)
+    found = said(lambda angle: {"B": ms.loops.solve(other, angle).points["B"].position}, mechanism)
     assert found.findings[0].kind == "dimension"
     assert found.findings[0].what.startswith(f"{joint.name}.")
     assert found.findings[0].certain
