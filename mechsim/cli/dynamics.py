@@ -215,7 +215,10 @@ class DynamicsOptions:
         "that drive the motion.",
         metavar="J[=WEIGHT],...",
     )
-    csv: str | None = option(None, "Write all columns: .csv or .npz.", metavar="FILE")
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write all columns: .csv or .npz."),
+    ] = None
     plot: str | None = option(None, "Draw everything on a sheet: .svg, .pdf, .png.", metavar="FILE")
 
     def check(self) -> None:
@@ -229,8 +232,8 @@ class DynamicsOptions:
                 f"{self.turns:g} turns of {self.samples} instants; "
                 f"give turns other than 0, {LEAST_TURNS:g} at least, and 1 to 100000 instants"
             )
-        if self.csv is not None:
-            writable(self.csv, ".csv", ".npz")
+        if self.output is not None:
+            writable(self.output, ".csv", ".npz")
         if self.plot is not None:
             writable(self.plot, ".svg", ".pdf", ".png")
 
@@ -276,7 +279,7 @@ def dynamics(
                 "--statics, --modes and --response"
             )
         model = released_model(source, loads)
-        output = Output(options.samples, options.method, options.csv, options.plot, verbose)
+        output = Output(options.samples, options.method, options.output, options.plot, verbose)
         result = forward_dynamics(model, forward, source, output)
         return _with_masses(model, result, verbose)
     model = loads.dynamic_model(source.load_moving(by_motors=True))
@@ -328,7 +331,7 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
                 progress=next(steps),
             )
             verdict = crosscheck_driven(run, model, progress=next(steps))
-    _write(options.csv, study, model.mechanism, shown if labelled else None)
+    _write(options.output, study, model.mechanism, shown if labelled else None)
     if options.plot is not None:
         plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.forces))
     note, tolerance = "" if run is None else run.note, _driven_tolerance(run)
@@ -411,7 +414,7 @@ def _free(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, lab
                 progress=report,
             )
         verdict = crosscheck_free(stepped, model)
-    _write(options.csv, run, model.mechanism, shown if labelled else None)
+    _write(options.output, run, model.mechanism, shown if labelled else None)
     if options.plot is not None:
         plots.write(options.plot, plots.free_plot(run))
     facts, tolerance = run_facts(run), _free_tolerance(stepped)

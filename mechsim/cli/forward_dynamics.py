@@ -192,7 +192,7 @@ def forward_dynamics(
     if forward.assemblies and not forward.statics:
         raise InputError("--assemblies is of the search for equilibria; add --statics")
     if output.csv is not None and (forward.statics or forward.modes):
-        raise InputError("--csv holds a run or a response; take --json for --statics and --modes")
+        raise InputError("-o writes a run or a response; use --json for --statics and --modes")
     if output.plot is not None and forward.statics:
         raise InputError("--plot draws a run, modes or a response; drop it, or --statics")
     initial = dict(forward.initial)

@@ -26,8 +26,8 @@ from mechsim.simulation.state import HINGE, SLIDE
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
 
-# step h of the central differences of fourth order, in [rad] or characteristic lengths: truncation h^4/30 and
-# rounding 1e-15/h are both displaced 1e-12
+# largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
+# truncation h^4/30 and rounding 1e-15/h are both about 1e-12
 STEP = 1e-3
 # grid points in all, and the terms of a polynomial
 MAX_POINTS, MAX_TERMS = 1_000_000, 1000
@@ -150,11 +150,15 @@ class _Outputs:
 
     def evaluate(self, qpos: Array) -> tuple[Array, Array]:
         """Return the outputs, (n, m), and their derivatives by the inputs, (n, m, k)."""
-        rates = input_rates(self.path, qpos)
+        values, gradients = self.gradients(qpos)
+        return values, gradients @ input_rates(self.path, qpos)
+
+    def gradients(self, qpos: Array) -> tuple[Array, Array]:
+        """Return the outputs, (n, m), and their derivatives by all DOFs, (n, m, nv)."""
         position, rotation, jacobian = self.path.loops.posed.batch_poses(qpos)
         columns = [self._output(name)(qpos, position, rotation, jacobian) for name in self.names]
         gradients = np.stack([gradient for _, gradient in columns], 1)
-        return np.stack([value for value, _ in columns], 1), gradients @ rates
+        return np.stack([value for value, _ in columns], 1), gradients
 
     def _output(self, name: str) -> Callable[..., tuple[Array, Array]]:
         """Return the function of an output: states and their kinematics -> its values and gradients."""
@@ -247,8 +251,8 @@ def map_over_grid(
 
     Returns:
         The map at the grid points that are reached on straight paths from the reference. Configurations
-        close to 1e-12 and Jacobians are exact to rounding; derivatives of Jacobians, by central differences
-        of fourth order, to about 1e-10 away from singular configurations.
+        close to 1e-12 and Jacobians are exact to rounding; derivatives of Jacobians to about 1e-12 times the
+        condition of the loops.
 
     Raises:
         InputError: for an unknown name, an input without range or limits, or a grid that is too large.
@@ -277,8 +281,7 @@ def map_over_grid(
     qpos, valid = _closed(path, grid)
     if not valid.any():
         raise AssemblyError("no point of the grid is reached from the reference; give a smaller range")
-    derivative, exact = _jacobian_derivative(evaluator, qpos[valid])
-    qpos, reached = qpos[valid][exact], grid[valid][exact]
+    qpos, reached = qpos[valid], grid[valid]
     output, jacobian = evaluator.evaluate(qpos)
     inertia, holding = inertia_and_holding(path, qpos)
     table = JointMap(
@@ -287,7 +290,7 @@ def map_over_grid(
         reached,
         output,
         jacobian,
-        derivative[exact],
+        _jacobian_derivative(evaluator, qpos),
         np.swapaxes(np.linalg.pinv(jacobian), 1, 2).astype(np.float64),
         inertia,
         holding,
@@ -334,23 +337,31 @@ def _closed(path: StraightPath, targets: Array) -> tuple[Array, NDArray[np.bool_
     return qpos, (error < CLOSED) & ~path.outside(qpos).any(1)
 
 
-def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the derivatives of the Jacobian by the inputs, (n, m, k, k), and where it is defined.
+def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
+    """Return the derivatives of the Jacobian by the inputs, (n, m, k, k).
 
-    They are undefined within two steps of where the loops open.
+    G r_j = 0 holds for the constraint Jacobian G and the rates r_j of all DOFs at a unit rate of input j.
+    Along input i, dG/du_i r_j + G dr_j/du_i = 0. Only G and the gradients of the outputs are differenced:
+    they vary slowly, also near a singular configuration, where r_j does not.
     """
-    path, closed = evaluator.path, np.ones(len(qpos), dtype=np.bool_)
-    rates, columns = input_rates(path, qpos), list[Array]()
-    for i, dof in enumerate(path.drivers.tolist()):
-        step = STEP * float(path.loops.units[dof])
-        change = np.zeros((len(qpos), len(evaluator.names), len(path.drivers)))
+    path, rates = evaluator.path, input_rates(evaluator.path, qpos)
+    constraint, gradients = path.loops.linearise(qpos)[1], evaluator.gradients(qpos)[1]
+    columns = list[Array]()
+    for i in range(len(path.drivers)):
+        direction = rates[:, :, i]
+        step = STEP / np.abs(direction / path.loops.units).max(1)
+        constraint_change, gradient_change = np.zeros_like(constraint), np.zeros_like(gradients)
         for multiple, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
-            displaced = path.newton(path.loops.displaced(qpos, multiple * step * rates[:, :, i]), 6)
-            closed &= displaced.residual < CLOSED
-            change = change + weight * evaluator.evaluate(displaced.q)[1]
-        columns.append(change / (12.0 * step))
-    derivative = np.stack(columns, -1)
-    return derivative, closed & np.isfinite(derivative).all((1, 2, 3))
+            displaced = path.loops.displaced(qpos, multiple * step[:, None] * direction)
+            scale = (weight / (12.0 * step))[:, None, None]
+            constraint_change += scale * path.loops.linearise(displaced)[1]
+            gradient_change += scale * evaluator.gradients(displaced)[1]
+        error = constraint_change @ rates
+        passive_change = np.stack(
+            [-least_squares(constraint[:, :, path.passive], error[:, :, j]) for j in range(error.shape[2])], 2
+        )
+        columns.append(gradient_change @ rates + gradients[:, :, path.passive] @ passive_change)
+    return np.stack(columns, -1)
 
 
 def inertia_and_holding(path: StraightPath, qpos: Array) -> tuple[Array, Array]:

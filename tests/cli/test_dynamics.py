@@ -20,7 +20,7 @@ def test_a_prescribed_crank_is_told_as_json_with_a_verdict_and_written_as_a_tabl
     capsys, monkeypatch, tmp_path
 ):
     csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
-    words = ("--speed", "3000rpm", "--samples", "36", "--json", "--csv", str(csv), "--plot", str(plot))
+    words = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "--plot", str(plot))
     code, out, _ = run(capsys, monkeypatch, "four_bar", *words, "--coefficient", "0.02")
     told = json.loads(out)
     assert code == 0
@@ -35,7 +35,7 @@ def test_a_prescribed_crank_is_told_as_json_with_a_verdict_and_written_as_a_tabl
 
 def test_couplings_are_reported_with_what_carries_them(capsys, monkeypatch, tmp_path):
     csv = tmp_path / "out.csv"
-    words = ("--samples", "8", "--json", "--csv", str(csv))
+    words = ("--samples", "8", "--json", "-o", str(csv))
     code, out, _ = run(capsys, monkeypatch, "planetary_gear", *words)
     told = json.loads(out)["couplings"]["carrier-planet"]
     assert code == 0
@@ -117,7 +117,7 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--density", "-1"), "density of the rods is -1.0"),
         (("--coefficient", "-1"), "coefficient of speed fluctuation is -1.0"),
         (("--flywheel", "-1"), "moment of inertia of the flywheel"),
-        (("--csv", "out.txt"), "ends in .txt"),
+        (("-o", "out.txt"), "ends in .txt"),
         (("--plot", "out.bmp"), "ends in .bmp"),
         (("--load", "missing.csv"), "there is no file missing.csv"),
         (("--motor", "constant:1e300"), "1e+300; give a finite number, below 1e+30"),
@@ -223,7 +223,7 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     file = tmp_path / "five_bar.toml"
     file.write_text(FIVE_BAR)
     table = tmp_path / "out.csv"
-    words = (str(file), *MOVED, "--json", "--csv", str(table), "--plot", str(tmp_path / "out.svg"))
+    words = (str(file), *MOVED, "--json", "-o", str(table), "--plot", str(tmp_path / "out.svg"))
     code, out, _ = run(capsys, monkeypatch, *words)
     told = json.loads(out)
     assert code == 0

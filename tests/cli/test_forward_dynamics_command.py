@@ -41,7 +41,7 @@ def test_a_crank_is_released_from_an_angle_and_compared_with_mujoco(facts):
 
 def test_a_run_ends_at_an_event_and_writes_its_columns(tmp_path, command):
     table = tmp_path / "run.csv"
-    words = ["--initial", "crank.v=20", "--until", "crank.q=30deg", "--method", "none", "--csv", str(table)]
+    words = ["--initial", "crank.v=20", "--until", "crank.q=30deg", "--method", "none", "-o", str(table)]
     code, out, _ = command(*words)
     assert code == 0
     assert "done at" in out
@@ -110,7 +110,7 @@ def test_bad_input_ends_in_one_sentence(words, message, command):
 def test_distances_angles_and_expressions_are_quantities_of_a_run(tmp_path, facts):
     table = tmp_path / "run.csv"
     names = "distance:A,B,angle:crank,rocker,expr:A.x/B.y,crank.a"
-    code, run = facts("--initial", "crank.q=30deg", "--duration", "0.1s", "--of", names, "--csv", str(table))
+    code, run = facts("--initial", "crank.q=30deg", "--duration", "0.1s", "--of", names, "-o", str(table))
     assert code == 0
     quantities = run["quantities"]
     assert [*quantities] == ["distance:A,B", "angle:crank,rocker", "expr:A.x/B.y", "crank.a"]

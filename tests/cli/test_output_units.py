@@ -131,7 +131,7 @@ def test_a_table_in_other_units_reads_back_as_a_reference(mechsim, press):
 
 
 def test_dynamics_trace_and_show_take_units(mechsim, press, tmp_path):
-    asked = ("dynamics", press, "--method", "none", "--samples", "4", "--csv", "d.csv")
+    asked = ("dynamics", press, "--method", "none", "--samples", "4", "-o", "d.csv")
     told = mechsim(*asked, "--units", "file").out
     assert "at [deg]" in told
     columns = files.read(tmp_path / "d.csv")

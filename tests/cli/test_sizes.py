@@ -65,7 +65,7 @@ TOO_LONG = {
 COMMANDS = {
     "solve": "-o a.csv",
     "simulate": "-o a.csv",
-    "dynamics": "--csv a.csv",
+    "dynamics": "-o a.csv",
     "validate": "",
     "show": "",
     "view": "-o a.html",

@@ -127,7 +127,6 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
         "--friction": amounts.map("crank={}".format),
         "--coefficient": amounts,
         "--method": st.sampled_from(["pose", "none", "none", "x"]),
-        "--csv": outputs,
     },
     "tradeoff": {"--budget": st.sampled_from(["0", "-1s", "nan", "x"]), "--by": st.just("colour")},
     "extremes": {"--report": st.sampled_from(["no/out", "n" * 304])},
@@ -159,7 +158,6 @@ SOUND: dict[str, list[str]] = {
     "--flywheel": ["0", "1e-3", "1e3"],
     "--density": ["7850", "1", "1e6"],
     "--samples": ["36", "1", "200"],
-    "--csv": ["out.csv", "out.npz"],
 }
 
 
