@@ -12,6 +12,7 @@ A joint turns about nothing, about "a", about "a" and "b", or about all of "x", 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -30,7 +31,7 @@ _OPPOSED = {2: "axes", 0: "marks"}
 COLUMN: dict[Axis, int] = {"x": 0, "y": 1, "z": 2, "a": 2, "b": 2}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Kind:
     """What a kind of joint leaves free: the axes along which it slides and those about which it turns."""
 
@@ -39,72 +40,72 @@ class Kind:
     # whether its displacement goes with its turn, by `Joint.lead`
     helical: bool = False
 
-    @property
+    @cached_property
     def dof(self) -> int:
         """How many relative motions are free; of a screw, which a coupling holds, both."""
         return len(self.slides) + len(self.turns)
 
-    @property
+    @cached_property
     def forces(self) -> int:
         """How many components of force it transmits: as many equations between lengths hold it."""
         return 3 - len(self.slides)
 
-    @property
+    @cached_property
     def moments(self) -> int:
         """How many components of moment it transmits: as many equations between directions hold it."""
         return 3 - len(self.turns)
 
-    @property
+    @cached_property
     def ball(self) -> bool:
         """Whether it turns about every axis, which no angles count."""
         return len(self.turns) == 3
 
-    @property
+    @cached_property
     def floating(self) -> bool:
         """Whether it holds nothing."""
         return self.ball and len(self.slides) == 3
 
-    @property
+    @cached_property
     def crossed(self) -> bool:
         """Whether it turns about two axes that cross."""
         return len(self.turns) == 2
 
-    @property
+    @cached_property
     def aligned(self) -> bool:
         """Whether the axes of both sides lie along each other."""
         return len(self.turns) < 2
 
-    @property
+    @cached_property
     def aligned_columns(self) -> tuple[int, ...]:
         """Columns of both sides' frames that point one way, not only along each other, as rows have it."""
         return () if not self.aligned else (2,) if self.turns else (2, 0)
 
-    @property
+    @cached_property
     def hinge(self) -> bool:
         """Whether it turns about its axis and does nothing else."""
         return self.aligned and not self.slides and bool(self.turns)
 
-    @property
+    @cached_property
     def pivot(self) -> bool:
         """Whether it turns about a point that stays where it is on both sides."""
         return bool(self.turns) and not self.slides
 
-    @property
+    @cached_property
     def single(self) -> bool:
         """Whether it has one freedom: a hinge or a slide."""
         return self.dof == 1
 
-    @property
+    @cached_property
     def drivable(self) -> bool:
         """Whether its coordinates can be prescribed: a hinge, a slide, or both along one axis."""
         return self.slides in ((), ("a",)) and self.turns in ((), ("a",)) and self.dof > 0
 
-    @property
+    @cached_property
     def mixed(self) -> bool:
         """Whether it both slides and turns, by coordinates of its own."""
         return bool(self.slides and self.turns) and not self.ball
 
-    @property
+    @cached_property
     def suffixes(self) -> tuple[str, ...]:
         """What follows a joint's name in the name of each of its coordinates; a ball's turns have none."""
         if self.single:
@@ -115,7 +116,7 @@ class Kind:
         turns = (".turn",) if len(self.turns) == 1 else tuple(f".{i + 1}" for i in range(len(self.turns)))
         return slides + turns
 
-    @property
+    @cached_property
     def units(self) -> tuple[Literal["m", "rad"], ...]:
         """Units of its coordinates: displacements, then angles; the turning of a ball has none."""
         turns = () if self.ball else self.turns

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -201,6 +201,12 @@ class End:
         assert self.reference is not None
         return _frame(self.axis, self.reference)
 
+    @property
+    def columns(self) -> tuple[Vector, Vector, Vector]:
+        """The columns of `frame`."""
+        assert self.reference is not None
+        return _columns(self.axis, self.reference)
+
 
 @cache
 def _frame(axis: Vector, reference: Vector) -> Array:
@@ -209,7 +215,13 @@ def _frame(axis: Vector, reference: Vector) -> Array:
     return frame
 
 
-@dataclass(frozen=True, slots=True)
+@cache
+def _columns(axis: Vector, reference: Vector) -> tuple[Vector, Vector, Vector]:
+    first, second, third = (vector(column) for column in _frame(axis, reference).T)
+    return first, second, third
+
+
+@dataclass(frozen=True)
 class Joint:
     """Two links meet: point on point, axis on axis, as the kind says.
 
@@ -273,7 +285,7 @@ class Joint:
                 object.__setattr__(self, "b", replace(self.b, reference=vector(reference)))
                 object.__setattr__(self, "without_reference", True)
 
-    @property
+    @cached_property
     def coordinates(self) -> tuple[str, ...]:
         """Names of its coordinates: the joint's own where it has one, else NAME.way, NAME.turn, NAME.1 ..."""
         return tuple(self.name + ending for ending in KINDS[self.kind].suffixes)

@@ -6,6 +6,7 @@ closed forms and `closure` on one side and by MuJoCo on the other.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -53,7 +54,7 @@ LONGEST_NAME = 200
 ROWS = 500
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Mechanism:
     """Links, joints, couplings, what is driven, and the points whose motion is wanted.
 
@@ -183,7 +184,7 @@ class Mechanism:
         """Names of the driven coordinates."""
         return (self.driver,) if isinstance(self.driver, str) else tuple(self.driver)
 
-    @property
+    @cached_property
     def has_crank(self) -> bool:
         """Whether one revolute joint is all that is driven."""
         return len(self.drivers) == 1 and KINDS[self.driven_joints[0].kind].hinge
@@ -204,7 +205,7 @@ class Mechanism:
             )
         return self.driven_joints[0]
 
-    @property
+    @cached_property
     def driven_joints(self) -> tuple[Joint, ...]:
         """The joints whose coordinates are driven, in the order of the drivers."""
         joint_of = {name: joint for joint in self.joints for name in joint.coordinates}

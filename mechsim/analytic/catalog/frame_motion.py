@@ -102,8 +102,8 @@ def _joints(formulas: Formulas, angle: Jet, frames: Mapping[str, LinkFrame]) -> 
 def require_closed(formulas: Formulas, angles: Array, points: Mapping[str, Array]) -> None:
     """Raise AssemblyError where a closed form gave no position."""
     for position in points.values():
-        closed = np.isfinite(position).all(1)
-        if not closed.all():
+        if not np.isfinite(position).all():
+            closed = np.isfinite(position).all(1)
             arcs = formulas.crank_range()
             where = f"it can stand {arcs}" if arcs.arcs else "it can close nowhere in the turn"
             raise AssemblyError(
@@ -117,8 +117,8 @@ def require_finite(formulas: Formulas, motion: Motion) -> None:
     """Raise AssemblyError where a closed form gave no number."""
     require_closed(formulas, motion.angle, {name: point.position for name, point in motion.points.items()})
     for point in motion.points.values():
-        bounded = np.isfinite(point.acceleration).all(1)
-        if not bounded.all():
+        if not np.isfinite(point.acceleration).all():
+            bounded = np.isfinite(point.acceleration).all(1)
             raise AssemblyError(
                 f"{formulas.name}: crank angle {motion.angle[np.argmin(bounded)]:.6g} rad is a dead centre, "
                 "where rates have no bound; keep away from it"

@@ -13,7 +13,7 @@ import numpy as np
 from mechsim.analytic.vector_method.vectors import column, cross, dot
 from mechsim.model.joint_kinds import COLUMN, KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.links import EX, EY, EZ, vector
+from mechsim.model.links import EX, EY, EZ, Vector
 from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, values
@@ -37,6 +37,11 @@ class LinkFrame:
         return self._third if stored is None else stored
 
     @property
+    def has_rates(self) -> bool:
+        """Whether an axis is a jet."""
+        return any(isinstance(axis, Jet) for axis in self._axes)
+
+    @property
     def _axes(self) -> tuple[Any, Any, Any]:
         return self.x, self.y, self.z
 
@@ -47,26 +52,33 @@ class LinkFrame:
 
     def direction(self, local: Sequence[Any] | Array) -> Any:
         """Return a vector given in the link's frame, (3, n); its parts are (n,) each for many designs."""
-        components = [number * self.axis(i) for i, number in enumerate(local) if _counts(number)]
+        components = [_times(number, self.axis(i)) for i, number in enumerate(local) if _counts(number)]
         return sum(components[1:], components[0]) if components else np.zeros((3, 1))
 
     def point(self, local: Sequence[Any]) -> Any:
         """Return the place of a point given in the link's frame, (3, n) in [m]."""
         return self.origin + self.direction(local) if any(map(_counts, local)) else self.origin
 
+    @cached_property
+    def pose(self) -> "LinkFrame":
+        """The frame without its rates."""
+        return LinkFrame(
+            values(self.origin), *(None if axis is None else values(axis) for axis in self._axes)
+        )
+
     def rotation(self, n: int) -> Array:
         """Return the matrices whose columns are the axes, (n, 3, 3)."""
-        rest = LinkFrame(self.origin, *(None if axis is None else values(axis) for axis in self._axes))
         matrix = np.empty((3, 3, n))
         for i in range(3):
-            matrix[:, i] = rest.axis(i)
+            matrix[:, i] = self.pose.axis(i)
         return matrix.transpose(2, 0, 1)
 
-    def turning(self) -> tuple[Array, Array]:
-        """Return angular velocity and acceleration, (3, n) or (3, 1) each.
+    @cached_property
+    def angular_rates(self) -> tuple[Array, Array]:
+        """Angular velocity and acceleration, (3, n) or (3, 1) each.
 
         Source: for axes e, e' = w x e, so that the sum of e x e' is 2 w and that of e x e'' is 2 w'. A
-        link with an axis that never moves turns about it.
+        link with a constant axis rotates about it.
         """
         moving = [axis for axis in self._axes if isinstance(axis, Jet)]
         fixed = [axis for axis in self._axes if isinstance(axis, np.ndarray)]
@@ -79,6 +91,11 @@ class LinkFrame:
         spin = [cross(axis.value, axis.rate) for axis in axes]
         acceleration = [cross(axis.value, axis.second) for axis in axes]
         return 0.5 * np.sum(spin, 0), 0.5 * np.sum(acceleration, 0)
+
+
+def _times(number: Any, axis: Any) -> Any:
+    """Return a multiple of an axis; the axis itself for the factor one, which most joint frames have."""
+    return axis if isinstance(number, float) and number == 1.0 else number * axis
 
 
 def _counts(number: Any) -> bool:
@@ -95,7 +112,11 @@ def rows(position: Values, n: int) -> Array:
 
 def _expanded(array: Array, shape: tuple[int, ...]) -> Array:
     """Return an array broadcast to a shape."""
-    return array if array.shape == shape else np.broadcast_to(array, shape)
+    if array.shape == shape:
+        return array
+    expanded = np.empty(shape, array.dtype)
+    expanded[...] = array
+    return expanded
 
 
 def point_motion(position: Values, n: int) -> PointMotion:
@@ -108,7 +129,7 @@ def point_motion(position: Values, n: int) -> PointMotion:
 
 def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
     """Return the motion of a link, fields (n, 3) and (n, 3, 3)."""
-    origin, (spin, acceleration) = point_motion(frame.origin, n), frame.turning()
+    origin, (spin, acceleration) = point_motion(frame.origin, n), frame.angular_rates
     return LinkMotion(
         origin.position,
         frame.rotation(n),
@@ -124,16 +145,17 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
 
     The frame of its side a is (3, 3), as the joint has it, or (3, 3, n) of many designs.
     """
-    kind, frame = KINDS[joint.kind], joint.a.frame if side_a is None else side_a
-    reference, side, axis = (vector(frame[:, i]) if frame.ndim == 2 else frame[:, i] for i in range(3))
-    coordinates: list[Values] = []
+    kind, coordinates = KINDS[joint.kind], list[Values]()
+    columns_a: Sequence[Any] = joint.a.columns if side_a is None else side_a.swapaxes(0, 1)
+    reference, side, axis = columns_a
     if kind.slides:
         gap = b.point(joint.b.point) - a.point(joint.a.point)
-        columns = [(reference, side, axis)[COLUMN[along]] for along in kind.slides]
-        coordinates += [dot(gap, a.direction(column)) for column in columns]
+        coordinates += [dot(gap, a.direction(columns_a[COLUMN[along]])) for along in kind.slides]
     if kind.ball or not kind.turns:
         return coordinates
-    mark_b, side_b, axis_b = (vector(joint.b.frame[:, i]) for i in range(3))
+    mark_b, side_b, axis_b = joint.b.columns
+    if kind.hinge:
+        return [_hinge_angle(columns_a, mark_b, a, b)]
     # seen from a, b's axis where axes cross, else its reference
     observed = b.direction(axis_b if kind.crossed else mark_b)
     coordinates.append(np.arctan2(dot(a.direction(side), observed), dot(a.direction(reference), observed)))
@@ -141,6 +163,28 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
         back = a.direction(axis)
         coordinates.append(np.arctan2(-dot(b.direction(side_b), back), dot(b.direction(mark_b), back)))
     return coordinates
+
+
+def _hinge_angle(columns: Sequence[Any], mark: Vector, a: LinkFrame, b: LinkFrame) -> Values:
+    """Return the angle of a hinge, (n,), with its rates where the frames have them.
+
+    The rates are those of link b relative to link a about the axis, whose own rate is perpendicular to it.
+
+    Args:
+        columns: reference, side and axis in frame a.
+        mark: the reference in frame b.
+        a: frame of the first link.
+        b: frame of the second link.
+    """
+    reference, side, axis = (a.pose.direction(column) for column in columns)
+    observed = b.pose.direction(mark)
+    angle = np.arctan2(dot(side, observed), dot(reference, observed))
+    if not (a.has_rates or b.has_rates):
+        return angle
+    velocity, acceleration = (
+        second - first for first, second in zip(a.angular_rates, b.angular_rates, strict=True)
+    )
+    return Jet(angle, dot(axis, velocity), dot(axis, acceleration))
 
 
 def joint_motions(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[str, JointMotion]:

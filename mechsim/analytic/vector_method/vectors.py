@@ -18,8 +18,8 @@ Sign = Literal[1, -1]
 ROUNDING = 16.0 * np.finfo(np.float64).eps
 # a sine below this says more of its angle than the cosine
 SMALL = 0.5
-# of three components those that come next, and those before
-NEXT, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
+# cyclic successors of the three components
+NEXT = np.array([1, 2, 0])
 
 
 def dot(a: Values, b: Values) -> Any:
@@ -192,11 +192,11 @@ def _possible(square: Values) -> Any:
 
 def array_dot(a: Array, b: Array) -> Array:
     """Return scalar products, (3, n) or (3, 1) each: (n,) or (1,)."""
-    return (a * b).sum(0)
+    return np.add.reduce(a * b, 0)
 
 
 def array_cross(a: Array, b: Array) -> Array:
     """Return vector products, (3, n) or with more axes between."""
-    result = a.take(NEXT, 0) * b.take(BEFORE, 0)
-    result -= a.take(BEFORE, 0) * b.take(NEXT, 0)
-    return result
+    preceding = a * b.take(NEXT, 0)
+    preceding -= a.take(NEXT, 0) * b
+    return preceding.take(NEXT, 0)
