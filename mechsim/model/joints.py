@@ -202,7 +202,7 @@ class End:
         return _frame(self.axis, self.reference)
 
     @property
-    def columns(self) -> tuple[Vector, Vector, Vector]:
+    def frame_columns(self) -> tuple[Vector, Vector, Vector]:
         """The columns of `frame`."""
         assert self.reference is not None
         return _columns(self.axis, self.reference)

@@ -146,14 +146,14 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
     The frame of its side a is (3, 3), as the joint has it, or (3, 3, n) of many designs.
     """
     kind, coordinates = KINDS[joint.kind], list[Values]()
-    columns_a: Sequence[Any] = joint.a.columns if side_a is None else side_a.swapaxes(0, 1)
+    columns_a = joint.a.frame_columns if side_a is None else tuple(side_a.swapaxes(0, 1))
     reference, side, axis = columns_a
     if kind.slides:
         gap = b.point(joint.b.point) - a.point(joint.a.point)
         coordinates += [dot(gap, a.direction(columns_a[COLUMN[along]])) for along in kind.slides]
     if kind.ball or not kind.turns:
         return coordinates
-    mark_b, side_b, axis_b = joint.b.columns
+    mark_b, side_b, axis_b = joint.b.frame_columns
     if kind.hinge:
         return [_hinge_angle(columns_a, mark_b, a, b)]
     # seen from a, b's axis where axes cross, else its reference

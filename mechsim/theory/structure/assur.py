@@ -1,16 +1,14 @@
 """Assur groups: a planar chain taken apart into the smallest groups of no mobility."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.graphs import components, matching, ordered_blocks, reachable
 from mechsim.theory.structure.mobility_count import Pairs, planar_pairs, plane_normal, rigid
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 
 class Unit(NamedTuple):
@@ -28,12 +26,9 @@ class Equation(NamedTuple):
     row: int
 
 
-def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> "nx.Graph[Unit | Equation]":
-    """Return which equation holds which unknowns."""
-    import networkx as nx
-
-    graph: nx.Graph[Unit | Equation] = nx.Graph()
-    graph.add_nodes_from(Unit(link, i) for link in unknown for i in range(3))
+def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> dict[Equation, list[Unit]]:
+    """Return the unknowns of each equation."""
+    units_of: dict[Equation, list[Unit]] = {}
     for number, pair in enumerate(pairs):
         loose = tuple(link for link in pair.links if link in unknown)
         # a pin on a link that is there has a known place; so each loose link sits on it by itself
@@ -41,51 +36,56 @@ def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> "nx.Graph[Unit | 
         for links in [(link,) for link in loose] if pair.hinge else [loose] * bool(loose):
             for row in range(2):
                 units = [Unit(link, i) for link in links for i in range(3)] + pin
-                graph.add_edges_from((Equation(number, links, row), unit) for unit in units)
-    return graph
+                units_of[Equation(number, links, row)] = units
+    return units_of
 
 
 def blocks(
     mechanism: Mechanism, pairs: Sequence[Pairs], unknown: Sequence[str]
 ) -> list[tuple[set[Equation], set[Unit]]]:
     """Return the smallest sets of equations that can be solved one after the other, with their unknowns."""
-    import networkx as nx
+    units_of = _system(pairs, unknown)
+    match = matching(units_of)
+    later: dict[Equation, list[Equation]] = {
+        equation: [other for other, units in units_of.items() if other in match and unit in units]
+        for equation, unit in match.items()
+    }
+    _require_matched(mechanism, unknown, units_of, match, later)
 
-    graph = _system(pairs, unknown)
-    equations = [node for node in graph if isinstance(node, Equation)]
-    match = nx.bipartite.hopcroft_karp_matching(graph, equations)
-    needs: nx.DiGraph[Equation] = nx.DiGraph()
-    needs.add_nodes_from(equation for equation in equations if equation in match)
-    for equation in needs:
-        needs.add_edges_from((match[unit], equation) for unit in graph[equation] if unit in match)
-    _require_matched(mechanism, graph, match, needs)
-    components = nx.condensation(needs)
-    members: list[set[Equation]] = [components.nodes[component]["members"] for component in components]
-    blocks = [(equation_set, {match[equation] for equation in equation_set}) for equation_set in members]
+    def first_link(equations: set[Equation]) -> int:
+        names = (match[equation].name for equation in equations)
+        return min((unknown.index(name) for name in names if isinstance(name, str)), default=-1)
 
-    def first_link(block: int) -> int:
-        return min((unknown.index(u.name) for u in blocks[block][1] if isinstance(u.name, str)), default=-1)
-
-    return [blocks[i] for i in nx.lexicographical_topological_sort(components, key=first_link)]
+    return [
+        (equations, {match[equation] for equation in equations})
+        for equations in ordered_blocks(later, first_link)
+    ]
 
 
-def _require_matched(mechanism: Mechanism, graph: Any, match: Any, needs: Any) -> None:
+def _require_matched(
+    mechanism: Mechanism,
+    unknown: Sequence[str],
+    units_of: Mapping[Equation, Sequence[Unit]],
+    match: Mapping[Equation, Unit],
+    later: Mapping[Equation, Sequence[Equation]],
+) -> None:
     """Raise InputError where equations and unknowns do not pair off; names the links concerned."""
-    import networkx as nx
-
-    free = [node for node in graph if isinstance(node, Unit) and node not in match]
-    excess = [node for node in graph if isinstance(node, Equation) and node not in match]
+    every = {unit for units in units_of.values() for unit in units}
+    every |= {Unit(link, i) for link in unknown for i in range(3)}
+    free = every - set(match.values())
+    excess = [equation for equation in units_of if equation not in match]
     if free:
-        later = {e for unit in free for e in graph[unit]}
-        later |= {f for e in later for f in nx.descendants(needs, e)}
-        links = {unit.name for unit in [*free, *(match[e] for e in later)]}
+        loose = [equation for equation in match if free.intersection(units_of[equation])]
+        open_equations = reachable(later, loose)
+        links = {unit.name for unit in [*free, *(match[e] for e in open_equations)]}
         raise InputError(
             f"{mechanism.name}: the drivers leave {len(free)} freedom{'s' * (len(free) > 1)} to "
             f"{_listed(mechanism, links)}; drive one link more for each"
         )
     if excess:
-        matched = {match[unit] for e in excess for unit in graph[e]}
-        matched |= {f for e in matched for f in nx.ancestors(needs, e)}
+        solved_by = {unit: equation for equation, unit in match.items()}
+        earlier = {e: [solved_by[unit] for unit in units_of[e] if unit in solved_by] for e in match}
+        matched = reachable(earlier, [solved_by[unit] for e in excess for unit in units_of[e]])
         raise InputError(
             f"{mechanism.name}: {_listed(mechanism, {match[e].name for e in matched})} cannot move freely: "
             f"with the drivers given, {len(excess)} more condition{'s' * (len(excess) > 1)} than freedoms; "
@@ -200,9 +200,7 @@ def assur_groups(
 
 def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -> AssurGroup:
     """Return the class and order of a group from its equations."""
-    import networkx as nx
-
-    contours: nx.Graph[str | int] = nx.Graph()
+    contours: list[tuple[str, int]] = []
     elements = dict.fromkeys(links, 0)
     outer = 0
     for pair, equation_links, row in equations:
@@ -212,13 +210,18 @@ def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -
         for link in own:
             elements[link] += 1
         if Unit(pair, 0) in units or len(own) == 2:
-            contours.add_edges_from((link, pair) for link in own)
+            contours += [(link, pair) for link in own]
         else:
             outer += 1
-    inner = contours.number_of_edges() - sum(isinstance(node, int) for node in contours)
-    sides = [len(cycle) // 2 for cycle in nx.minimum_cycle_basis(contours)]
+    pairs = {pair for _, pair in contours}
     widest = 3 if max(elements.values()) >= 3 else 2
-    return AssurGroup(max([widest, *sides]), outer, links, outer + inner)
+    nodes: set[str | int] = {node for edge in contours for node in edge}
+    if len(contours) > len(nodes) - len(components(nodes, contours)):  # there is a cycle
+        import networkx as nx
+
+        cycles = nx.minimum_cycle_basis(nx.Graph(contours))
+        widest = max(widest, *(len(cycle) // 2 for cycle in cycles))
+    return AssurGroup(widest, outer, links, outer + len(contours) - len(pairs))
 
 
 def inputs(

@@ -15,6 +15,7 @@ from mechsim.model.link_poses import PARALLEL, plane_normals
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.graphs import components
 
 # parts of a null vector below this are rounding: singular vectors come to about 1e-16 over the gap
 # of RANK_TOLERANCE between zero and nonzero singular values
@@ -120,19 +121,13 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     must not depend on it. Links that are fixed to each other are one; a joint that leaves the plane free
     is no pair.
     """
-    import networkx as nx
-
     body = rigid(mechanism)
-
     hinges = [joint for joint in mechanism.joints if KINDS[joint.kind].hinge]
-    pins: nx.Graph[str] = nx.Graph()
-    pins.add_nodes_from(joint.name for joint in hinges)
     tolerance = PARALLEL * mechanism.characteristic_length
-    pins.add_edges_from((a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance))
-
+    shared = [(a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance)]
     order = [link.name for link in mechanism.links]
     pairs: list[Pairs] = []
-    for pin in nx.connected_components(pins):
+    for pin in components([joint.name for joint in hinges], shared):
         links = {body[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
         pairs.append(Pairs(tuple(sorted(links, key=[GROUND, *order].index)), True))
     slides = (joint for joint in mechanism.joints if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
@@ -141,19 +136,10 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
 
 def rigid(mechanism: Mechanism) -> dict[str, str]:
     """Return of every link, the ground included, the first of those that are fixed to it."""
-    import networkx as nx
-
     order = [GROUND, *(link.name for link in mechanism.links)]
-    fixed: nx.Graph[str] = nx.Graph()
-    fixed.add_nodes_from(order)
-    welded = [joint for joint in mechanism.joints if not KINDS[joint.kind].dof]
-    fixed.add_edges_from((joint.a.link, joint.b.link) for joint in welded)
-    first = {
-        name: min(component, key=order.index)
-        for component in nx.connected_components(fixed)
-        for name in component
-    }
-    return {name: first[name] for name in order}
+    welded = [(joint.a.link, joint.b.link) for joint in mechanism.joints if not KINDS[joint.kind].dof]
+    parts = components(order, welded)
+    return {name: min(next(part for part in parts if name in part), key=order.index) for name in order}
 
 
 def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
