@@ -26,11 +26,11 @@ def components(nodes: Iterable[Node], edges: Iterable[tuple[Node, Node]]) -> lis
     for a, b in edges:
         neighbours[a].add(b)
         neighbours[b].add(a)
-    parts: list[set[Node]] = []
+    connected: list[set[Node]] = []
     for node in neighbours:
-        if not any(node in part for part in parts):
-            parts.append(reachable(neighbours, [node]))
-    return parts
+        if not any(node in component for component in connected):
+            connected.append(reachable(neighbours, [node]))
+    return connected
 
 
 def matching(neighbours: Mapping[Node, Collection[Other]]) -> dict[Node, Other]:

@@ -165,19 +165,19 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
     return coordinates
 
 
-def _hinge_angle(columns: Sequence[Any], mark: Vector, a: LinkFrame, b: LinkFrame) -> Values:
+def _hinge_angle(columns: Sequence[Any], reference_b: Vector, a: LinkFrame, b: LinkFrame) -> Values:
     """Return the angle of a hinge, (n,), with its rates where the frames have them.
 
     The rates are those of link b relative to link a about the axis, whose own rate is perpendicular to it.
 
     Args:
         columns: reference, side and axis in frame a.
-        mark: the reference in frame b.
+        reference_b: the reference in frame b.
         a: frame of the first link.
         b: frame of the second link.
     """
     reference, side, axis = (a.pose.direction(column) for column in columns)
-    observed = b.pose.direction(mark)
+    observed = b.pose.direction(reference_b)
     angle = np.arctan2(dot(side, observed), dot(reference, observed))
     if not (a.has_rates or b.has_rates):
         return angle

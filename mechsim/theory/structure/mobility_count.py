@@ -138,8 +138,8 @@ def rigid(mechanism: Mechanism) -> dict[str, str]:
     """Return of every link, the ground included, the first of those that are fixed to it."""
     order = [GROUND, *(link.name for link in mechanism.links)]
     welded = [(joint.a.link, joint.b.link) for joint in mechanism.joints if not KINDS[joint.kind].dof]
-    parts = components(order, welded)
-    return {name: min(next(part for part in parts if name in part), key=order.index) for name in order}
+    bodies = components(order, welded)
+    return {name: min(next(body for body in bodies if name in body), key=order.index) for name in order}
 
 
 def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
