@@ -1,6 +1,7 @@
 """Command `mechsim check`: a linter for closed-loop MuJoCo models."""
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
@@ -123,7 +124,7 @@ def check_files(
 
     def text() -> None:
         _print(violations, output_format, data)
-        for model, rows in equalities.items():
+        for model, rows in equalities.items() if output_format == "text" else ():
             _print_stiffness(model, rows)
         if path is not None:
             typer.echo(
@@ -145,11 +146,14 @@ def _print(violations: Sequence[Violation], output_format: str, data: CheckFiles
         for violation in violations:
             position = violation.file if violation.line is None else f"{violation.file}:{violation.line}"
             head = f"{position}: {violation.rule} {violation.severity}: {violation.message}"
-            lines = wrapped(head, "", "  ")
+            # editors and grep read a finding a line
+            in_terminal = sys.stdout.isatty()
+            lines = wrapped(head, "", "  ") if in_terminal else [head]
             colour = COLOURS[violation.severity]
             typer.echo("\n".join([in_colour(lines[0], colour), *lines[1:]]))
-            for line in wrapped(violation.fix, "    ", "    ") if violation.fix else ():
-                typer.echo(line)
+            if violation.fix:
+                indented = f"    {violation.fix}"
+                typer.echo("\n".join(wrapped(indented, "", "    ")) if in_terminal else indented)
         counts = {
             severity: sum(violation.severity == severity for violation in violations) for severity in COLOURS
         }

@@ -43,7 +43,8 @@ class VerificationJson(TypedDict):
 
     configurations: int
     position: float
-    gravity_torque: float
+    gravity_torque: float | None
+    no_torque: str
 
 
 class ExportJson(TypedDict):
@@ -158,6 +159,7 @@ def export(
             tolerance=tolerance,
             speed=speed,
             progress=report,
+            **(driven.as_arguments() if is_twin else {}),
         )
 
     return _result(result, output)

@@ -10,7 +10,7 @@ from mechsim.cli.options import File, Loops, Model, Sets, changed_parameters, jo
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
-from mechsim.studies.robots.joint_map import MapComparison, compare_with_loop_equations, joint_map
+from mechsim.studies.robots.joint_map import TOLERANCE, MapComparison, compare_with_loop_equations, joint_map
 from mechsim.subjects.mjcf_source import with_loops
 
 
@@ -119,5 +119,6 @@ def _print(table: JointMap, comparison: MapComparison) -> None:
         print_text(f"Neither inputs nor loops determine these joints, which stay where they are: {joints}")
     print_text(
         f"Loop equations at {comparison.points} points: outputs differ by {comparison.output:.1e}, "
-        f"Jacobian by {comparison.jacobian:.1e}, its derivative by {comparison.jacobian_derivative:.1e}"
+        f"Jacobian by {comparison.jacobian:.1e}, its derivative by {comparison.jacobian_derivative:.1e} "
+        f"({'within' if comparison.passed else 'beyond'} the tolerance of {TOLERANCE:.0e})"
     )

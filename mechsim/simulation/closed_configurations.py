@@ -262,7 +262,11 @@ def straight_path(
     r, order = pivoted[1], pivoted[2]
     diagonal = np.abs(np.diag(r))
     if int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum()) < rank:
-        raise InputError("the loops determine some of these joints from the others; give fewer joints")
+        names = ", ".join(model.joint(int(model.dof_jntid[dof])).name for dof in drivers or [])
+        raise InputError(
+            f"{names} cannot move independently where the model starts: the loops couple them, or the "
+            "configuration is singular; give fewer joints, or another keyframe"
+        )
     passive = np.sort(others[order[:rank]])
     if drivers is None:
         free = np.setdiff1d(np.arange(model.nv), passive)

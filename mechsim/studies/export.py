@@ -106,8 +106,9 @@ def export(
             f"--independent is of a serial twin; leave it out, or --format {' or '.join(SERIAL_FORMATS)}"
         )
     if format in SERIAL_FORMATS:
-        _require_twin(style, scene, cut, settings, timestep, speed, tolerance)
-        twin = serial_twin(model, format, independent=independent, set=set)
+        loops = options.pop("loops", None)
+        _require_twin(style, scene, cut, settings, timestep, speed, tolerance, *options.values())
+        twin = serial_twin(model, format, independent=independent, set=set, loops=loops)
         _write(output, twin.text)
         return ExportedModel(twin.name, format, twin.text, twin=twin)
     require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
@@ -140,8 +141,8 @@ def _require_twin(style: str, scene: str, *others: object) -> None:
     """Raise InputError for options that a serial twin excludes."""
     if style != "plain" or scene != LEVEL or any(others):
         raise InputError(
-            "a serial twin takes --independent and --set only; leave out --style, --scene, --cut, --speed, "
-            "--tolerance and settings"
+            "a serial twin takes --independent, --loops and --set only; leave out --style, --scene, --cut, "
+            "--speed, --tolerance, --drive, --lock and what else changes the model"
         )
 
 
@@ -184,11 +185,12 @@ def _menagerie_text(
     timestep: float | str | None,
 ) -> str:
     """Return the text of a model with pictures, position actuators and a closed keyframe."""
-    spec = exported(solver.mechanism, Scene(level="picture", cut=cut or None, forces=solver.forces))
+    scene = Scene(level="picture", cut=cut or None, forces=solver.forces)
+    spec = exported(solver.mechanism, scene)
     settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
     step = SERVO_TIMESTEP if timestep is None else timestep
     plain_settings(settings, step, float(spec.option.timestep), crank_speed(SPEED)).put_into(spec)
-    return mjcf.to_xml(with_servos(spec, solver.mechanism))
+    return mjcf.to_xml(with_servos(spec, solver.mechanism, scene.acting, solver.ranges))
 
 
 def _mjcf_text(

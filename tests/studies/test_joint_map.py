@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import mpmath
 import mujoco
 import numpy as np
 import pytest
@@ -56,6 +57,37 @@ def test_loop_equations_agree_and_reject_a_wrong_map(four_bar):
         assert not compare_with_loop_equations(wrong, "four_bar").passed
     longer = compare_with_loop_equations(four_bar, "four_bar", {"crank": "31mm"})
     assert not longer.passed
+
+
+def test_derivatives_of_jacobians_are_exact_next_to_a_singular_configuration():
+    # the crank of a slider-crank as a function of the slide is singular at its dead centre
+    spec = mujoco.MjSpec.from_string(ms.export("slider_crank", scene="dynamics").text)
+    reach = np.sqrt(0.25**2 - 0.01**2)
+    table = ms.joint_map(spec, {"slide": (reach - 1e-3, reach - 2e-5)}, ["crank"], points=2)
+
+    def angle(x):  # by the law of cosines
+        crank, rod, offset = (mpmath.mpf(text) for text in ("0.05", "0.2", "0.01"))
+        distance = mpmath.sqrt(x**2 + offset**2)
+        return mpmath.atan2(offset, x) - mpmath.acos(
+            (distance**2 + crank**2 - rod**2) / (2 * distance * crank)
+        )
+
+    with mpmath.workdps(40):
+        expected = [float(mpmath.diff(angle, mpmath.mpf(float(x)), 2)) for x in table.input[:, 0]]
+    np.testing.assert_allclose(table.jacobian_derivative[:, 0, 0, 0], expected, rtol=1e-9)
+
+
+def test_inputs_that_cannot_move_the_mechanism_end_in_one_sentence():
+    # a slider-crank that starts at its dead centre, driven by the slide
+    model = mujoco.MjSpec.from_string(
+        """<mujoco><worldbody><body><joint name="crank" axis="0 0 1"/><geom size=".01"/>
+        <body pos=".05 0 0"><joint name="rod" axis="0 0 1"/><geom size=".01"/><site name="end" pos=".2 0 0"/>
+        </body></body><body pos=".25 0 0"><joint name="slide" type="slide" axis="1 0 0" range="-.3 0"/>
+        <geom size=".01"/><site name="pin"/></body></worldbody>
+        <equality><connect site1="end" site2="pin"/></equality></mujoco>"""
+    )
+    with pytest.raises(ms.MechsimError, match="cannot move independently where the model starts"):
+        ms.joint_map(model, ["slide"], ["crank"], points=3)
 
 
 def test_rates_of_rotation_vectors_are_their_differences():

@@ -58,3 +58,48 @@ def test_a_wrong_model_is_noticed(ankle):
 def test_wrong_options_end_in_one_sentence(options, message):
     with pytest.raises(ms.InputError, match=message):
         ms.export("four_bar", **options)
+
+
+SPRUNG = """
+<mujoco><compiler angle="radian"/><worldbody>
+  <body name="crank"><joint name="motor" axis="0 1 0" range="-0.5 1"/>
+    <geom type="capsule" fromto="0 0 0 .03 0 0" size=".002"/><body name="rod" pos=".03 0 0">
+    <joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .08 0 .06" size=".002"/>
+    <site name="end" pos=".08 0 .06"/></body></body>
+  <body name="rocker" pos=".1 0 0"><joint name="hip" axis="0 1 0" stiffness=".05" springref="1" range="-2 2"/>
+    <geom type="capsule" fromto="0 0 0 .01 0 .06" size=".002"/><site name="tip" pos=".01 0 .06"/></body>
+</worldbody>
+<equality><connect site1="end" site2="tip"/></equality>
+<actuator><motor joint="motor"/></actuator></mujoco>
+"""
+
+
+def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
+    written = ms.export(mujoco.MjSpec.from_string(SPRUNG), style="menagerie")
+    model = mujoco.MjModel.from_xml_string(written.text)
+    assert written.verification.gravity_torque < 1e-12
+    assert model.nu == 1
+    assert model.actuator(0).name == "motor"
+    np.testing.assert_allclose(model.joint("motor").range, [-0.5, 1.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(model.joint("hip").range, [-2.0, 2.0], rtol=0, atol=1e-12)
+    assert np.ravel(model.joint("hip").stiffness)[0] == 0.05
+    # without a virtual drive inertia the gain is that of a small mechanism
+    assert model.dof_armature.max() == 0.0
+    assert model.actuator_gainprm[0, 0] < 10.0
+
+
+def test_torques_that_cannot_be_compared_are_stated():
+    # a rod between balls whose inertia is not round about its line
+    text = """
+    <mujoco><compiler angle="radian"/><worldbody>
+      <body><joint name="motor" axis="0 1 0"/><geom size=".01"/><body pos=".03 0 0"><joint type="ball"/>
+        <geom type="box" size=".04 .01 .002" pos=".04 0 0"/><site name="end" pos=".08 0 .06"/></body></body>
+      <body pos=".1 0 0"><joint name="hip" axis="0 1 0"/><geom size=".01"/><site name="tip" pos=".01 0 .06"/>
+      </body></worldbody>
+    <equality><connect site1="end" site2="tip"/></equality>
+    <actuator><motor joint="motor"/></actuator></mujoco>"""
+    verification = ms.export(mujoco.MjSpec.from_string(text), style="menagerie").verification
+    assert verification.position < 1e-12
+    assert verification.gravity_torque is None
+    assert "inertia is not round" in verification.no_torque
+    assert "not compared" in verification.markdown()

@@ -78,9 +78,19 @@ def test_two_independent_joints_are_coupled_by_tendons():
         ("four_bar", {"independent": {"wheel": ("0deg", "10deg")}}, "wheel"),
         ("four_bar", {"independent": {"crank": None}}, "no limits"),
         ("four_bar", {}, "no actuator"),
+        ("four_bar", {"loops": "loops.yaml"}, "give its path|no URDF"),
         ("stewart_gough", {"independent": {f"l{i}": ("150mm", "151mm") for i in range(1, 7)}}, "ball"),
     ],
 )
 def test_what_has_no_twin_ends_in_one_sentence(model, options, message):
     with pytest.raises(ms.MechsimError, match=message):
         serial_twin(model, "urdf", **options)
+
+
+def test_coarse_couplings_come_with_a_remedy_and_other_options_are_rejected():
+    coarse = ms.export("four_bar", format="urdf", independent={"crank": ("20deg", "80deg")})
+    assert "give a smaller range" in coarse.twin.summary()
+    fine = ms.export("four_bar", format="mjcf-tree", independent={"crank": ("40deg", "50deg")})
+    assert "give a smaller range" not in fine.twin.summary()
+    with pytest.raises(ms.InputError, match="--lock"):
+        ms.export("four_bar", format="urdf", independent={"crank": ("20deg", "80deg")}, lock=["crank"])

@@ -197,3 +197,42 @@ def test_functions_take_a_sidecar_file(written):
     assert "MS102" in {violation.rule for violation in ms.check(path, loops=sidecar)}
     with pytest.raises(ms.errors.InputError, match="is no URDF file"):
         ms.sample("four_bar", 3, loops=sidecar)
+
+
+# of scikit-robot: points and axes in the root frame with all joints at zero
+SCIKIT_ROBOT = """
+closures: [{{link_a: rod, link_b: follower, point: [{x}, {y}, 0], axis: [0, 0, 2]}}]
+independent: [motor]
+dependent: [knee, hip]
+"""
+
+
+def test_a_sidecar_file_of_scikit_robot_closes_a_loop_where_it_stands_at_zero(written):
+    # at zero the rod lies along x at height CRANK: a follower from GROUND to its end
+    text = robot().replace(f'xyz="{GROUND} 0 0"', f'xyz="{GROUND} 0 0" rpy="0 0 0.7"')
+    sidecar = written(SCIKIT_ROBOT.format(x=ROD, y=CRANK), "loop_closures.yaml")
+    model = ms.load(written(text), drive={"motor": "1rad/s"}, duration=0.5, loops=sidecar)
+    motion = model.solve(t=np.linspace(0.0, 0.5, 5))
+    rod, follower = motion.links["rod"], motion.links["follower"]
+    end = rod.position + rod.rotation @ np.array([ROD, 0.0, 0.0])
+    # the point keeps its distance from both pivots, as in the root frame at zero
+    length = np.hypot(ROD - GROUND, CRANK)
+    np.testing.assert_allclose(np.linalg.norm(end - follower.position, axis=1), length, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(end[0], [ROD, CRANK, 0.0], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (SCIKIT_ROBOT.format(x="nan", y=0), "3 finite numbers belong"),
+        (SCIKIT_ROBOT.format(x="{a: 1}", y=0), "3 finite numbers belong"),
+        (SCIKIT_ROBOT.format(x=1, y=0).replace("axis: [0, 0, 2]", "axis: [0, 0, 0]"), "axis .* has length 0"),
+        (SCIKIT_ROBOT.format(x=1, y=0).replace("link_b: follower, ", ""), "needs link_a, link_b"),
+        (SCIKIT_ROBOT.format(x=1, y=0).replace("follower", "folower"), "did you mean 'follower'"),
+        (SCIKIT_ROBOT.format(x=1, y=0).replace("[motor]", "[moter]"), "has joint 'moter'"),
+        ("closures: [1]", "needs link_a, link_b"),
+    ],
+)
+def test_a_wrong_sidecar_file_of_scikit_robot_ends_in_one_sentence(written, text, message):
+    with pytest.raises(ms.InputError, match=message):
+        ms.load(written(robot()), loops=written(text, "loop_closures.yaml"), still=True)

@@ -48,8 +48,8 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
             kind="soft",
             what=loop.name,
             by=by,
-            message=f"{loop.name} is soft: its own forces will open it by {by:.2g} {unit} {when}",
-            remedy=f"{remedy}; mechsim tune finds what your tolerance needs",
+            message=f"{loop.name} is soft: the forces in it open it by {by:.2g} {unit} {when}",
+            remedy=f"{remedy}; mechsim tune finds the settings for your tolerance",
             **loop.location,
         )
 

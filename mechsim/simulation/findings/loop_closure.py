@@ -34,7 +34,7 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
             yield _gap(loop, distance, "m" if metres else "rad", "its two sides")
         if rotation > MAX_GAP:
             # the rows of a weld are half the angle times its torque scale
-            yield _gap(loop, rotation, "rad", "its two frames, turned apart")
+            yield _gap(loop, rotation, "rad", "the orientations of its two frames")
 
 
 def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
@@ -42,8 +42,9 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
         kind="gap",
         what=loop.name,
         by=by,
-        message=f"{loop.name} stands open where the scene starts: {what} are {by:.3g} {unit} apart",
-        remedy="MuJoCo snaps it shut in the first steps: move an anchor or start from a closed keyframe",
+        message=f"{loop.name} is open where the scene starts: {what} are {by:.3g} {unit} apart",
+        remedy="MuJoCo closes it in the first steps with large forces: move an anchor, or start from a "
+        "closed keyframe (mechsim export --style menagerie writes one)",
         **loop.location,
     )
 
@@ -114,18 +115,19 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     names = ", ".join(loop.name for loop in redundant)
     flat = all(loop.kind == CONNECT for loop in kept if loop.closes)
     message = (
-        f"{len(jacobian)} rows of the loops have rank {len(jacobian) - extra}: {extra} of them repeat others"
+        f"{len(jacobian)} constraint equations of the loops have rank {len(jacobian) - extra}: "
+        f"{extra} of them repeat others"
     )
     if not jacobian.any():
-        message = f"{len(jacobian)} rows of the loops have rank 0: nothing that can move opens them"
+        message = f"the {len(jacobian)} constraint equations of the loops have rank 0: no joint changes them"
     elif across == extra:
         message = (
-            f"{len(jacobian)} rows of the loops have rank {len(jacobian) - extra}: "
-            "the others lie across the planes of their loops"
+            f"{len(jacobian)} constraint equations of the loops have rank {len(jacobian) - extra}: the "
+            "others act normal to the planes of their loops"
         )
     elif names:
         message += f"; any one of {names} could go" if len(redundant) > 1 else f"; {names} could go"
-    remedy = "leave it so if the linkage is flat or spherical: rows that repeat only share forces unevenly"
+    remedy = "harmless if the linkage is planar or spherical: repeated equations only share forces unevenly"
     yield Finding(
         kind="redundant",
         what=names or "loops",
@@ -174,9 +176,10 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         kind="open",
         what=listed,
         by=count,
-        message=f"{model.nv - rank(jacobian)} freedoms, {count} of them open with {', '.join(locked)} held: "
-        f"{listed} can still move, and only springs, weight, friction and contacts say how",
-        remedy=f"drive, hold or couple them (--drive, --lock{floats})",
+        message=f"{model.nv - rank(jacobian)} degrees of freedom, {count} of them undetermined with "
+        f"{', '.join(locked)} locked: {listed} can still move; springs, weight, friction and contacts "
+        "decide how",
+        remedy=f"drive, lock or couple them (--drive, --lock{floats})",
     )
 
 

@@ -302,7 +302,7 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
                 by=float(rejected[joint]),
                 message=f"the limits of passive joint {name} reject {rejected[joint]:.0%} of the closed "
                 "configurations within the limits of the drivers",
-                remedy="put the limit on the drivers, or leave it where it is meant",
+                remedy="move the limit to the drivers, or keep it on purpose",
                 **NO_POSITION,
             )
 
@@ -329,8 +329,8 @@ def _loop_joints(path: StraightPath) -> Iterator[Finding]:
             kind="loop-joint",
             what=", ".join(closing),
             by=float(len(closing)),
-            message=f"{', '.join(closing)} closes a loop without {listed}, which other passive joints have",
-            remedy="put them on a joint next to it",
+            message=f"loop closures have no {listed}, which other passive joints have: {', '.join(closing)}",
+            remedy="add them to a joint next to the closure",
             **NO_POSITION,
         )
 

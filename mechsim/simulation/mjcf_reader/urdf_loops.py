@@ -2,7 +2,7 @@
 
 Dialects in the file: a link with two parents, `<loop>` of URDF+, `<loop_joint>` of Isaac Sim,
 `<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo. A
-sidecar file in YAML has the form of Gepetto's collection of parallel robots.
+sidecar file in YAML has the form of Gepetto's collection of parallel robots, or of scikit-robot.
 """
 
 import os
@@ -105,6 +105,13 @@ class UrdfTree:
             frame = pose.then(frame.position, frame.rotation)
         return Frame(ROOT, frame.position, frame.rotation)
 
+    def fixed_to(self, link: str, placed: Frame) -> Frame:
+        """Return the frame on a link that stands at a frame in the root link where all joints are at zero."""
+        own = self.in_root(Frame(link))
+        return Frame(
+            link, own.rotation.T @ (placed.position - own.position), own.rotation.T @ placed.rotation
+        )
+
     def in_root(self, frame: Frame) -> Frame:
         """Return a frame in the root link where all joints stand at zero."""
         while frame.link in self.parents:
@@ -132,7 +139,7 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
     closures = [closure for reader in DIALECTS for closure in reader(tree)]
     changes = JointChanges()
     if loops is not None:
-        more, changes = _gepetto(tree, loops)
+        more, changes = _sidecar(tree, loops)
         closures += more
     if not closures:
         return None
@@ -247,14 +254,7 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
         b = Frame(child if base in (None, "") else tree.require_link(str(base), name))
         b = b.then(numbers[:3], _rotation(numbers[3:]))
         placed = tree.in_root(b)
-        frames = []
-        for link in (parent, child):
-            own = tree.in_root(Frame(link))
-            frames.append(
-                Frame(link).then(
-                    own.rotation.T @ (placed.position - own.position), own.rotation.T @ placed.rotation
-                )
-            )
+        frames = [tree.fixed_to(link, placed) for link in (parent, child)]
         axis = joint.findtext("axis/xyz")
         yield _closure(tree, joint, frames[0], frames[1], axis)
 
@@ -303,8 +303,8 @@ class JointChanges:
                 )
 
 
-def _gepetto(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges]:
-    """Read a sidecar file: pairs of frames in `closed_loop`, with a `type` each of 3d or 6d."""
+def _sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges]:
+    """Read a sidecar file by its first list: `closed_loop` of Gepetto, `closures` of scikit-robot."""
     with needs("robots"):
         import yaml
     try:
@@ -316,8 +316,40 @@ def _gepetto(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         where = "" if line is None else f", line {line + 1}"
         raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
-    if not isinstance(content, dict) or not isinstance(content.get("closed_loop"), list):
-        raise InputError(f"{path} has no list closed_loop; write closed_loop: [[FRAME, FRAME]]")
+    lists = content if isinstance(content, dict) else {}
+    for name, reader in SIDECARS.items():
+        if isinstance(lists.get(name), list):
+            return reader(tree, path, lists)
+    raise InputError(f"{path} has no list {' or '.join(SIDECARS)}; write closed_loop: [[FRAME, FRAME]]")
+
+
+def _scikit_robot(
+    tree: UrdfTree, path: str, content: Mapping[str, Any]
+) -> tuple[list[LoopClosure], JointChanges]:
+    """Read hinges between two links, whose point and axis are in the root frame with all joints at zero."""
+    closures: list[LoopClosure] = []
+    for number, entry in enumerate(content["closures"], 1):
+        name = f"closure{number}"
+        if not isinstance(entry, dict) or {"link_a", "link_b", "point", "axis"} - entry.keys():
+            raise InputError(f"{path}: {name} needs link_a, link_b, point and axis; give all four")
+        point, axis = (
+            _numbers(tree, name, re.sub(r"[\[\],]", " ", str(entry[key]))) for key in ("point", "axis")
+        )
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise InputError(f"{path}: the axis of {name} has length 0; give a direction")
+        sides = [
+            tree.fixed_to(tree.require_link(str(entry[key]), name), Frame("", point))
+            for key in ("link_a", "link_b")
+        ]
+        # both frames are parallel to the root frame at zero
+        closures.append(LoopClosure(name, "hinge", sides[0], sides[1], axis / length))
+    motors = tuple(str(name) for name in content.get("independent") or [])
+    return closures, JointChanges(motors=motors)
+
+
+def _gepetto(tree: UrdfTree, path: str, content: Mapping[str, Any]) -> tuple[list[LoopClosure], JointChanges]:
+    """Read pairs of frames in `closed_loop`, with a `type` each of 3d or 6d."""
     pairs: list[Any] = content["closed_loop"]
     types = content.get("type") or ["6d"] * len(pairs)
     if len(types) != len(pairs) or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
@@ -338,6 +370,13 @@ def _gepetto(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges
         )
     motors = tuple(str(name) for name in content.get("name_mot") or [])
     return closures, JointChanges(dict(zip(names, kinds, strict=True)), motors)
+
+
+# first list of a sidecar file -> its reader
+SIDECARS: dict[str, Callable[..., tuple[list[LoopClosure], JointChanges]]] = {
+    "closed_loop": _gepetto,
+    "closures": _scikit_robot,
+}
 
 
 def _named_frame(tree: UrdfTree, name: str, joint: str) -> Frame:

@@ -9,8 +9,9 @@ from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError
-from mechsim.model.forces import Forces
+from mechsim.errors import InputError, MechsimError
+from mechsim.model.forces import Forces, JointSpring
+from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import CLOSED, StraightPath, scalar_dof, straight_path
@@ -38,31 +39,41 @@ class Verification:
         configurations: number of random closed configurations that were compared.
         position: largest difference of the tracked points, in [m].
         gravity_torque: largest difference of the torque or force of the drivers that holds the mechanism at
-            rest, in [N m] or [N].
+            rest, in [N m] or [N]; None where the loop equations compute none.
+        no_torque: the reason for that; empty otherwise.
     """
 
     configurations: int
     position: float
-    gravity_torque: float
+    gravity_torque: float | None
+    no_torque: str = ""
 
     def markdown(self) -> str:
         """Return the numbers as a section of a README."""
+        torque = (
+            f"not compared: {self.no_torque}"
+            if self.gravity_torque is None
+            else f"{self.gravity_torque:.1e} N m"
+        )
         return (
             "## Verification\n\n"
             f"- Tracked points match the loop-closure equations over {self.configurations} seeded random "
             f"configurations within {RADIUS} rad of home: largest difference {self.position:.1e} m.\n"
-            "- Largest difference of the torques that hold the mechanism against gravity: "
-            f"{self.gravity_torque:.1e} N m.\n"
+            f"- Largest difference of the torques that hold the mechanism against gravity: {torque}.\n"
             f"- The keyframe `{HOME}` closes all loops.\n"
         )
 
 
-def with_servos(spec: mujoco.MjSpec, mechanism: Mechanism) -> mujoco.MjSpec:
+def with_servos(
+    spec: mujoco.MjSpec, mechanism: Mechanism, forces: Forces, ranges: Ranges = NO_RANGES
+) -> mujoco.MjSpec:
     """Return a model with a position actuator on each driver and a closed keyframe at its start.
 
     Args:
-        spec: of the mechanism, with masses.
+        spec: of the mechanism, with masses and forces.
         mechanism: with drivers.
+        forces: of the mechanism.
+        ranges: joint limits in [rad] or [m]; those of joints at which the model cuts a loop are left out.
 
     Raises:
         InputError: for a mechanism without drivers.
@@ -71,6 +82,15 @@ def with_servos(spec: mujoco.MjSpec, mechanism: Mechanism) -> mujoco.MjSpec:
     for key in list(spec.keys):
         spec.delete(key)
     names = _driver_joints(mechanism)
+    if mechanism.has_crank:
+        # a servo needs no virtual drive inertia
+        spec.joint(CRANK).armature = forces.flywheel
+        _rename_joint(spec, CRANK, names[0])
+    for joint in spec.joints:
+        if joint.name in ranges:
+            joint.range, joint.limited = ranges[joint.name], mujoco.mjtLimited.mjLIMITED_TRUE
+    for spring in forces.joint_springs:
+        _use_joint_spring(spec, spring)
     path = _path(spec.compile(), names)
     matrices, weights = inertia_and_holding(path, path.reference[None])
     inertias = np.diagonal(matrices[0])
@@ -92,7 +112,25 @@ def with_servos(spec: mujoco.MjSpec, mechanism: Mechanism) -> mujoco.MjSpec:
 def _driver_joints(mechanism: Mechanism) -> list[str]:
     if not mechanism.drivers:
         raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
-    return [CRANK] if mechanism.has_crank else list(mechanism.drivers)
+    return list(mechanism.drivers)
+
+
+def _rename_joint(spec: mujoco.MjSpec, name: str, new: str) -> None:
+    """Give a joint another name, also in the couplings that refer to it."""
+    spec.joint(name).name = new
+    for equality in spec.equalities:
+        if equality.type == mujoco.mjtEq.mjEQ_JOINT:
+            equality.name1, equality.name2 = (
+                new if reference == name else reference for reference in (equality.name1, equality.name2)
+            )
+
+
+def _use_joint_spring(spec: mujoco.MjSpec, spring: JointSpring) -> None:
+    """Replace the actuator of a spring, which would be a control, by the spring of its joint."""
+    joint, actuator = spec.joint(spring.joint), spec.actuator(f"spring in {spring.joint}")
+    if joint is not None and actuator is not None:
+        spec.delete(actuator)
+        joint.stiffness[0], joint.springref = spring.stiffness, spring.rest
 
 
 def _path(model: mujoco.MjModel, names: list[str]) -> StraightPath:
@@ -124,15 +162,19 @@ def verification(text: str, solver: KinematicSolver) -> Verification:
         for name in points
         if name in sites
     ]
-    study = prescribed_along(
-        dynamic_model(loops, solver.forces or Forces(gravity=tuple(path.loops.model.opt.gravity))),
-        laws.times,
-        rest,
-        time=laws.times,
-    )
+    gap = float(max(gaps, default=0.0))
+    try:
+        study = prescribed_along(
+            dynamic_model(loops, solver.forces or Forces(gravity=tuple(path.loops.model.opt.gravity))),
+            laws.times,
+            rest,
+            time=laws.times,
+        )
+    except MechsimError as error:
+        return Verification(len(qpos), gap, None, str(error))
     torques = np.stack([study.forces.drives[name][1:] for name in mechanism.drivers], 1)
     holding = inertia_and_holding(path, qpos)[1]
-    return Verification(len(qpos), float(max(gaps, default=0.0)), float(np.abs(holding - torques).max()))
+    return Verification(len(qpos), gap, float(np.abs(holding - torques).max()))
 
 
 def _drawn(path: StraightPath) -> Array:

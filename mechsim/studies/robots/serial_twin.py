@@ -6,6 +6,7 @@ as URDF, whose mimic joints are linear.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -24,6 +25,8 @@ from mechsim.studies.robots.joint_map import joint_ranges, mujoco_spec
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 # degree of MuJoCo's couplings, and of URDF's mimic joints
 MJCF_DEGREE, URDF_DEGREE = 4, 1
+# position error in [rad] or [m] from which a smaller range is recommended: half a degree
+COARSE = 0.01
 # grid points along each independent joint
 POINTS = 21
 
@@ -68,6 +71,11 @@ class SerialTwin:
             f"torque ratio by {joint.torque_error:.2g}"
             for joint in self.coupled
         ]
+        if any(joint.position_error > COARSE for joint in self.coupled):
+            lines.append(
+                f"A coupling is off by more than {COARSE:g} rad or m; give a smaller range, as in "
+                f"--independent {self.independent[0]}=-0.1:0.1"
+            )
         return "\n".join(lines)
 
 
@@ -77,6 +85,7 @@ def serial_twin(
     *,
     independent: Sequence[str] | Mapping[str, tuple[float | str, float | str] | None] = (),
     set: Mapping[str, str | float] | None = None,
+    loops: str | PathLike[str] | None = None,
 ) -> SerialTwin:
     """Return the serial twin of a model over a range of its independent joints.
 
@@ -86,12 +95,13 @@ def serial_twin(
         independent: joints of the twin that move freely, with their ranges as text or in SI; without ranges
             the joint limits; without joints those of the actuators.
         set: parameter -> value.
+        loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
         InputError: for a model without loops, with passive ball joints, or an unknown joint.
         AssemblyError: where no configuration of the range closes.
     """
-    spec = mujoco_spec(model, set)
+    spec = mujoco_spec(model, set, loops)
     name_elements(spec)
     with quiet():
         compiled = spec.compile()

@@ -96,6 +96,19 @@ def test_formats_hold_the_same_findings(tmp_path, monkeypatch, capsys):
     assert location["region"]["startLine"] == 7
 
 
+def test_a_pipe_gets_a_finding_a_line_and_other_formats_no_table(tmp_path, monkeypatch, capsys):
+    path = written(tmp_path, FAULTS["MS102"])
+    _, out = run(monkeypatch, capsys, path, "--select", "MS102", "--explain")
+    assert out.out.splitlines()[0].startswith(f"{path}:7: MS102 error: loop is open where the scene starts")
+    assert out.out.splitlines()[1].startswith("    MuJoCo closes it")
+    assert "stiffness N/m" in out.out
+    for output_format in ("json", "sarif"):
+        _, out = run(monkeypatch, capsys, path, "--explain", "--output-format", output_format)
+        json.loads(out.out)
+    _, out = run(monkeypatch, capsys, path, "--explain", "--output-format", "github")
+    assert all(line.startswith("::") for line in out.out.splitlines())
+
+
 def test_a_soft_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
     path, copy = written(tmp_path, SOFT), tmp_path / "fixed.xml"
     code, out = run(monkeypatch, capsys, path, "--fix", str(copy))
