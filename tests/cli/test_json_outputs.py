@@ -29,7 +29,6 @@ dynamics four_bar --motor constant:0.5 --turns 0.2
 dynamics five_bar --samples 12 --actuators left,right,elbow_l=4
 dynamics four_bar --initial crank.q=30deg --duration 0.05s --samples 5 --of distance:A,B,crank.a
 dynamics four_bar --until crank.q=900deg --duration 0.01s --method none
-dynamics four_bar --statics --initial crank.q=30deg
 dynamics four_bar --modes --initial crank.q=-95deg --friction crank=1e-5
 dynamics four_bar --response crank:B.x --initial crank.q=-95deg
 synthesize looper --through 12.8751,29.9574mm --tilt 1.3905deg --length 4mm
@@ -52,6 +51,7 @@ map four_bar --from crank=20deg:80deg --to rocker,B.x --degree 4 -o {folder}/map
 view slider_crank --certify -o {folder}/page.html
 compile slider_crank -o {folder}/solver.h --test {folder}/test.c
 """.strip().splitlines()
+SLOW = ["dynamics four_bar --statics --initial crank.q=30deg --method none"]
 # long runs, pictures, and what is JSON by itself
 ELSEWHERE = {"extremes", "reduce", "tune", "sweep", "render", "schema"}
 
@@ -94,7 +94,7 @@ def undescribed(value, schema, path=""):
 
 
 @pytest.mark.usefixtures("fast_clock")
-@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize("line", [*LINES, *(pytest.param(line, marks=pytest.mark.slow) for line in SLOW)])
 def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys, tmp_path):
     line = line.format(folder=tmp_path)
     told, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])
