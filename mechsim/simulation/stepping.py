@@ -96,7 +96,7 @@ def step(
 
     The crank has a virtual inertia so large that no reaction of the linkage changes its speed. A variable
     speed results from a torque, constant over each step, that gives the prescribed speed at the end of the
-    step (choice of this drive: validation/choices/drive.py). With several drivers each has its virtual
+    step (measured in validation/choices/crank_actuation.py). With several drivers each has its virtual
     inertia and its force, and the path parameter advances freely. So has a coordinate with a nonlinear
     coupling to them, because MuJoCo's constraints omit the velocity-product term.
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
-from exact import rssr_p3
+from exact_solutions import rssr_p3
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from laws import agrees_with_loop_equations

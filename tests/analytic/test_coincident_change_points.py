@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from coupled_wheels import START, assert_all_turn_alike, coupled_wheels
+from wheel_linkages import START, assert_all_turn_alike, wheel_linkages
 
 from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -22,7 +22,7 @@ BOUNDS = (2e-12, 2e-9, 2e-8)
 
 @pytest.mark.parametrize("wheels", [2, 3, 4, 5])
 def test_wheels_turn_alike_where_all_rods_lie_flat(wheels):
-    mechanism = coupled_wheels(wheels)
+    mechanism = wheel_linkages(wheels)
     # the change points themselves, poses close by, and a turn and a half in steps that fall between
     angle = np.r_[0.0, np.pi, np.pi + np.array([-1e-2, -1e-5, 1e-8, 3e-3]), np.arange(-1.0, 8.0, 0.173)]
     assert_all_turn_alike(mechanism, loops.solve(mechanism, angle, 3.0), BOUNDS)
@@ -30,7 +30,7 @@ def test_wheels_turn_alike_where_all_rods_lie_flat(wheels):
 
 @pytest.mark.parametrize("steps", [61, 400])
 def test_a_change_point_of_two_pairs_is_found_however_it_is_come_upon(steps):
-    path = crank_path(coupled_wheels(3))
+    path = crank_path(wheel_linkages(3))
     for end in np.linspace(START, START + 2.0 * np.pi, steps):
         path.extend(end)
     assert sorted(path.change_points)[:2] == pytest.approx([np.pi, 2.0 * np.pi], abs=1e-10)
@@ -38,7 +38,7 @@ def test_a_change_point_of_two_pairs_is_found_however_it_is_come_upon(steps):
 
 @pytest.mark.parametrize("wheels", [3, 4])
 def test_coupled_wheels_stand_as_before_after_one_turn_and_tell_their_change_points(wheels):
-    form = LoopForm(coupled_wheels(wheels))
+    form = LoopForm(wheel_linkages(wheels))
     assert form.crank_range().full
     assert form.period == 2.0 * np.pi
     # the signs tell a turn's half from its whole, wherever rounding puts the first
@@ -85,11 +85,11 @@ def beside(one: Mechanism, other: Mechanism) -> Mechanism:
 
 
 def test_rods_that_lie_flat_apart_are_passed_one_by_one_and_close_together_are_refused():
-    apart = coupled_wheels(3, lag=0.3)
+    apart = wheel_linkages(3, lag=0.3)
     angle = np.r_[np.pi, np.pi + 0.3, np.arange(0.0, 6.4, 0.1)]
     assert_all_turn_alike(apart, loops.solve(apart, angle, 3.0), BOUNDS)
     with pytest.raises(AssemblyError, match=r"wheels: the pose at crank angle 3\.14\d* rad is too near"):
-        loops.solve(coupled_wheels(3, lag=1e-3), [np.pi])
+        loops.solve(wheel_linkages(3, lag=1e-3), [np.pi])
 
 
 @pytest.mark.parametrize("pairs", [2, 4])

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from exact import DIGITS, four_bar_b_place, rssr_p3_place
+from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
 from mechsim.analytic import catalog

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact import DIGITS, four_bar_b, rssr_p3
+from exact_solutions import DIGITS, four_bar_b, rssr_p3
 from mpmath import mp
 
 from mechsim import catalog, dynamics, load_profile

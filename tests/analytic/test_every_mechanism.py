@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-import exact
+import exact_solutions as exact
 import numpy as np
 import pytest
 from catalog_faults import FAULTS

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven import boom, five_bar, platform, press, rack_and_cam, table, waving, where_circles_meet
+from driven_mechanisms import boom, five_bar, platform, press, rack_and_cam, table, waving, where_circles_meet
 from scipy.optimize import brentq
 
 from mechsim.analytic.loops.loop_form import LoopForm

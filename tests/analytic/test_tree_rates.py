@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven import five_bar, waving, where_circles_meet
+from driven_mechanisms import five_bar, waving, where_circles_meet
 from mechanisms import at
 
 from mechsim import catalog, loops

@@ -1,4 +1,4 @@
-import exact
+import exact_solutions as exact
 import numpy as np
 import pytest
 from hypothesis import assume, given

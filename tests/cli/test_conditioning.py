@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from exact import four_bar_b
+from exact_solutions import four_bar_b
 
 from mechsim import catalog, simulate, simulation
 from mechsim.analytic.loops.loop_form import LoopForm

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from sound_scene import SOUND, changed
+from valid_scene import SOUND, changed
 
 from mechsim.errors import InputError
 

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from drawing import draws
-from sound_scene import changed
+from valid_scene import changed
 
 from mechsim import files
 from mechsim.subjects import gallery

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driven import five_bar
+from driven_mechanisms import five_bar
 
 import mechsim as ms
 from mechsim.errors import InputError

@@ -1,8 +1,8 @@
 import mujoco
 import numpy as np
 import pytest
-from colours import coloured, hues
 from grids import grid
+from picture_colours import coloured, hues
 
 from mechsim import catalog
 from mechsim.errors import MissingToolError

@@ -8,8 +8,8 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from colours import coloured, hues
 from grids import grid
+from picture_colours import coloured, hues
 
 from mechsim import catalog, load
 from mechsim.errors import InputError, MissingToolError, OutputError

@@ -48,5 +48,5 @@ def test_every_folder_of_validation_is_explained():
 
 
 def test_the_judge_sees_what_is_not_there():
-    said = "see validation/tradeoff/drive.py, validation/\n# choices/drive.py and `mechsim.judge`"
+    said = "see validation/tradeoff/drive.py, validation/\n# choices/crank_actuation.py and `mechsim.judge`"
     assert missing(said) == ["validation/tradeoff/drive.py", "mechsim.judge"]

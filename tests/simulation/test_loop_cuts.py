@@ -4,7 +4,7 @@ from itertools import pairwise, permutations
 import mechanisms
 import numpy as np
 import pytest
-from driven import press
+from driven_mechanisms import press
 
 import mechsim as ms
 from mechsim import catalog, simulate

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven import (
+from driven_mechanisms import (
     boom,
     five_bar,
     five_bar_with_cam,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from coupled_wheels import assert_all_turn_alike, coupled_wheels
+from wheel_linkages import assert_all_turn_alike, wheel_linkages
 
 from mechsim.simulation import loop_jacobian, simulate
 from mechsim.simulation.poses import follow
@@ -14,7 +14,7 @@ BOUNDS = (1e-11, 1e-10, 3e-9)
 
 @pytest.mark.parametrize(("wheels", "lag"), [(3, 0.0), (4, 0.0), (5, 0.0), (3, 0.3)])
 def test_wheels_turn_alike_by_poses_where_all_rods_lie_flat(wheels, lag):
-    mechanism = coupled_wheels(wheels, lag)
+    mechanism = wheel_linkages(wheels, lag)
     run = simulate(mechanism, speed=3.0, turns=1, samples=72, method="pose")
     assert run.outcome == "passed"
     assert_all_turn_alike(mechanism, run.motion, BOUNDS)
@@ -23,7 +23,7 @@ def test_wheels_turn_alike_by_poses_where_all_rods_lie_flat(wheels, lag):
 @pytest.mark.parametrize("wheels", [3, 4])
 @pytest.mark.parametrize("samples", [17, 64, 73])
 def test_meetings_are_known_however_many_poses_are_asked_for(wheels, samples):
-    closed = from_source(coupled_wheels(wheels))
+    closed = from_source(wheel_linkages(wheels))
     _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(0.2, 6.1, samples))
     assert [m.angle for m in path.change_points] == pytest.approx([np.pi], abs=1e-9)
     assert [m.multiplicity for m in path.change_points] == [wheels - 1]

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-import driven as machines
+import driven_mechanisms as machines
 import numpy as np
 import pytest
 

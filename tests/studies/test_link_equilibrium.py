@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import driven as machines
+import driven_mechanisms as machines
 import equilibrium
 import gear_trains
 import numpy as np
@@ -64,7 +64,7 @@ def linkage(seed: int) -> Case:
     """Return a random linkage of the study of unseen mechanisms, with a body of any shape on every link."""
     sys.path.insert(0, str(ROBUSTNESS))
     try:
-        from drawn_mechanisms import drawn
+        from random_mechanism_files import drawn
     finally:
         sys.path.remove(str(ROBUSTNESS))
     made, chance = drawn(seed), np.random.default_rng(seed)

@@ -13,7 +13,7 @@ from mechsim.cli.schema import output_schema
 from mechsim.studies.scene.published_run import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
 from mechsim.verdict.quantities import stroke_of
-from tests.sound_scene import changed
+from tests.valid_scene import changed
 
 LAW, DURATION = "0.3*sin(2*pi*t)", 0.5
 

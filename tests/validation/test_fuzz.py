@@ -62,20 +62,20 @@ def test_the_fuzzer_knows_a_fault_when_it_meets_one(study, monkeypatch, tmp_path
         _, faults = study.tried(study.Case(("list",)))
         assert any(said in fault for fault in faults)
     (tmp_path / "out.csv").write_text("a,b\n1,2\n3")
-    assert importlib.import_module("judged_endings").broken(tmp_path / "out.csv") is not None
+    assert importlib.import_module("command_outcomes").broken(tmp_path / "out.csv") is not None
 
 
 @pytest.mark.slow
 def test_odd_magnitudes_end_in_a_result_or_one_clear_line(study, capfd):
-    import broken_subjects
+    import invalid_models
 
     chance = random.Random(3)
     quick = ("show", "solve", "export")
-    tried = [one for one in broken_subjects.drawn(chance, 900, 0.0) if one.kind == "odd magnitude"]
+    tried = [one for one in invalid_models.drawn(chance, 900, 0.0) if one.kind == "odd magnitude"]
     tried = [one for one in tried if one.case.words[0] in quick][:5]
     assert len(tried) == 5
     for one in tried:
         with capfd.disabled():
-            code, _, faults, _ = broken_subjects.run(one)
+            code, _, faults, _ = invalid_models.run(one)
         assert faults == [], one.case.words
         assert code in (0, 2)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven import bending_rocker
+from driven_mechanisms import bending_rocker
 from mechanisms import rscr, three_cranks
 
 from mechsim import catalog, dynamics, load, load_profile, motors

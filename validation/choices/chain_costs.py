@@ -12,8 +12,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import sheet
-from bare_steps import Bare
+import study_table as sheet
+from step_timing import Bare
 
 from mechsim import catalog
 from mechsim.analytic.catalog.four_bar import FourBar

@@ -17,7 +17,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
-import sheet
+import study_table as sheet
 
 from mechsim import catalog
 from mechsim.model.motion_laws import constant

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import sheet
+import study_table as sheet
 
 from mechsim import catalog
 from mechsim.simulation import Settings, simulate

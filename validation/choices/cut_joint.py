@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import sheet
+import study_table as sheet
 
 from mechsim import catalog
 from mechsim.errors import AssemblyError

@@ -13,7 +13,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import sheet
+import study_table as sheet
 from chain_costs import chain
 
 from mechsim import catalog

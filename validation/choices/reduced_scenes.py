@@ -20,7 +20,7 @@ from time import process_time
 
 import mujoco
 import numpy as np
-import sheet
+import study_table as sheet
 from numpy.typing import NDArray
 from reduced_cases import Case, prepared
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import sheet
-from bare_steps import Bare, Change
+import study_table as sheet
+from step_timing import Bare, Change
 
 from mechsim import catalog
 from mechsim.analytic.catalog.base import ClosedForm

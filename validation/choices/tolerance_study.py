@@ -17,8 +17,8 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-import sheet
-from random_drives import drives
+import study_table as sheet
+from random_mechanisms import drives
 
 from mechsim import simulation, units
 from mechsim.analytic.catalog.base import ClosedForm

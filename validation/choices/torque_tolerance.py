@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import sheet
-from random_drives import drives
+import study_table as sheet
+from random_mechanisms import drives
 
 from mechsim import catalog, dynamics, units
 from mechsim.analytic.catalog.base import ClosedForm

@@ -2,9 +2,9 @@
 
 Problem: models of the catalogue and the gallery as `mechsim export` writes them, and public closed-loop
 files, each with the motions, measures and tolerances of tuned_cases.py.
-Reference: the file that was written and the lines of Python that run it, judged by plain MuJoCo alone
-(plain_judge.py), by closure over a motion half as long again. For the time: the best of an exhaustive grid
-(tuned_grid.py) that keeps it, timed side by side, in the first case of each scene.
+Reference: the file that was written and the lines of Python that run it, checked by plain MuJoCo alone
+(check_in_mujoco.py): loop closure over a motion half as long again. For the time: the best of an exhaustive
+grid (tuned_grid.py) that keeps it, timed side by side, in the first case of each scene.
 
     python validation/choices/tuned_scenes.py [FOLDER] [--only NAME,..] [--cases N,..] [--exhaustive]
 
@@ -20,7 +20,7 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from plain_judge import closure_error, script_of, trajectory_error
+from check_in_mujoco import closure_error, script_of, trajectory_error
 from tuned_cases import CASES, SceneFile, scene_files
 from tuned_grid import quickest_kept
 

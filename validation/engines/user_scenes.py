@@ -17,7 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "choices"))
 
-import sheet
+import study_table as sheet
 from engines import Engine, installed
 
 from mechsim.simulation import mjcf

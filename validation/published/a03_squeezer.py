@@ -47,7 +47,7 @@ START = (
     -0.222668390165885885,
     1.23054744454982120,
 )
-TABLE = Path(__file__).parents[1] / "authorities" / "andrews_squeezer.csv"
+TABLE = Path(__file__).parents[1] / "external_data" / "andrews_squeezer.csv"
 
 
 def squeezer() -> ms.Mechanism:

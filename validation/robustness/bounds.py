@@ -15,7 +15,7 @@ from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
-from rough_drives import SPEED, rough_drives
+from random_catalog_mechanisms import SPEED, random_catalog_mechanisms
 
 from mechsim import dynamics, load_profile
 from mechsim.analytic.catalog.base import ClosedForm
@@ -51,7 +51,7 @@ def parts(count: int, seed: int = 1) -> Parts:
     """Return road and quantity -> the part of its bound that each mechanism used, and the mechanism."""
     found: Parts = defaultdict(list)
     begin = clock.perf_counter()
-    for i, drive in enumerate(rough_drives(np.random.default_rng(seed), count)):
+    for i, drive in enumerate(random_catalog_mechanisms(np.random.default_rng(seed), count)):
         if i and i % TOLD == 0:
             print(f"{i} of {count} after {clock.perf_counter() - begin:.0f} s", file=sys.stderr)
         checks: list[Check] = []

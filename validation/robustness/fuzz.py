@@ -22,8 +22,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from command_outcomes import Case, unclear, untidy
 from hypothesis import HealthCheck, Phase, given, settings
-from judged_endings import Case, unclear, untidy
 from stopped_processes import interrupts, kills
 from typed_commands import cases
 

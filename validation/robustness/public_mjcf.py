@@ -3,8 +3,8 @@
 Problem: each file of `public_mjcf.toml` beside this script moves for a second over one swing of its drivers.
 References, both to 1e-9 of the size. MuJoCo: our poses are put into its qpos, and it says how far its
 equality constraints stand open there (`efc_pos`, "worst"); it takes no step and solves nothing. A closure
-solved apart (`closure_apart.py`): how far places ("apart", over the size) and axes ("turned") of the bodies
-that nothing leaves open are from it, and how far it stands open itself ("left"). A file whose rounded
+solved separately (`mjcf_closure_oracle.py`): how far positions ("apart", over the size) and axes ("turned")
+of the determined bodies differ from it, and its own loop-closure error ("left"). A file whose rounded
 dimensions let its loops close in no pose stands open by as much as they had to be moved.
 
     python validation/robustness/public_mjcf.py FOLDER
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from closure_apart import worst_difference
+from mjcf_closure_oracle import worst_difference
 
 from mechsim.analytic.loops.start import assembled
 from mechsim.errors import MechsimError

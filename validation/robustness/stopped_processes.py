@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from judged_endings import Case, broken, unclear, untidy
+from command_outcomes import Case, broken, unclear, untidy
 
 PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
 CODE = "from mechsim.cli import main; import sys; sys.argv = ['mechsim', *sys.argv[1:]]; main()"

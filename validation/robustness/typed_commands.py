@@ -1,7 +1,7 @@
 """What someone may type: commands, options, values, parameters and files, a third of them strange."""
 
+from command_outcomes import Case
 from hypothesis import strategies as st
-from judged_endings import Case
 
 from mechsim import catalog
 

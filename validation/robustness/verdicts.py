@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from rough_drives import SPEED, close_swing, rough_drive, rough_swing
+from random_catalog_mechanisms import SPEED, close_swing, rough_drive, rough_swing
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import AssemblyError, MechsimError

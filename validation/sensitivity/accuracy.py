@@ -14,7 +14,7 @@ import numpy as np
 from mpmath import mp
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-from exact import DIGITS, four_bar_b_place, rssr_p3_place, slider_crank_b_place
+from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place, slider_crank_b_place
 
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_designs, changes

@@ -1,6 +1,6 @@
 """Alternative models for comparisons: other drives of the crank, a rod as a constant distance.
 
-None is what the generator makes; why not is measured in validation/choices/drive.py and scene_costs.py.
+The generator makes none of them: validation/choices/crank_actuation.py and scene_costs.py measure why.
 """
 
 import mujoco

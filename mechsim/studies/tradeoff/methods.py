@@ -161,7 +161,7 @@ def stepping_methods(
 
 
 def _implicit_servos() -> Iterator[SteppingMethod]:
-    """Yield methods with servo gains that only an implicit integrator bears (validation/choices/drive.py)."""
+    """Yield methods with servo gains that need an implicit integrator; see choices/crank_actuation.py."""
     soft = replace(PLAIN, constant_steps=2.0)
     for integrator, gain in (("implicitfast", 1e4), ("discrete", 10.0)):
         base, build = replace(soft, integrator=integrator), Build(crank_drive="servo", gain=gain)

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from sound_scene import changed
+from valid_scene import changed
 
 from mechsim.model.motion_laws import make_motion_laws
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, swing, wave

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from sound_scene import SOUND, changed
+from valid_scene import SOUND, changed
 
 from mechsim.simulation.findings import findings
 from mechsim.simulation.findings.inspected import EQUALITY

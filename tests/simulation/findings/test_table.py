@@ -1,7 +1,7 @@
 """Seeded faults in a scene of our own: each is found, and the sound scene is not accused."""
 
 import pytest
-from sound_scene import changed
+from valid_scene import changed
 
 from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf_reader import read_model

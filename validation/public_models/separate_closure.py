@@ -1,7 +1,7 @@
 """Closed configurations, inverse kinematics and Jacobians of public models, against closures solved apart.
 
 Problem: `ms.sample` draws configurations of each model of `models.txt` in FOLDER. Reference: the closure in
-maximal coordinates (`validation/robustness/closure_apart.py`), which shares no equation with mechsim, is
+maximal coordinates (`robustness/mjcf_closure_oracle.py`), which shares no equation with mechsim, is
 solved by least squares at the same driver positions from a start that is 1e-3 off. "apart" is the largest
 distance of a body's origin over the size, or difference of a rotation matrix, among bodies that the loops and
 drivers determine; "left" is what the reference itself leaves, in the same units.
@@ -10,7 +10,7 @@ drivers determine; "left" is what the reference itself leaves, in the same units
 the model has drivers; the closure apart at the resulting driver positions must have the body there.
 "jacobian": derivatives of `ms.joint_map` against differences of `ms.closed_qpos`, extrapolated three times.
 
-    python validation/public_models/closed_apart.py FOLDER [WORD]
+    python validation/public_models/separate_closure.py FOLDER [WORD]
 
 Exits with 1 if fewer than 20 models are compared or a bound is missed.
 """
@@ -28,7 +28,7 @@ from mechsim.simulation.closed_configurations import compiled_model, straight_pa
 from mechsim.simulation.mjcf.compiling import quiet
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robustness"))
-from closure_apart import OPEN, Closure, turned
+from mjcf_closure_oracle import OPEN, Closure, turned
 
 LISTED = Path(__file__).with_name("models.txt")
 STATES, OFF = 8, 1e-3

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from judged_endings import Case
+from command_outcomes import Case
 
 from mechsim import catalog
 

@@ -22,7 +22,7 @@ SPEED = 20.0 * np.pi
 KEPT = (*SELECTORS, "gear_ratio")
 
 
-def rough_drives(random: np.random.Generator, count: int) -> Iterator[ClosedForm]:
+def random_catalog_mechanisms(random: np.random.Generator, count: int) -> Iterator[ClosedForm]:
     """Yield mechanisms of each kind in turn that can be assembled and driven over most of their range."""
     for number in range(count):
         yield rough_drive(number, random)

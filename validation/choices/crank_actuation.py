@@ -5,7 +5,7 @@ crank's own inertia. Drive errors: of the speed, relative; of the angle, in rad,
 at that time. The place error of the driven point is against the closed form at the crank angle really
 reached, in units of the crank: what the drive adds to the error of the loop. inf: blew up.
 
-Run: python validation/choices/drive.py [--out DIR]
+Run: python validation/choices/crank_actuation.py [--out DIR]
 """
 
 import copy
@@ -16,7 +16,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import sheet
+import study_table as sheet
 from mujoco import batch
 
 from mechsim import catalog

@@ -6,9 +6,9 @@ from collections import defaultdict
 from dataclasses import replace
 from itertools import islice
 
-from judged_endings import Case
-from odd_magnitudes import odd
-from sound_commands import Tried, sound_cases
+from command_outcomes import Case
+from extreme_magnitudes import odd
+from valid_commands import Tried, sound_cases
 
 from mechsim import cli
 

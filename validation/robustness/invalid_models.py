@@ -1,6 +1,6 @@
 """Every command on files as subjects: sound ones are never refused, broken ones end in a result or one line.
 
-    python validation/robustness/broken_subjects.py [--count 1000] [--seed 1] [--only CLASS] [--part K N]
+    python validation/robustness/invalid_models.py [--count 1000] [--seed 1] [--only CLASS] [--part K N]
 
 A part of them is sound: commands with catalogue names, files of the gallery and models that `mechsim
 export` wrote; none may be refused, and `validate` may miss nothing. The others are such a command with a
@@ -25,9 +25,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from judged_endings import unclear, untidy
-from sound_commands import Tried
-from spoilt_commands import drawn
+from command_outcomes import unclear, untidy
+from invalid_commands import drawn
+from valid_commands import Tried
 
 from mechsim import cli
 

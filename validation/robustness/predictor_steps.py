@@ -1,6 +1,6 @@
 """How often is the way to solved poses sprinted, how often walked, and is a pose ever in another assembly?
 
-    python validation/robustness/sprint_or_walk.py [--runs 200] [--seed 5]
+    python validation/robustness/predictor_steps.py [--runs 200] [--seed 5]
 
 Linkages whose cranks just pass an almost dead centre, and sound ones of every kind. Truth: the closed form
 at 181 crank angles of a turn; an error above a ten-thousandth of the longest link is another assembly. The
@@ -24,7 +24,7 @@ from mechsim.simulation.poses.follow import explicit_trace
 from mechsim.simulation.source import assembled
 
 sys.path.append(str(Path(__file__).parents[1] / "choices"))
-import random_drives
+import random_mechanisms
 from assembly_detector import near_singular
 
 TURN = 2.0 * np.pi
@@ -35,7 +35,7 @@ def linkages(random: np.random.Generator, count: int) -> Iterator[tuple[str, Clo
     """Yield what is tried, with the group it belongs to."""
     for _ in range(count):
         yield "almost dead centre", near_singular(random)
-    for drive in random_drives.drives(random, count):
+    for drive in random_mechanisms.drives(random, count):
         yield f"sound {drive.name}", drive
 
 

@@ -1,19 +1,19 @@
 """MJCF files with something wrong, each through the commands of its kind: a true result or one clear line.
 
-    python validation/robustness/broken_mjcf.py [--only WORD]
+    python validation/robustness/invalid_mjcf.py [--only WORD]
 
 Forty and more files: cut off, in another encoding, no XML, with unknown or wrongly typed parts, numbers that
 are none, loops that contradict each other or do not close, holds and keyframes that do not fit, includes in
 a circle, what MuJoCo takes and no mechanism is made of. Prints for each file the exit codes and what `show`
-and `simulate` said, and every fault as `broken_subjects.py` counts them; the exit code is 1 if there was any.
+and `simulate` said, and every fault as `invalid_models.py` counts them; the exit code is 1 if there was any.
 """
 
 import argparse
 import sys
 
-from broken_subjects import run
-from judged_endings import Case
-from sound_commands import Tried
+from command_outcomes import Case
+from invalid_models import run
+from valid_commands import Tried
 
 from mechsim import cli
 

@@ -3,7 +3,7 @@
 Prints the largest error beside the analytic dynamics over 20 instants, as a part of what the verdict compares
 with, by steps a turn; and that of a free crank's angle in rad.
 
-Run: python validation/choices/bending_couplings.py
+Run: python validation/choices/nonlinear_couplings.py
 """
 
 import sys
@@ -11,7 +11,7 @@ from pathlib import Path
 from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
-import driven as machines
+import driven_mechanisms as machines
 
 from mechsim.analytic import dynamics
 from mechsim.analytic.dynamics.model import DynamicModel

@@ -1,4 +1,4 @@
-"""Random mechanisms as TOML, each drawn around an assembled pose: what `unseen_mechanisms.py` asks.
+"""Random mechanisms as TOML, each drawn around an assembled pose: what `random_toml_mechanisms.py` asks.
 
 Links stand anywhere; joints are put between them with coordinates of any value, in chains that close loops:
 spatial, planar in a tilted plane, or spherical. Gears, racks and polynomials couple coordinates at the values

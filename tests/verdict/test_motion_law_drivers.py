@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from driven import boom, five_bar, waving
+from driven_mechanisms import boom, five_bar, waving
 
 from mechsim import crosscheck
 from mechsim.analytic.loops.loop_form import LoopForm

@@ -3,7 +3,7 @@
 A cell is a stretch of a path that one polynomial describes. Counts do not depend on the machine. Those of
 paths that bend sharply are tests (`tests/analytic/test_continuation_path.py`), because they kill mutants.
 
-Run: python validation/speed/cell_counts.py
+Run: python validation/speed/segment_counts.py
 """
 
 import sys

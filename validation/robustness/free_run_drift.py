@@ -4,7 +4,7 @@ Every catalogue mechanism is let go at 60 rad/s under its weight, without losses
 Prints the energy balance over a hundred turns, as a part of the energy turned over, and the worst distance
 of the crank angle from the reduced equation over ten and a hundred turns, in [rad].
 
-Run: python validation/robustness/free_turns.py [NAME ...]
+Run: python validation/robustness/free_run_drift.py [NAME ...]
 """
 
 import sys

@@ -19,7 +19,7 @@ HARD = PlainSettings(timestep=0.001, integrator="implicitfast", solref=(0.003, 1
 @pytest.fixture
 def judge(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "validation" / "choices"))
-    return importlib.import_module("plain_judge")
+    return importlib.import_module("check_in_mujoco")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from mechsim.model.motion import Motion
 START = 0.9
 
 
-def coupled_wheels(count: int, lag: float = 0.0) -> Mechanism:
+def wheel_linkages(count: int, lag: float = 0.0) -> Mechanism:
     """Return a train of wheels at distances that differ, each rod on pins of its own radius.
 
     Args:

@@ -1,9 +1,9 @@
 """Mechanisms that nobody has seen, through the command line, against a closure solved apart.
 
-    python validation/robustness/unseen_mechanisms.py [--count 120] [--seed 1] [--case N] [--keep DIR]
+    python validation/robustness/random_toml_mechanisms.py [--count 120] [--seed 1] [--case N] [--keep DIR]
 
-Problem: `drawn_mechanisms.py` draws each around an assembled pose, as TOML. `solve` and `simulate` by poses
-run on each, every fourth is stepped, and of every fourth `trace` goes round where there is one driver.
+Problem: `random_mechanism_files.py` draws each around an assembled pose, as TOML. `solve` and `simulate`
+by poses run on each, every fourth is stepped, and every fourth with one driver is traced.
 Reference: `maximal_coordinates.py`, which follows the assembly from the known pose, and from the pose told
 where the file's guess does not say which is meant. Of the size, 1e-9 is the bound on places, joint
 coordinates, velocities and accelerations (rates over the largest of their kind). Stepped runs are asked
@@ -26,9 +26,9 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
-from broken_subjects import PATIENCE, typed
-from drawn_mechanisms import PROBES, Drawn, drawn, null, quaternion
+from invalid_models import PATIENCE, typed
 from maximal_coordinates import UNITS, Program, TooNearError, followed, told
+from random_mechanism_files import PROBES, Drawn, drawn, null, quaternion
 
 from mechsim import cli
 
