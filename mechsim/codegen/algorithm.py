@@ -10,6 +10,9 @@ STEP = 0.1
 ATTEMPTS = 4096
 # a step that fails is halved down to this fraction
 HALVED = 1.0 / 256.0
+# largest predicted displacement of an unknown in a step, in [rad] or sizes: next to a singular configuration
+# a prediction that spins a link may end close to a solution of another assembly by chance
+DISPLACEMENT = 0.5
 # Newton's method after a step: largest first correction, in [rad] or sizes; largest ratio of corrections
 CORRECTION, CONTRACTION = 0.02, 0.25
 ITERATIONS = 10
@@ -126,7 +129,7 @@ static inline void @differentiate(@state *s, const real *by_drivers) {
     for (int u = 0; u < @UNKNOWNS; u++) { column[u] = -by_drivers[u * @DRIVERS + d]; }
     @substitute(s, column);
     for (int u = 0; u < @UNKNOWNS; u++) {
-      s->map[@UNKNOWN[u] * @DRIVERS + d] = column[u] * @UNIT[u] / @DRIVER_UNIT[d];
+      s->map[@UNKNOWN[u] * @DRIVERS + d] = column[u] * @UNIT[u] / @UNIT_OF_DRIVER[d];
     }
     s->map[@DRIVEN[d] * @DRIVERS + d] = 1;
   }
@@ -159,6 +162,9 @@ static inline int @advance(@state *s, const real *drivers) {
   @substitute(s, residual);
   for (int u = 0; u < @UNKNOWNS; u++) { residual[u] = first[@UNKNOWN[u]] / @UNIT[u] - residual[u] / 2; }
 #endif
+  for (int u = 0; u < @UNKNOWNS; u++) {
+    if (!(fabs(residual[u]) <= @DISPLACEMENT)) { return @TOO_FAR; }
+  }
   @displace(s, residual);
   for (int d = 0; d < @DRIVERS; d++) { s->drivers[d] = drivers[d]; s->coordinates[@DRIVEN[d]] = drivers[d]; }
   real previous = @CORRECTION / @CONTRACTION;
@@ -192,7 +198,7 @@ static inline void @save(const @state *s, @configuration *c) {
 #endif
 }
 
-/* Sets a state to a configuration that closes the loops; rates stay. Returns the status. */
+/* Sets a state to a configuration; rates stay. Returns the status: @TOO_FAR where the loops do not close. */
 static inline int @restore(@state *s, const @configuration *c) {
   real residual[@UNKNOWNS_OR_1];
   real by_drivers[@UNKNOWNS_OR_1 * @DRIVERS];
@@ -204,6 +210,9 @@ static inline int @restore(@state *s, const @configuration *c) {
   @equations(s, residual, by_drivers);
   if (@factorise(s) != @SIGN) { return @SINGULAR; }
   @differentiate(s, by_drivers);
+  for (int u = 0; u < @UNKNOWNS; u++) {
+    if (!(fabs(residual[u]) < sqrt(@EPSILON))) { return @TOO_FAR; }
+  }
   return @SOLVED;
 }
 
@@ -254,6 +263,8 @@ static inline int @solve(@state *s, const real *drivers, const real *rates, cons
 #if LIMITED
     if (!(drivers[d] >= @LOW && drivers[d] <= @HIGH)) { return @OUT_OF_RANGE; }
 #endif
+    /* rates that are not finite */
+    if (!(rates[d] - rates[d] == 0 && accelerations[d] - accelerations[d] == 0)) { return @OUT_OF_RANGE; }
     const real steps = fabs(drivers[d] - s->drivers[d]) / @STEP[d];
     if (!(steps <= @ATTEMPTS)) { return @TOO_FAR; }
     if (steps > distance) { distance = steps; }

@@ -184,6 +184,11 @@ class Block:
     names: bool = False
 
 
+def comment_text(text: str) -> str:
+    """Return text that neither ends nor nests a comment."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
+
 def number_text(value: float) -> str:
     """Return a number in C and JavaScript that is read as the same double; `R` makes it the code's type."""
     return str(int(value)) if value == int(value) and abs(value) < 1e9 else f"R({value!r})"
@@ -218,7 +223,7 @@ class Emission:
         for block in self.blocks:
             lines = [*(self._named(block) if block.names else self._assigned(block))]
             if lines:
-                yield f"/* {block.comment} */"
+                yield f"/* {comment_text(block.comment)} */"
                 yield from lines
 
     def _assigned(self, block: Block) -> Iterator[str]:

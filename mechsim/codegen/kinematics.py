@@ -3,6 +3,7 @@
 The functions of `analytic.loops` run on arrays of expressions, so that the code is their formula.
 """
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -53,7 +54,8 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
         plain = plain if plain[:1].isalpha() else f"n{plain}"
-        out[name] = plain if plain not in out.values() else f"{plain}_{len(out)}"
+        numbered = (f"{plain}_{k}" for k in itertools.count(len(out)))
+        out[name] = next(text for text in itertools.chain([plain], numbered) if text not in out.values())
     return out
 
 
@@ -87,7 +89,7 @@ def _joint_numbers(assembly: SolvedAssembly, varying: VaryingNumbers, table: Exp
     def symbols(first: int | None, values: Array) -> Array:
         if first is None:
             return values
-        names = [table.symbol(f"number_{first + k}") for k in range(values.size)]
+        names = [table.symbol(f"number{first + k}") for k in range(values.size)]
         return np.array(names, dtype=object).reshape(values.shape)
 
     ends = dict(numbers.ends)
@@ -147,16 +149,16 @@ class SolverFormulas:
         self.symbols: dict[str, str] = {}
         for i, name in enumerate(self.names):
             self.symbols |= {
-                f"q_{name}": f"s->coordinates[{i}]",
-                f"cos(q_{name})": f"s->cosines[{i}]",
-                f"sin(q_{name})": f"s->sines[{i}]",
-                f"rate_{name}": f"rates[{i}]",
-                f"acceleration_{name}": f"s->accelerations[{i}]",
+                f"{name}_q": f"s->coordinates[{i}]",
+                f"cos({name}_q)": f"s->cosines[{i}]",
+                f"sin({name}_q)": f"s->sines[{i}]",
+                f"{name}_rate": f"rates[{i}]",
+                f"{name}_acceleration": f"s->accelerations[{i}]",
             }
         if varying is not None:
-            self.symbols |= {f"number_{k}": f"@GEOMETRY[{k}]" for k in range(varying.count)}
+            self.symbols |= {f"number{k}": f"@GEOMETRY[{k}]" for k in range(varying.count)}
         for k in range(len(self.tree.balls)):
-            self.symbols |= {f"ball{k}_{axis}": f"s->balls[{4 * k + i}]" for i, axis in enumerate("wxyz")}
+            self.symbols |= {f"ball{k}_q{axis}": f"s->balls[{4 * k + i}]" for i, axis in enumerate("wxyz")}
         for link in range(len(self.links)):
             self.symbols |= {
                 f"inertia{link}_{i}": f"inertias[{link * INERTIA_NUMBERS + i}]"
@@ -169,18 +171,17 @@ class SolverFormulas:
         """The coordinates as symbols."""
         turns = np.empty((len(self.tree.balls), 3, 3, 1), dtype=object)
         for k in range(len(turns)):
-            w, x, y, z = (self.table.symbol(f"ball{k}_{axis}") for axis in "wxyz")
+            w, x, y, z = (self.table.symbol(f"ball{k}_q{axis}") for axis in "wxyz")
             turns[k, ..., 0] = [
                 [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
                 [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
                 [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
             ]
-        return Coordinates(self._symbols("q_"), turns)
+        return Coordinates(self._symbols("_q"), turns)
 
-    def _symbols(self, prefix: str) -> Array:
-        return np.array([[self.table.symbol(prefix + name)] for name in self.names], dtype=object).reshape(
-            -1, 1
-        )
+    def _symbols(self, ending: str) -> Array:
+        symbols = [self.table.symbol(name + ending) for name in self.names]
+        return np.array(symbols, dtype=object).reshape(-1, 1)
 
     @cached_property
     def linearised(self) -> tuple[Array, Array, LinkPoses]:
@@ -195,10 +196,10 @@ class SolverFormulas:
     @cached_property
     def motion(self) -> tuple[Array, Array]:
         """The links' twists and spatial accelerations at the ground's origin, (links, 6, 1) each."""
-        rates = self._symbols("rate_")
+        rates = self._symbols("_rate")
         twist = twists(self.tree, self.poses, rates)
         product = velocity_products(self.tree, self.poses, twist, rates)
-        return twist, product + twists(self.tree, self.poses, self._symbols("acceleration_"))
+        return twist, product + twists(self.tree, self.poses, self._symbols("_acceleration"))
 
     def equations(self) -> list[str]:
         """Return the code of residuals and Jacobians by unknowns and by drivers."""
@@ -224,7 +225,7 @@ class SolverFormulas:
 
     def velocity_products(self) -> list[str]:
         """Return the code of the residuals' second rate at coordinate rates that do not change."""
-        rates = self._symbols("rate_")
+        rates = self._symbols("_rate")
         twist = twists(self.tree, self.poses, rates)
         product = velocity_products(self.tree, self.poses, twist, rates)
         values = self.loops.velocity_products(self.q, self.poses, rates, twist, product)

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from mechsim._version import __version__
+from mechsim.codegen.expressions import comment_text
 from mechsim.codegen.kinematics import INERTIA_NUMBERS, identifiers
 from mechsim.codegen.solver_code import STATUSES, SolverCode
 from mechsim.numerics.arrays import Array
@@ -121,11 +122,6 @@ def _comment(code: SolverCode) -> Iterator[str]:
     if code.inertias is None:
         yield "   Torques are left out: the inertia of a link that spins is not round about its line."
     yield "*/"
-
-
-def comment_text(name: str) -> str:
-    """Return a name that neither ends nor nests a comment."""
-    return name.replace("*/", "* /").replace("/*", "/ *")
 
 
 def _enumeration(comment: str, values: Mapping[str, int]) -> list[str]:

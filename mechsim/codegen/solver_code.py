@@ -156,7 +156,7 @@ def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
             units[loops.unknown] if len(loops.unknown) else np.ones(1),
             "one unit of each unknown in the equations",
         ),
-        "DRIVER_UNIT": (units[driven], "likewise, of each driver"),
+        "UNIT_OF_DRIVER": (units[driven], "likewise, of each driver"),
         "STEP": (algorithm.STEP * units[driven], "largest step of each driver"),
         "START_BALLS": (
             np.array([quaternion(rotation[..., 0]) for rotation in start.turns]).ravel(),
@@ -239,7 +239,7 @@ def _functions(formulas: SolverFormulas, flags: Mapping[str, bool]) -> str:
         if name != "VELOCITY_PRODUCTS":
             lines = [line.replace(" = rates[", " = s->rates[") for line in lines]
         text = text.replace(f"  {name}\n", "".join(f"  {line}\n" for line in lines))
-    for name in ("PIVOT", "CORRECTION", "CONTRACTION", "HALVED"):
+    for name in ("PIVOT", "CORRECTION", "CONTRACTION", "HALVED", "DISPLACEMENT"):
         text = text.replace(f"@{name}", number_text(getattr(algorithm, name)))
     limits = formulas.assembly.interval
     if limits is not None:

@@ -63,6 +63,11 @@ class Ball:
         return self.mid.shape
 
     @property
+    def ndim(self) -> int:
+        """Number of axes."""
+        return self.mid.ndim
+
+    @property
     def T(self) -> "Ball":  # noqa: N802 (the name numpy uses)
         """The balls with the last two axes exchanged."""
         return Ball(self.mid.swapaxes(-1, -2), self.rad.swapaxes(-1, -2))
@@ -131,7 +136,11 @@ class Ball:
         return ball(other) * self.reciprocal()
 
     def __pow__(self, exponent: float) -> "Ball":
-        """Return the balls of a power; the exponent is a whole number above zero."""
+        """Return the balls of a power; the exponent is a whole number or a half, not zero."""
+        if exponent < 0.0:
+            return (self**-exponent).reciprocal()
+        if exponent % 1.0 == 0.5:
+            return self.sqrt() if exponent == 0.5 else self ** (exponent - 0.5) * self.sqrt()
         if exponent != int(exponent) or exponent < 1.0:
             raise TypeError(f"balls have no bound of a power {exponent}")
         power = self

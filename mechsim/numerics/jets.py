@@ -282,11 +282,22 @@ def _power(base: Any, exponent: Any) -> Jet:
     if np.ndim(exponent) == 0 and exponent == 2:
         return base * base
     if isinstance(base.value, Ball):
-        return base if exponent == 1 else base * _power(base, exponent - 1.0)
+        return _ball_power(base, exponent)
     x, n = base.value, np.asarray(exponent, dtype=np.float64)
     first = np.where(n == 0.0, 0.0, n * x ** (n - 1.0))
     second = np.where(n * (n - 1.0) == 0.0, 0.0, n * (n - 1.0) * x ** (n - 2.0))
     return composed(base, x**n, first, second)
+
+
+def _ball_power(base: Jet, exponent: float) -> Jet:
+    """Return base ** exponent of balls; the exponent is a whole number or a half, not zero."""
+    if exponent < 0:
+        return 1.0 / _ball_power(base, -exponent)
+    if exponent == 0.5:
+        return _sqrt(base)
+    if exponent < 1 or 2.0 * exponent % 1.0:
+        raise TypeError(f"balls have no bound of a power {exponent}")
+    return base if exponent == 1 else base * _ball_power(base, exponent - 1.0)
 
 
 RULES: dict[np.ufunc, Callable[..., Jet]] = {

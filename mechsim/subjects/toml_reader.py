@@ -53,11 +53,17 @@ class TomlModel(ModelSource):
         """Return the mechanism; the requested coordinates drive it where the file names no driver."""
         return toml_model(self.source, changed, drivers=tuple(prescription.drive))
 
+    def values(self, changed: Mapping[str, str | float]) -> Values:
+        """Return what reads values of the file, with its parameters."""
+        document = self.source.document
+        texts, units_of = document.get("parameters", {}), parameter_units(document)
+        return values_of(self.source).with_parameters(texts, changed, units_of)
+
     def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
         """Return the parameters; one whose use does not determine its unit is a plain number."""
         document = self.source.document
         texts, units_of = document.get("parameters", {}), parameter_units(document)
-        values = values_of(self.source).with_parameters(texts, changed, units_of)
+        values = self.values(changed)
         dimensions: dict[str, Dimension] = {}
         for name, value in values.parameters.items():
             unit = values.unit_of(name, texts[name], units_of)

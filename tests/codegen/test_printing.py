@@ -6,12 +6,15 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.cli import main
+from mechsim.codegen.kinematics import identifiers
 from mechsim.codegen.self_test import c_test, javascript_test
+from mechsim.codegen.solver_code import STATUSES
 
 REFERENCE = Path(__file__).parents[2] / "reference" / "mechanisms"
 WARNINGS = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
@@ -83,30 +86,43 @@ def test_the_test_rejects_a_solver_that_leaves_its_range(compiled, tmp_path):
     assert "outside the range is not rejected" in result.stdout
 
 
+# names that end a comment, that the code has for its own values and constants, and that differ in signs only
 ARM = """
-name = "2 link arm */"
-drivers = ["hüft j", "q2.turn", "q2.way"]
+name = "int */"
+drivers = ["UNIT", "x.turn", "x.way"]
 duration = 1
 [joints]
-"hüft j" = { kind = "revolute", a = { link = "ground" }, b = { link = "1" } }
-q2 = { kind = "cylindrical", a = { link = "1", at = [0.1, 0, 0] }, b = { link = "arm b" } }
+UNIT = { kind = "revolute", a = { link = "ground" }, b = { link = "rate" } }
+x = { kind = "cylindrical", a = { link = "rate", at = [0.1, 0, 0] }, b = { link = "ball0" } }
+"*/ hüft j /*" = { kind = "spherical", a = { link = "ball0", at = [0.1, 0, 0] }, b = { link = "*/ int x;" } }
+"*/ knie" = { kind = "spherical", a = { link = "*/ int x;", at = [0.3, 0, 0] }, b = { link = "</script>" } }
+while = { kind = "revolute", a = { link = "ground", at = [0.1, 0.4, 0] }, b = { link = "</script>", at = [0, 0.25, 0] } }
 [points]
-P = { link = "arm b", at = [0.05, 0, 0.01] }
+a = { link = "ball0", at = [0.05, 0, 0.01] }
+a_2 = { link = "ball0", at = [0.05, 0, 0.01] }
+"a!" = { link = "ball0", at = [0.05, 0, 0.01] }
 [motion_laws]
-"hüft j" = "30deg*sin(2*pi*t)"
-"q2.turn" = "360deg*t"
-"q2.way" = "10mm*sin(2*pi*t)"
+UNIT = "10deg*sin(2*pi*t)"
+"x.turn" = "360deg*t"
+"x.way" = "10mm*sin(2*pi*t)"
 [links]
-"arm b" = {}
+"</script>" = {}
 """
 
 
-def test_an_open_chain_with_names_that_no_language_takes(tmp_path):
+def test_names_that_no_language_takes(tmp_path):
     (tmp_path / "arm.toml").write_text(ARM)
     solver = ms.compile(tmp_path / "arm.toml")
-    result = run(built("gcc", written(solver, tmp_path)))
-    assert result.returncode == 0, result.stdout
+    (tmp_path / "DATA.h").write_text(solver.header)
+    for compiler in filter(shutil.which, ("gcc", "clang")):
+        result = run(built(compiler, written(solver, tmp_path, "DATA.h")))
+        assert result.returncode == 0, result.stdout
     assert solver.header.count("*/") == solver.header.count("/*")
+    (tmp_path / "solver.js").write_text(solver.javascript)
+    (tmp_path / "test.js").write_text(javascript_test(solver.code, "solver.js"))
+    assert node(tmp_path / "test.js").returncode == 0
+    names = ["a", "a_2", "a!"]
+    assert len({*identifiers(names).values()}) == len(names)
 
 
 JOINTS = """#include "solver.h"
@@ -136,11 +152,45 @@ def test_joints_that_close_loops_have_values_and_rates(compiled, tmp_path, name)
         assert out[3 * i : 3 * i + 3] == pytest.approx(expected, abs=1e-12)
 
 
+GARBAGE = """#include "solver.h"
+int after_garbage(double angle, double rate, double garbage) {
+  @state s;
+  @configuration c;
+  const double zero = 0;
+  int status = @start(&s);
+  @save(&s, &c);
+  c.coordinates[1] = garbage;
+  const int restored = @restore(&s, &c);
+  status = @solve(&s, &angle, &rate, &zero);
+  return 10 * restored + status;
+}
+"""
+
+
+def test_garbage_and_numbers_that_are_not_finite_are_not_solved(compiled, tmp_path):
+    solver = compiled("jansen")
+    written(solver, tmp_path)
+    (tmp_path / "garbage.c").write_text(GARBAGE.replace("@", "jansen_"))
+    function = ctypes.CDLL(str(built("gcc", tmp_path / "garbage.c", "-shared", "-fPIC"))).after_garbage
+    start = solver.code.assembly.start.values[1, 0]
+
+    def statuses(angle, rate, coordinate):
+        return divmod(function(*map(ctypes.c_double, (angle, rate, coordinate))), 10)
+
+    solved, out_of_range, too_far = (STATUSES.index(name) for name in ("SOLVED", "OUT_OF_RANGE", "TOO_FAR"))
+    assert statuses(0.1, 1.0, start) == (solved, solved)
+    for rate in (np.nan, np.inf):
+        assert statuses(0.1, rate, start) == (solved, out_of_range)
+    assert statuses(np.nan, 1.0, start) == (solved, too_far)
+    for garbage in (start + 0.3, np.nan, 1e300):
+        assert solved not in statuses(0.1, 1.0, garbage)
+
+
 def test_names_of_joints_and_links_are_in_the_code(compiled):
     header = compiled("jansen").header
     assert "/* revolute joint knee_c closes a loop: rod_c meets shank */" in header
     assert "/* link rod_j by joint pin_j */" in header
-    assert "const real cos_q_crank".replace("real", "jansen_real") in header
+    assert "const real cos_crank_q".replace("real", "jansen_real") in header
     for word in ("malloc", "printf", "stdio"):
         assert word not in header
 

@@ -58,8 +58,13 @@ def page(view: View, library: str = "") -> str:
         three="" if library else three_js(),
         library=library,
         platform=view.platform.link if view.platform else "",
-        live=view.live.code if view.live else "",
+        live=_script_text(view.live.code) if view.live else "",
     )
+
+
+def _script_text(code: str) -> str:
+    """Return JavaScript in which no name of a mechanism, in a string or a comment, ends its element."""
+    return code.replace("</", "<\\/").replace("<!", "<\\!")
 
 
 def three_js() -> str:

@@ -22,7 +22,7 @@ from mechsim.studies.certify.segments import (
 from mechsim.studies.certify.singular_points import SingularPoint, enclosed_singular_point
 from mechsim.studies.certify.tolerances import joint_radii
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances
-from mechsim.subjects.readers import load, parametric_model
+from mechsim.subjects.readers import load, open_model, parametric_model
 
 if TYPE_CHECKING:
     from mechsim.subjects.readers import Model
@@ -308,7 +308,7 @@ def certify(
         bounds = parsed_tolerances(within, designs.dimensions, solver.mechanism)
         if bounds.clearances:
             raise InputError("within takes tolerances of dimensions; a clearance of a joint is none")
-        radii = joint_radii(designs, bounds.bounds)
+        radii = joint_radii(designs, bounds.bounds, open_model(model), set or {})
     else:
         solver = load(model, set, **options)
     solver.motion_laws.require_drivers(solver.mechanism)

@@ -403,8 +403,9 @@ def coupled_equation(row: CoupledRow, turns: float, q: Number, units: Array) -> 
         derivative = derivative * offset + value
         value = value * offset + coefficient
     whole_turns = TWO_PI * turns
-    residual = (on_left @ q - row.coupling.zeros[0] - value - whole_turns) * (1.0 / row.unit)
-    return residual, (on_left - derivative * on_right) * (units / row.unit)
+    scale = ball(1.0) / row.unit
+    residual = (on_left @ q - row.coupling.zeros[0] - value - whole_turns) * scale
+    return residual, (on_left - derivative * on_right) * (ball(units) * scale)
 
 
 # 2 pi
@@ -437,7 +438,8 @@ def loop_equations(
             points={name: location for name, location in mechanism.points.items() if location[0] not in rods},
             guess={name: pose for name, pose in mechanism.guess.items() if name not in rods},
         )
-    mechanism = concentric(mechanism)
+    # axes that change move the points of a spherical linkage
+    mechanism = mechanism if radii else concentric(mechanism)
     tree = spanning_tree(mechanism)
     index = {**tree.index, GROUND: -1}
     return ClosureEquations(

@@ -18,8 +18,9 @@ from mechsim.studies.certify.computed_motion import CentreConfigurations, Comput
 from mechsim.studies.certify.loop_equations import ClosureEquations, Number, joined
 
 Bools = NDArray[np.bool_]
-# half-width of a tube relative to the way of the coordinates over the segment, and to the residual's effect
-WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, MIN_WIDTH = 0.3, 4.0, 1e-14
+# half-width of a tube relative to the way of the coordinates over the segment, and to the effect of residual
+# and tolerances on each coordinate, with a part of the largest effect
+WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, OF_LARGEST, MIN_WIDTH = 0.3, 3.0, 0.1, 1e-14
 # times that a proven enclosure is contracted by the test
 CONTRACTIONS = 20
 # most Newton iterations that correct a segment's centre
@@ -168,9 +169,9 @@ def _tubes(motion: ComputedMotion, centre: Array, half: Array, guess: CentreConf
     correction = ball(centres.inverse) @ centres.residual
     spread = motion.driver_spread(centre, half)
     effect = correction.magnitude + np.abs(centres.by_driven) @ (spread / units)[..., None]
-    width = WIDTH_BY_RATE * np.abs(centres.rate).max(1, initial=0.0) * half[:, None]
-    width = width + WIDTH_BY_RESIDUAL * effect.max(1, initial=0.0) + MIN_WIDTH
-    width = np.broadcast_to(width[..., None], centres.rate.shape)
+    effect = WIDTH_BY_RESIDUAL * (effect + OF_LARGEST * effect.max(1, initial=0.0, keepdims=True))
+    by_rate = np.abs(centres.rate).max(1, initial=0.0, keepdims=True) * half[:, None, None]
+    width = WIDTH_BY_RATE * by_rate + effect + MIN_WIDTH
     return Tubes(
         half, centres.start, rate_of_driven, spread, centres.inverse, correction, centres.rate, width
     )

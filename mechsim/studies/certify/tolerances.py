@@ -4,11 +4,14 @@ from collections.abc import Mapping
 from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.studies.certify.toml_intervals import toml_joint_radii
+from mechsim.subjects.toml_reader import TomlModel
 
 # fractions of a tolerance at which a quadratic through its ends and middle is checked
 FRACTIONS = (-0.81, -0.62, -0.43, -0.24, 0.19, 0.38, 0.57, 0.76)
@@ -16,22 +19,40 @@ FRACTIONS = (-0.81, -0.62, -0.43, -0.24, 0.19, 0.38, 0.57, 0.76)
 DEPARTURE = 0.1
 # factor of departures and of what two dimensions change together, which are sampled
 SAFETY = 2.0
+# corners of the tolerances at which all dimensions are moved
+MAX_CORNERS = 64
 # rounding of points and axes relative to the largest
 ROUNDING = 1e-13
 
 
-def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str, Array]:
+def joint_radii(
+    designs: DesignFamily,
+    bounds: Mapping[str, float],
+    model: object = None,
+    changed: Mapping[str, str | float] | None = None,
+) -> dict[str, Array]:
     """Return JOINT.a and JOINT.b -> radii of point, axis and mark, (3, 3), within bounds of dimensions.
 
-    Each dimension is moved by its bound to either side; the radius adds the larger deviation, the difference
-    of both, which bounds the curvature, the departure from a quadratic between, and what each two dimensions
-    change together. The certificate holds for the joints in these radii.
+    The expressions of a TOML file are enclosed by interval arithmetic. Of other models each dimension is moved
+    by its bound to either side; the radius adds the larger deviation, the difference of both, which bounds the
+    curvature, the departure from a quadratic between, what each two dimensions change together, and what all
+    do. The certificate holds for the joints in these radii.
+
+    Args:
+        designs: the mechanism.
+        bounds: dimension -> bound in SI.
+        model: opened, of which these are the designs.
+        changed: parameter -> its value, as `load` takes it.
 
     Raises:
         InputError: for a dimension that changes more than points and axes of joints, and for one that changes
             them far from smoothly within its tolerance.
     """
     nominal = designs.describe({})
+    if isinstance(model, TomlModel) and {*designs.dimensions} == {
+        *model.source.document.get("parameters", {})
+    }:
+        return toml_joint_radii(model, changed or {}, nominal, bounds)
     keys, start = [*_joint_numbers(nominal)], _stacked(nominal)
     total = np.zeros_like(start)
 
@@ -67,7 +88,20 @@ def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str,
             for a, b in product((-1, 1), repeat=2)
         ]
         total += SAFETY * np.abs(together).max(0)
+    for signs in _corners(len(bounds)):
+        moved = change(
+            {name: sign * bound for (name, bound), sign in zip(bounds.items(), signs, strict=True)}
+        )
+        total += SAFETY * np.maximum(np.abs(moved) - total, 0.0)
+    total += np.where(total > 0.0, ROUNDING * np.abs(start).max(), 0.0)
     return {key: radii for key, radii in zip(keys, total, strict=True) if radii.any()}
+
+
+def _corners(count: int) -> NDArray[np.int_]:
+    """Return signs of the dimensions at the corners of their tolerances, or at random ones of many."""
+    if 2**count <= MAX_CORNERS:
+        return np.array([*product((-1, 1), repeat=count)])
+    return np.random.default_rng(0).choice([-1, 1], (MAX_CORNERS, count))
 
 
 def _stacked(mechanism: Mechanism) -> Array:

@@ -14,6 +14,7 @@ from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
 from mechsim.studies.certify.tolerances import joint_radii
 from mechsim.subjects import reference_data
+from mechsim.subjects.readers import open_model, parametric_model
 
 REGULAR = [
     "four_bar",
@@ -216,8 +217,10 @@ def test_a_dimension_that_leads_through_a_singularity_and_back_is_rejected(tmp_p
     text = text.replace('at = ["ground", 0, 0] }\nb', 'at = ["ground + 60*sin(18*k)", 0, 0] }\nb')
     (tmp_path / "wave.toml").write_text(text)
     assert not ms.certify(tmp_path / "wave.toml", set={"k": "5deg"}).certified
+    proof = ms.certify(tmp_path / "wave.toml", within={"k": "10deg"})
+    assert not proof.certified
     with pytest.raises(ms.InputError, match="dimension k moves joints too unevenly"):
-        ms.certify(tmp_path / "wave.toml", within={"k": "10deg"})
+        joint_radii(parametric_model(tmp_path / "wave.toml"), {"k": np.deg2rad(10.0)})
 
 
 def test_radii_hold_what_two_dimensions_change_together():
@@ -240,3 +243,103 @@ def test_radii_hold_what_two_dimensions_change_together():
                     )
                 )
                 assert (off <= radii.get(f"{joint.name}.{side}", np.zeros((3, 3))) + 1e-15).all()
+
+
+def toml(tmp_path, name, **changed):
+    """Return the path of a copy of a gallery file with some of its text replaced."""
+    text = (reference_data.folder() / "mechanisms" / f"{name}.toml").read_text().split("[formula]")[0]
+    for before, after in changed.values():
+        assert before in text
+        text = text.replace(before, after)
+    path = tmp_path / f"{name}.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "bounds"),
+    [
+        ("jansen", {"d": 1e-4, "b": 1e-4, "h": 1e-4}),
+        ("delta_robot", {"base": 1e-3, "plate": 1e-3}),
+        ("cardan_joint", {"bend": 0.02, "arm": 1e-3}),
+    ],
+)
+def test_intervals_of_a_file_hold_the_joints_of_designs_within_and_little_more(name, bounds):
+    model, designs = open_model(name), parametric_model(name)
+    radii = joint_radii(designs, bounds, model)
+    nominal = {joint.name: joint for joint in designs.describe({}).joints}
+    rng, largest = np.random.default_rng(0), dict.fromkeys(radii, 0.0)
+    for _ in range(40):
+        moved = {
+            key: designs.dimensions[key].value + bound * rng.choice([-1.0, 1.0, rng.uniform(-1.0, 1.0)])
+            for key, bound in bounds.items()
+        }
+        for joint in designs.describe(moved).joints:
+            for side in ("a", "b"):
+                end, start = getattr(joint, side), getattr(nominal[joint.name], side)
+                now, before = ([x.point, x.axis, x.reference] for x in (end, start))
+                off, key = np.abs(np.subtract(now, before)), f"{joint.name}.{side}"
+                assert (off <= radii.get(key, np.zeros((3, 3)))).all()
+                largest[key] = max(largest.get(key, 0.0), off.max())
+    assert radii
+    assert all(radii[key].max() < 3.0 * largest[key] for key in radii)
+    if name == "jansen":
+        assert not any(values[:, 2].any() for values in radii.values())
+
+
+def test_what_three_dimensions_change_together_is_not_missed(tmp_path):
+    # one or two of them change nothing: the ground is longer by their product
+    changed = {"parameters": ("arm = 175\n", "arm = 175\nu = 0\nv = 0\nw = 0\n")}
+    changed["ground"] = ('at = ["ground", 0, 0] }\nb', 'at = ["ground + 0.06*u*v*w", 0, 0] }\nb')
+    path, within = toml(tmp_path, "hoeken", **changed), {"u": 10, "v": 10, "w": 10}
+    assert not ms.certify(path, set={"u": 10, "v": 10, "w": 10}).certified
+    assert not ms.certify(path, within=within).certified
+    assert ms.certify(path, within=dict.fromkeys(within, 1)).certified
+    radii = joint_radii(parametric_model(path), within)
+    assert max(values.max() for values in radii.values()) >= 0.06
+
+
+def test_a_dimension_that_changes_a_motion_law_a_lock_or_a_coupling_is_rejected(tmp_path):
+    law = {
+        "law": ("25deg*sin", "25deg*swing*sin"),
+        "parameter": ("[parameters]\n", "[parameters]\nswing = 1\n"),
+    }
+    path = toml(tmp_path, "five_bar", **law)
+    with pytest.raises(ms.InputError, match=r"swing changes programs\.left; .* leave it out of --within"):
+        ms.certify(path, within={"swing": 0.5})
+    with pytest.raises(ms.InputError, match=r"changes couplings\."):
+        ms.certify("planetary_gear", within={"teeth_sun": 1})
+
+
+def test_a_dimension_in_a_function_without_bounds_is_rejected(tmp_path):
+    changed = {"ground": ('at = ["ground", 0, 0] }\nb', 'at = ["max(ground, 1)", 0, 0] }\nb')}
+    with pytest.raises(ms.InputError, match="cannot be enclosed within tolerances"):
+        ms.certify(toml(tmp_path, "hoeken", **changed), within={"ground": "0.01mm"})
+
+
+def test_tilted_axes_of_a_spherical_linkage_are_not_taken_for_concentric(tmp_path):
+    # points at a distance along an axis that tilts leave the centre
+    pivot = '{ link = "ground", at = [0, 0, 0.03], axis = ["sin(tilt)", 0, "cos(tilt)"] }'
+    text = f"""
+name = "tilted"
+drivers = ["crank"]
+[parameters]
+tilt = 0
+[joints]
+crank = {{ kind = "revolute", a = {pivot}, b = {{ link = "crank", at = [0, 0, 0.03] }} }}
+a = {{ kind = "revolute", a = {{ link = "crank", axis = [0.4, 0, 1] }}, b = {{ link = "rod" }} }}
+b = {{ kind = "revolute", a = {{ link = "rod", axis = [1, 0, 0.2] }}, b = {{ link = "rocker", axis = [1, 0, 1] }} }}
+c = {{ kind = "revolute", a = {{ link = "ground", axis = [1, 0, 0.1] }}, b = {{ link = "rocker" }} }}
+"""
+    path = tmp_path / "tilted.toml"
+    path.write_text(text)
+    assert not ms.certify(path, (0.0, 0.3), within={"tilt": 1e-3}).certified
+
+
+@pytest.mark.parametrize("law", ["-1 + 0.2*(t + 1)**0.5", "-1 + 0.2*(t + 1)**-2", "-1 + 0.1*(t + 1)**1.5"])
+def test_powers_of_time_are_enclosed(law):
+    assert ms.certify("four_bar", drive={"crank": law}, duration=1.0).certified
+    # with a crank of 90 mm the loops do not close before -0.8 rad
+    assert not ms.certify(
+        "four_bar", set={"crank": "90mm"}, drive={"crank": f"1 + {law}"}, duration=1.0
+    ).certified

@@ -1,0 +1,233 @@
+"""Intervals of the joints of a TOML file within tolerances of its parameters, by interval arithmetic.
+
+The expressions of the file are evaluated on balls, so that the joints of every mechanism within the tolerances
+lie in the intervals.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.model.expressions import Evaluator, Term, parse_expression
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import Joint
+from mechsim.model.links import EX, EY, EZ, Vector
+from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.balls import OUTWARD, ROUNDOFF, Ball, ball
+from mechsim.numerics.jets import Jet
+from mechsim.subjects.toml_coordinates import leaves
+from mechsim.subjects.toml_keys import Number
+from mechsim.subjects.toml_reader import TomlModel
+from mechsim.subjects.toml_values import Values, is_quantity
+from mechsim.units import Unit
+
+# part of its length that a link's x axis may have along a joint's axis and still be its reference
+# (`model.joints.End`)
+ALONG_AXIS = 0.9
+
+
+def toml_joint_radii(
+    model: TomlModel, changed: Mapping[str, str | float], nominal: Mechanism, bounds: Mapping[str, float]
+) -> dict[str, Array]:
+    """Return JOINT.a and JOINT.b -> radii of point, axis and mark, (3, 3), within bounds of parameters.
+
+    Args:
+        model: the file.
+        changed: parameter -> its value, as `load` takes it.
+        nominal: its mechanism.
+        bounds: parameter -> bound in SI.
+
+    Raises:
+        InputError: for a parameter that changes more than points and axes of joints, or by a function that
+            interval arithmetic does not enclose.
+    """
+    at_centre = ParameterIntervals.within(model, changed, dict.fromkeys(bounds, 0.0), "")
+    along = [ParameterIntervals.within(model, changed, bounds, name) for name in bounds]
+    for path, text in _fixed_entries(model.source.document):
+        for name in sorted(_words(text) & at_centre.moving):
+            raise InputError(
+                f"dimension {name} changes {'.'.join(path)}; a certificate holds within tolerances of points "
+                "and axes only: leave it out of --within"
+            )
+    entries: Mapping[str, Any] = model.source.document["joints"]
+    radii: dict[str, Array] = {}
+    for joint in nominal.joints:
+        for side, end in (("a", joint.a), ("b", joint.b)):
+            entry = entries[joint.name][side]
+            if at_centre.depends(entry):
+                own, moved = at_centre.side(joint, entry), [way.side(joint, entry) for way in along]
+                numbers = [*end.point, *end.axis, *(end.reference or EX)]
+                rows = zip(own, numbers, zip(*moved, strict=True), strict=True)
+                radii[f"{joint.name}.{side}"] = np.array([_radius(*row) for row in rows]).reshape(3, 3)
+    return radii
+
+
+@dataclass(frozen=True)
+class Component:
+    """A component of a vector in a file.
+
+    Attributes:
+        jet: its values, (1,).
+        moves: whether it is an expression of parameters that change.
+    """
+
+    jet: Jet
+    moves: bool
+
+    @classmethod
+    def fixed(cls, value: float) -> "Component":
+        """Return a component that does not change."""
+        return cls(_still(value), False)
+
+    @property
+    def zero(self) -> bool:
+        """Whether it is zero and stays so."""
+        return not self.moves and not self.jet.value.mid.any()
+
+
+@dataclass(frozen=True)
+class ParameterIntervals:
+    """The parameters of a file within tolerances.
+
+    Values are jets over all mechanisms within: what a number changes by is at most the sum, over the
+    parameters, of its rate along each from the centre to the bound.
+
+    Attributes:
+        values: the file's, with parameters as they stand.
+        jets: parameter -> its values in the file's unit, (1,); those that cannot be enclosed are left out.
+        moving: parameters that change within the tolerances.
+    """
+
+    values: Values
+    jets: Mapping[str, Jet]
+    moving: frozenset[str]
+
+    @classmethod
+    def within(
+        cls, model: TomlModel, changed: Mapping[str, str | float], bounds: Mapping[str, float], along: str
+    ) -> "ParameterIntervals":
+        """Return the parameters of a file within bounds in SI, with rates along one of them."""
+        result = cls(model.values(changed), {}, frozenset())
+        dimensions = model.parameters(changed).dimensions
+        for name, written in model.source.document["parameters"].items():
+            jet, moves = _still(result.values.parameters[name]), name in bounds
+            if moves:
+                unit: Any = dimensions[name].unit
+                bound = (ball(bounds[name]) / result.factor(unit)).magnitude
+                jet = Jet(Ball(jet.value.mid, bound), ball(bound * (name == along)), jet.second)
+            elif name not in changed and result.depends(written):
+                jet, moves = result.evaluated(written), True
+            jets = result.jets if jet is None else {**result.jets, name: jet}
+            result = cls(result.values, jets, result.moving | ({name} if moves else set()))
+        return result
+
+    def factor(self, unit: Unit) -> Ball:
+        """Return what a number without a unit is multiplied by to be in SI."""
+        value = self.values.in_si(1.0, unit)
+        return Ball(np.array([value]), np.array([2.0 * ROUNDOFF * abs(value) if value != 1.0 else 0.0]))
+
+    def depends(self, written: object) -> bool:
+        """Whether an entry of the file is an expression of parameters that change, or holds one."""
+        if isinstance(written, dict):
+            return any(self.depends(entry) for key, entry in written.items() if key != "link")
+        if isinstance(written, list):
+            return any(map(self.depends, written))
+        return isinstance(written, str) and not is_quantity(written) and bool(_words(written) & self.moving)
+
+    def evaluated(self, text: str) -> Jet | None:
+        """Return the values of an expression, (1,), in the file's unit; None where they cannot be enclosed."""
+        angle: Any = 1.0 if self.values.in_si(1.0, "rad") == 1.0 else self.factor("rad")
+        evaluator = Evaluator(lambda name: Term(self.jets[name]), angle)
+        try:
+            value = evaluator.evaluate(parse_expression(text)).value
+        except (KeyError, TypeError, AttributeError):
+            return None
+        return value if isinstance(value, Jet) else _still(value)
+
+    def vector(self, entry: Mapping[str, Any], keys: Sequence[str], unit: Unit) -> list[Component] | None:
+        """Return a vector of a side of a joint in SI; None if it is not given."""
+        key = next((key for key in keys if key in entry), None)
+        return None if key is None else [self._component(written, unit) for written in entry[key]]
+
+    def _component(self, written: Any, unit: Unit) -> Component:
+        if not self.depends(written):
+            return Component.fixed(self.values.checked(Number(unit, "a component"), written, ("joints",)))
+        jet = self.evaluated(written)
+        if jet is None:
+            raise InputError(
+                f"{written!r} cannot be enclosed within tolerances; give + - * / **, sin, cos, tan, sqrt and "
+                "exp of parameters, or leave its dimensions out of --within"
+            )
+        return Component(jet * self.factor(unit), True)  # pyright: ignore[reportArgumentType]
+
+    def side(self, joint: Joint, entry: Mapping[str, Any]) -> list[Jet | None]:
+        """Return the numbers of point, axis and mark of a side of a joint, nine; None for those that stay."""
+        point = self.vector(entry, ("at",), "m") or [Component.fixed(0.0)] * 3
+        numbers: list[Jet | None] = [x.jet if x.moves else None for x in point]
+        axis = self.vector(entry, ("axis",), "1") or [*map(Component.fixed, EZ)]
+        reference = self.vector(entry, ("reference", "mark"), "1")
+        if not any(component.moves for component in (*axis, *(reference or ()))):
+            return [*numbers, *[None] * 6]
+        z = _unit([component.jet for component in axis])
+        if reference is None:
+            reference = [*map(Component.fixed, _own_reference(joint, z))]
+        marks = [component.jet for component in reference]
+        along = _dot(z, marks)
+        x = _unit([mark - along * direction for mark, direction in zip(marks, z, strict=True)])
+        zero = [component.zero for component in axis]
+        both = [a and component.zero for a, component in zip(zero, reference, strict=True)]
+        numbers += [None if stays else jet for stays, jet in zip([*zero, *both], [*z, *x], strict=True)]
+        return numbers
+
+
+def _still(value: float) -> Jet:
+    zero = ball(np.zeros(1))
+    return Jet(ball(np.array([value])), zero, zero)
+
+
+def _dot(a: Sequence[Jet], b: Sequence[Jet]) -> Jet:
+    x, y, z = (first * second for first, second in zip(a, b, strict=True))
+    return x + y + z
+
+
+def _unit(vector: Sequence[Jet]) -> list[Jet]:
+    length = np.sqrt(_dot(vector, vector))  # pyright: ignore[reportCallIssue, reportArgumentType]
+    return [component / length for component in vector]
+
+
+def _own_reference(joint: Joint, axis: Sequence[Jet]) -> Vector:
+    """Return the reference that a side of a joint has by itself, from its unit axis: that of `End`."""
+    share = axis[0].value
+    small, large = share.magnitude[0] < ALONG_AXIS, abs(share.mid[0]) - share.rad[0] > ALONG_AXIS
+    if 0 in KINDS[joint.kind].aligned_columns or not (small or large):
+        raise InputError(f"joint {joint.name} has an axis that changes; give its sides a reference")
+    return EX if small else EY
+
+
+def _radius(at_centre: Jet | None, nominal: float, moved: Sequence[Jet | None]) -> float:
+    """Return how far a number goes from its nominal value; zero of one that stays."""
+    if at_centre is None:
+        return 0.0
+    rates = sum(float(jet.rate.magnitude[0]) for jet in moved if jet is not None)
+    return (rates + float((at_centre.value - nominal).magnitude[0])) * OUTWARD
+
+
+def _words(text: object) -> frozenset[str]:
+    return frozenset(re.findall(r"[^\W\d]\w*", text)) if isinstance(text, str) else frozenset()
+
+
+def _fixed_entries(document: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the entries of a file that may not change within tolerances, and where they are."""
+    for name, joint in document["joints"].items():
+        yield from ((("joints", name, key), joint[key]) for key in ("cross_angle", "lead") if key in joint)
+    for name, coupling in document.get("couplings", {}).items():
+        for path, value in leaves(coupling, ("couplings", name)):
+            if path[2:] not in (("driver",), ("driven",)):
+                yield from ((path, entry) for entry in (value if isinstance(value, list) else [value]))
+    for table in ("locked", "motion_laws", "programs"):
+        yield from leaves(document.get(table, {}), (table,))
