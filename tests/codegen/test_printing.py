@@ -96,7 +96,10 @@ UNIT = { kind = "revolute", a = { link = "ground" }, b = { link = "rate" } }
 x = { kind = "cylindrical", a = { link = "rate", at = [0.1, 0, 0] }, b = { link = "ball0" } }
 "*/ hüft j /*" = { kind = "spherical", a = { link = "ball0", at = [0.1, 0, 0] }, b = { link = "*/ int x;" } }
 "*/ knie" = { kind = "spherical", a = { link = "*/ int x;", at = [0.3, 0, 0] }, b = { link = "</script>" } }
-while = { kind = "revolute", a = { link = "ground", at = [0.1, 0.4, 0] }, b = { link = "</script>", at = [0, 0.25, 0] } }
+[joints.while]
+kind = "revolute"
+a = { link = "ground", at = [0.1, 0.4, 0] }
+b = { link = "</script>", at = [0, 0.25, 0] }
 [points]
 a = { link = "ball0", at = [0.05, 0, 0.01] }
 a_2 = { link = "ball0", at = [0.05, 0, 0.01] }

@@ -20,7 +20,7 @@ from mechsim.studies.certify.segments import (
     with_misses,
 )
 from mechsim.studies.certify.singular_points import SingularPoint, enclosed_singular_point
-from mechsim.studies.certify.tolerances import joint_radii
+from mechsim.studies.certify.tolerances import radii_within
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances
 from mechsim.subjects.readers import load, open_model, parametric_model
 
@@ -308,7 +308,7 @@ def certify(
         bounds = parsed_tolerances(within, designs.dimensions, solver.mechanism)
         if bounds.clearances:
             raise InputError("within takes tolerances of dimensions; a clearance of a joint is none")
-        radii = joint_radii(designs, bounds.bounds, open_model(model), set or {})
+        radii = radii_within(open_model(model), set or {}, designs, bounds.bounds)
     else:
         solver = load(model, set, **options)
     solver.motion_laws.require_drivers(solver.mechanism)

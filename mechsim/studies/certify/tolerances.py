@@ -25,34 +25,37 @@ MAX_CORNERS = 64
 ROUNDING = 1e-13
 
 
-def joint_radii(
-    designs: DesignFamily,
-    bounds: Mapping[str, float],
-    model: object = None,
-    changed: Mapping[str, str | float] | None = None,
+def radii_within(
+    model: object, changed: Mapping[str, str | float], designs: DesignFamily, bounds: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Return JOINT.a and JOINT.b -> radii of point, axis and mark, (3, 3), within bounds of dimensions.
-
-    The expressions of a TOML file are enclosed by interval arithmetic. Of other models each dimension is moved
-    by its bound to either side; the radius adds the larger deviation, the difference of both, which bounds the
-    curvature, the departure from a quadratic between, what each two dimensions change together, and what all
-    do. The certificate holds for the joints in these radii.
+    """Return the radii of `joint_radii`, by interval arithmetic where the designs are those of a TOML file.
 
     Args:
-        designs: the mechanism.
-        bounds: dimension -> bound in SI.
         model: opened, of which these are the designs.
         changed: parameter -> its value, as `load` takes it.
+        designs: the mechanism.
+        bounds: dimension -> bound in SI.
+
+    Raises:
+        InputError: as `joint_radii` and `toml_joint_radii`.
+    """
+    if isinstance(model, TomlModel) and {*designs.dimensions} == {*model.values({}).parameters}:
+        return toml_joint_radii(model, changed, designs.describe({}), bounds)
+    return joint_radii(designs, bounds)
+
+
+def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str, Array]:
+    """Return JOINT.a and JOINT.b -> radii of point, axis and mark, (3, 3), within bounds of dimensions.
+
+    Each dimension is moved by its bound to either side; the radius adds the larger deviation, the difference
+    of both, which bounds the curvature, the departure from a quadratic between, what each two dimensions
+    change together, and what all do. The certificate holds for the joints in these radii.
 
     Raises:
         InputError: for a dimension that changes more than points and axes of joints, and for one that changes
             them far from smoothly within its tolerance.
     """
     nominal = designs.describe({})
-    if isinstance(model, TomlModel) and {*designs.dimensions} == {
-        *model.source.document.get("parameters", {})
-    }:
-        return toml_joint_radii(model, changed or {}, nominal, bounds)
     keys, start = [*_joint_numbers(nominal)], _stacked(nominal)
     total = np.zeros_like(start)
 
@@ -89,9 +92,7 @@ def joint_radii(
         ]
         total += SAFETY * np.abs(together).max(0)
     for signs in _corners(len(bounds)):
-        moved = change(
-            {name: sign * bound for (name, bound), sign in zip(bounds.items(), signs, strict=True)}
-        )
+        moved = change({name: sign * bounds[name] for name, sign in zip(bounds, signs, strict=True)})
         total += SAFETY * np.maximum(np.abs(moved) - total, 0.0)
     total += np.where(total > 0.0, ROUNDING * np.abs(start).max(), 0.0)
     return {key: radii for key, radii in zip(keys, total, strict=True) if radii.any()}

@@ -1,7 +1,7 @@
 """Intervals of the joints of a TOML file within tolerances of its parameters, by interval arithmetic.
 
-The expressions of the file are evaluated on balls, so that the joints of every mechanism within the tolerances
-lie in the intervals.
+The expressions of the file are evaluated on balls with their derivatives, so that the joints of every
+mechanism within the tolerances lie in the intervals.
 """
 
 import re
@@ -60,7 +60,8 @@ def toml_joint_radii(
         for side, end in (("a", joint.a), ("b", joint.b)):
             entry = entries[joint.name][side]
             if at_centre.depends(entry):
-                own, moved = at_centre.side(joint, entry), [way.side(joint, entry) for way in along]
+                own = at_centre.side(joint, entry)
+                moved = [intervals.side(joint, entry) for intervals in along]
                 numbers = [*end.point, *end.axis, *(end.reference or EX)]
                 rows = zip(own, numbers, zip(*moved, strict=True), strict=True)
                 radii[f"{joint.name}.{side}"] = np.array([_radius(*row) for row in rows]).reshape(3, 3)
@@ -68,7 +69,7 @@ def toml_joint_radii(
 
 
 @dataclass(frozen=True)
-class Component:
+class FileNumber:
     """A component of a vector in a file.
 
     Attributes:
@@ -80,7 +81,7 @@ class Component:
     moves: bool
 
     @classmethod
-    def fixed(cls, value: float) -> "Component":
+    def fixed(cls, value: float) -> "FileNumber":
         """Return a component that does not change."""
         return cls(_still(value), False)
 
@@ -118,8 +119,8 @@ class ParameterIntervals:
             jet, moves = _still(result.values.parameters[name]), name in bounds
             if moves:
                 unit: Any = dimensions[name].unit
-                bound = (ball(bounds[name]) / result.factor(unit)).magnitude
-                jet = Jet(Ball(jet.value.mid, bound), ball(bound * (name == along)), jet.second)
+                tolerance = (ball(bounds[name]) / result.factor(unit)).magnitude
+                jet = Jet(Ball(jet.value.mid, tolerance), ball(tolerance * (name == along)), jet.second)
             elif name not in changed and result.depends(written):
                 jet, moves = result.evaluated(written), True
             jets = result.jets if jet is None else {**result.jets, name: jet}
@@ -140,7 +141,7 @@ class ParameterIntervals:
         return isinstance(written, str) and not is_quantity(written) and bool(_words(written) & self.moving)
 
     def evaluated(self, text: str) -> Jet | None:
-        """Return the values of an expression, (1,), in the file's unit; None where they cannot be enclosed."""
+        """Return an expression's values, (1,), in the file's unit; None where they cannot be enclosed."""
         angle: Any = 1.0 if self.values.in_si(1.0, "rad") == 1.0 else self.factor("rad")
         evaluator = Evaluator(lambda name: Term(self.jets[name]), angle)
         try:
@@ -149,36 +150,37 @@ class ParameterIntervals:
             return None
         return value if isinstance(value, Jet) else _still(value)
 
-    def vector(self, entry: Mapping[str, Any], keys: Sequence[str], unit: Unit) -> list[Component] | None:
+    def vector(self, entry: Mapping[str, Any], keys: Sequence[str], unit: Unit) -> list[FileNumber] | None:
         """Return a vector of a side of a joint in SI; None if it is not given."""
         key = next((key for key in keys if key in entry), None)
         return None if key is None else [self._component(written, unit) for written in entry[key]]
 
-    def _component(self, written: Any, unit: Unit) -> Component:
+    def _component(self, written: Any, unit: Unit) -> FileNumber:
         if not self.depends(written):
-            return Component.fixed(self.values.checked(Number(unit, "a component"), written, ("joints",)))
+            return FileNumber.fixed(self.values.checked(Number(unit, "a component"), written, ("joints",)))
         jet = self.evaluated(written)
         if jet is None:
             raise InputError(
                 f"{written!r} cannot be enclosed within tolerances; give + - * / **, sin, cos, tan, sqrt and "
                 "exp of parameters, or leave its dimensions out of --within"
             )
-        return Component(jet * self.factor(unit), True)  # pyright: ignore[reportArgumentType]
+        factor: Any = self.factor(unit)
+        return FileNumber(jet * factor, True)
 
     def side(self, joint: Joint, entry: Mapping[str, Any]) -> list[Jet | None]:
         """Return the numbers of point, axis and mark of a side of a joint, nine; None for those that stay."""
-        point = self.vector(entry, ("at",), "m") or [Component.fixed(0.0)] * 3
+        point = self.vector(entry, ("at",), "m") or [FileNumber.fixed(0.0)] * 3
         numbers: list[Jet | None] = [x.jet if x.moves else None for x in point]
-        axis = self.vector(entry, ("axis",), "1") or [*map(Component.fixed, EZ)]
+        axis = self.vector(entry, ("axis",), "1") or [*map(FileNumber.fixed, EZ)]
         reference = self.vector(entry, ("reference", "mark"), "1")
         if not any(component.moves for component in (*axis, *(reference or ()))):
             return [*numbers, *[None] * 6]
         z = _unit([component.jet for component in axis])
         if reference is None:
-            reference = [*map(Component.fixed, _own_reference(joint, z))]
-        marks = [component.jet for component in reference]
-        along = _dot(z, marks)
-        x = _unit([mark - along * direction for mark, direction in zip(marks, z, strict=True)])
+            reference = [*map(FileNumber.fixed, _own_reference(joint, z))]
+        references = [component.jet for component in reference]
+        along = _dot(z, references)
+        x = _unit([value - along * direction for value, direction in zip(references, z, strict=True)])
         zero = [component.zero for component in axis]
         both = [a and component.zero for a, component in zip(zero, reference, strict=True)]
         numbers += [None if stays else jet for stays, jet in zip([*zero, *both], [*z, *x], strict=True)]

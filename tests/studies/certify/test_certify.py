@@ -12,7 +12,7 @@ from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
-from mechsim.studies.certify.tolerances import joint_radii
+from mechsim.studies.certify.tolerances import joint_radii, radii_within
 from mechsim.subjects import reference_data
 from mechsim.subjects.readers import open_model, parametric_model
 
@@ -266,7 +266,7 @@ def toml(tmp_path, name, **changed):
 )
 def test_intervals_of_a_file_hold_the_joints_of_designs_within_and_little_more(name, bounds):
     model, designs = open_model(name), parametric_model(name)
-    radii = joint_radii(designs, bounds, model)
+    radii = radii_within(model, {}, designs, bounds)
     nominal = {joint.name: joint for joint in designs.describe({}).joints}
     rng, largest = np.random.default_rng(0), dict.fromkeys(radii, 0.0)
     for _ in range(40):
@@ -328,8 +328,8 @@ tilt = 0
 [joints]
 crank = {{ kind = "revolute", a = {pivot}, b = {{ link = "crank", at = [0, 0, 0.03] }} }}
 a = {{ kind = "revolute", a = {{ link = "crank", axis = [0.4, 0, 1] }}, b = {{ link = "rod" }} }}
-b = {{ kind = "revolute", a = {{ link = "rod", axis = [1, 0, 0.2] }}, b = {{ link = "rocker", axis = [1, 0, 1] }} }}
-c = {{ kind = "revolute", a = {{ link = "ground", axis = [1, 0, 0.1] }}, b = {{ link = "rocker" }} }}
+b = {{ kind = "revolute", a = {{ link = "rod", axis = [5, 0, 1] }}, b = {{ link = "b", axis = [1, 0, 1] }} }}
+c = {{ kind = "revolute", a = {{ link = "ground", axis = [1, 0, 0.1] }}, b = {{ link = "b" }} }}
 """
     path = tmp_path / "tilted.toml"
     path.write_text(text)
