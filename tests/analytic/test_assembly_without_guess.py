@@ -48,12 +48,12 @@ def test_a_spherical_four_bar_closes_without_a_guess(seed):
     assert np.abs(loops.linearise(at)[0]).max() < 1e-12
 
 
-def test_what_closes_nowhere_is_refused_as_before():
+def test_what_closes_nowhere_is_rejected_as_before():
     with pytest.raises(AssemblyError, match="the loops do not close at crank"):
         assembled(spherical(3, reach=0.01))
 
 
-def test_what_closes_elsewhere_says_where():
+def test_what_closes_elsewhere_states_where():
     # a slide that starts out of the rod's reach, and a rod that is too short wherever the slide stands
     def press(rod: float, start: float) -> Mechanism:
         def joint(name: str, kind: str, *ends: tuple[str, tuple[float, float, float]], axis=(0.0, 0.0, 1.0)):

@@ -77,7 +77,7 @@ def test_b_is_the_corner_that_fifty_digits_of_geometry_put_it_at(drive, angle):
 
 
 @given(bennetts())
-def test_assembly_sign_tells_it_from_the_links_twisted_the_other_way(drive):
+def test_assembly_sign_distinguishes_it_from_the_links_twisted_the_other_way(drive):
     away = np.abs(np.sin(ANGLES)) > 0.05
     angles = ANGLES[away]
     assume(abs(np.cos(drive.twist1)) > 0.05)
@@ -108,7 +108,7 @@ def test_a_link_a_thousandth_too_long_closes_nowhere():
         loops.assemble(replace(mechanism, joints=joints), [1.0])
 
 
-def test_it_goes_through_validation_by_every_road():
+def test_it_goes_through_validation_by_every_method():
     assert case_of(Bennett()).verdict.outcome == "passed"
 
 
@@ -132,6 +132,6 @@ def test_it_may_be_cut_at_any_passive_joint(cut):
         ({"length0": -1.0}, "above 0"),
     ],
 )
-def test_what_makes_no_linkage_is_refused_with_its_remedy(values, said):
+def test_what_makes_no_linkage_is_rejected_with_its_remedy(values, said):
     with pytest.raises(InputError, match=said):
         Bennett(**values)

@@ -30,7 +30,7 @@ from mechsim.errors import AssemblyError, InputError
         ("guide", "yes", "on or off"),
     ],
 )
-def test_a_parameter_that_cannot_be_is_refused_with_what_can(parameter, value, remedy):
+def test_a_parameter_that_cannot_be_is_rejected_with_what_can(parameter, value, remedy):
     with pytest.raises(InputError, match=rf"{parameter}.* is .*{remedy}"):
         catalog.make("rssr", **{parameter: value})
 
@@ -43,25 +43,25 @@ def test_vectors_may_be_given_as_lists_and_arrays(pivot):
 
 
 @pytest.mark.parametrize("name", ["krank", "name", "discriminant_degree"])
-def test_an_unknown_parameter_is_refused_with_the_known_ones(name):
+def test_an_unknown_parameter_is_rejected_with_the_known_ones(name):
     with pytest.raises(InputError, match=r"has no parameter .* known are crank, coupler, rocker, pivot"):
         catalog.make("rssr", **{name: 0.01})
 
 
-def test_an_unknown_mechanism_is_refused_with_the_nearest():
+def test_an_unknown_mechanism_is_rejected_with_the_nearest():
     with pytest.raises(InputError, match="there is no mechanism 'rsr'; did you mean 'rssr'"):
         catalog.make("rsr")
 
 
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [], [[0.1, 0.2]], ["a"], None])
-def test_crank_angles_that_are_none_are_refused(angles):
+def test_crank_angles_that_are_none_are_rejected(angles):
     with pytest.raises(InputError, match=r"crank angles (must be a list of finite numbers|in rad)"):
         catalog.make("rssr").solve(angles)
 
 
 @pytest.mark.parametrize("rate", [np.nan, np.inf, 1e200, [1.0, 2.0], "fast"])
 @pytest.mark.parametrize("which", ["speed", "acceleration"])
-def test_crank_rates_that_are_none_are_refused(which, rate):
+def test_crank_rates_that_are_none_are_rejected(which, rate):
     with pytest.raises(InputError, match=rf"the crank's {which} .*(one|a) finite number"):
         catalog.make("rssr").solve([0.1, 0.2, 0.3], **{which: rate})
 

@@ -80,7 +80,7 @@ def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
 
 @settings(max_examples=4)
 @given(loopers())
-def test_every_assembly_is_its_own_and_signed_as_it_says(drive):
+def test_every_assembly_is_its_own_and_signed_as_it_states(drive):
     angle = float(angles_of(drive, 1)[0])
     found = drive.assemblies(angle)
     signs = {(one.branch, one.side): one for one in found}
@@ -159,7 +159,7 @@ def test_poses_and_rates_agree_with_the_loop_equations(drive):
         assert np.abs(joint.acceleration - other.acceleration).max() <= 1e-11 * speed**2
 
 
-def test_loops_stand_open_by_no_more_than_eight_ulp_and_one_freedom_is_left():
+def test_loops_stand_open_by_no_more_than_eight_ulp_and_one_dof_is_left():
     drive, angles = Looper(), np.linspace(0.0, 2.0 * np.pi, 181)
     poses = {name: Pose(link.position, link.rotation) for name, link in drive.solve(angles).links.items()}
     lengths_open, angles_open = loops.residual_norms(drive.mechanism, poses, angles)
@@ -243,12 +243,12 @@ def test_a_link_a_thousandth_long_is_seen():
 
 
 @pytest.mark.parametrize("angle", [0.0, np.pi, -np.pi])
-def test_a_c_on_the_line_ab_is_refused(angle):
+def test_a_c_on_the_line_ab_is_rejected(angle):
     with pytest.raises(InputError, match="no multiple of pi"):
         Looper(arm_angle=angle)
 
 
-def test_a_cylinder_out_of_reach_is_said_to_close_nowhere():
+def test_a_cylinder_out_of_reach_is_stated_to_close_nowhere():
     drive = catalog.make("looper", axis_y=0.3)
     assert drive.assemblies(0.3) == []
     with pytest.raises(AssemblyError, match="close nowhere"):
@@ -280,7 +280,7 @@ def test_every_printed_number_of_the_paper_comes_out(table):
     assert [row.quantity for row in rows if not row.passed] == []
 
 
-def test_the_paper_s_table_condemns_another_depth_of_the_axis(table):
+def test_the_paper_s_table_rejects_another_depth_of_the_axis(table):
     missed = {row.quantity for row in table.table(Looper(axis_z=0.0115)) if not row.passed}
     assert {"C: plane against space", "E: half the band over 33 mm"} <= missed
 

@@ -189,7 +189,7 @@ def test_nothing_happens_where_the_published_form_breaks(step):
         assert np.linalg.norm(measured - exact) <= 1e-13 * np.linalg.norm(exact)
 
 
-def test_a_loop_that_cannot_close_says_where_it_can():
+def test_a_loop_that_cannot_close_states_where_it_can():
     drive = catalog.make("rssr", coupler=0.030)
     low, high = drive.crank_range().arcs[0]
     with pytest.raises(
@@ -199,7 +199,7 @@ def test_a_loop_that_cannot_close_says_where_it_can():
     assert np.isfinite(drive.positions([low + 1e-12, high - 1e-12])["P3"]).all()
 
 
-def test_rates_at_a_dead_centre_are_refused_or_huge_but_never_no_number():
+def test_rates_at_a_dead_centre_are_rejected_or_huge_but_never_no_number():
     drive = catalog.make("rssr", coupler=0.030)
     for end in drive.dead_centres():
         for f in (end, np.nextafter(end, 10), np.nextafter(end, -10)):
@@ -211,7 +211,7 @@ def test_rates_at_a_dead_centre_are_refused_or_huge_but_never_no_number():
                 assert np.isfinite(motion.points["P3"].acceleration).all()
 
 
-def test_a_loop_that_closes_nowhere_says_so():
+def test_a_loop_that_closes_nowhere_reports_so():
     drive = catalog.make("rssr", coupler=0.001)
     assert drive.assemblies(0.3) == []
     with pytest.raises(AssemblyError, match="can close nowhere in the turn"):

@@ -18,7 +18,7 @@ def test_links_keep_their_lengths_and_the_slider_its_height(drive):
 
 
 @given(slider_cranks())
-def test_branch_says_whether_the_slider_is_ahead_of_the_pin(drive):
+def test_branch_states_whether_the_slider_is_ahead_of_the_pin(drive):
     points = drive.positions(angles_of(drive))
     assert (np.sign(points["B"][:, 0] - points["A"][:, 0]) == drive.branch).all()
     assert (drive.assembly_sign(points) > 0.0).all()
@@ -49,7 +49,7 @@ def test_dead_centres_are_where_the_rod_stands_across_the_slide(drive):
         assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in found) <= slack
 
 
-def test_a_slide_out_of_reach_is_refused():
+def test_a_slide_out_of_reach_is_rejected():
     drive = SliderCrank(crank=0.05, rod=0.02, offset=0.2)
     assert drive.assemblies(0.0) == []
     with pytest.raises(AssemblyError, match="can close nowhere in the turn"):

@@ -243,7 +243,7 @@ def test_the_crank_range_ends_where_the_roots_of_the_sextic_meet(assembly):
     assert drive.dead_centres() == (low, high)
 
 
-def test_poses_are_given_up_to_the_dead_centres_and_refused_beyond():
+def test_poses_are_given_up_to_the_dead_centres_and_rejected_beyond():
     ((low, high),) = BLOCKED.crank_range().arcs
     near = np.logspace(-15, -6, 19)
     angles = np.concatenate([low + near, high - near])
@@ -295,7 +295,7 @@ def test_transmission_angle_is_that_of_the_line_from_k_to_where_the_rods_cross()
         assert value == pytest.approx(np.arccos(cosine), rel=1e-12)
 
 
-def test_without_gears_the_mechanism_has_two_freedoms():
+def test_without_gears_the_mechanism_has_two_dofs():
     drive = WarpKnitter()
     links = drive.solve([0.4]).links
     poses = {name: Pose(link.position, link.rotation) for name, link in links.items()}
@@ -327,7 +327,7 @@ def test_velocities_away_from_the_gears_agree_with_a_drive_geared_otherwise():
         assert np.abs(found[name] - point.velocity).max() <= 1e-14
 
 
-def test_a_crank_that_cannot_be_turned_alone_is_refused():
+def test_a_crank_that_cannot_be_turned_alone_is_rejected():
     # lengthened, crank 2 meets a dead centre of its own
     drive = WarpKnitter(crank2=0.028)
     with pytest.raises(AssemblyError, match="crank 2 cannot turn"):
@@ -335,7 +335,7 @@ def test_a_crank_that_cannot_be_turned_alone_is_refused():
 
 
 @pytest.mark.parametrize("assembly", [0, 3, -1])
-def test_an_impossible_assembly_is_refused_with_the_number_there_are(assembly):
+def test_an_impossible_assembly_is_rejected_with_the_number_there_are(assembly):
     with pytest.raises(InputError, match=rf"assembly is {assembly}, but at crank angle 0 there are 2"):
         WarpKnitter(assembly=assembly)
 
@@ -344,12 +344,12 @@ def test_an_impossible_assembly_is_refused_with_the_number_there_are(assembly):
     ("name", "value"),
     [("assembly", 1.5), ("gear_ratio", 0.0), ("gear_ratio", np.nan), ("rod3", -1.0), ("base_c", (1.0,))],
 )
-def test_parameters_that_mean_nothing_are_refused_by_name(name, value):
+def test_parameters_that_mean_nothing_are_rejected_by_name(name, value):
     with pytest.raises(InputError, match=name):
         WarpKnitter(**{name: value})
 
 
-def test_dimensions_that_never_close_are_refused_when_solved():
+def test_dimensions_that_never_close_are_rejected_when_solved():
     drive = WarpKnitter(rod3=0.2)
     assert drive.crank_range().arcs == ()
     assert drive.assembly_points(0.3) == []
@@ -378,7 +378,7 @@ def test_scaling_all_lengths_scales_the_motion():
             assert np.abs(gap).max() <= 1e-13 * np.abs(getattr(other, part)).max()
 
 
-def test_the_other_assembly_is_told_by_its_sign_and_by_its_place():
+def test_the_other_assembly_is_reported_by_its_sign_and_by_its_place():
     angles = np.linspace(0.0, TURN, 73)
     mine, other = WarpKnitter(), WarpKnitter(assembly=1).positions(angles)
     assert (mine.assembly_sign(other) < 0.0).all()

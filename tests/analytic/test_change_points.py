@@ -48,7 +48,7 @@ def test_the_closed_form_passes_flat_poses_smoothly_to_full_digits(lengths):
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
-def test_change_points_are_told_and_the_mechanism_says_when_it_comes_round(which):
+def test_change_points_are_reported_and_the_mechanism_states_when_it_comes_round(which):
     drive = FLAT_ONES[which]
     count, turns = MEETINGS[which]
     assert len(drive.change_points()) == count
@@ -122,7 +122,7 @@ def test_loop_equations_fold_as_the_closed_form_does(which):
 
 
 @pytest.mark.parametrize("which", ["kite round its frame", "rhombus"])
-def test_what_cannot_fold_is_refused_on_either_road(which):
+def test_what_cannot_fold_is_rejected_on_either_method(which):
     drive = FLAT_ONES[which]
     with pytest.raises(AssemblyError, match="no assembly leads into another; take change_point=smooth"):
         drive.positions([0.5], change_point="branch")
@@ -165,7 +165,7 @@ FLAT_LOOPERS = {
 
 
 @pytest.mark.parametrize("which", FLAT_LOOPERS)
-def test_a_looper_tells_where_its_four_bar_lies_flat_and_its_range_ends_there(which):
+def test_a_looper_reports_where_its_four_bar_lies_flat_and_its_range_ends_there(which):
     drive, count = FLAT_LOOPERS[which]
     flat = drive.change_points()
     assert len(flat) == count

@@ -91,7 +91,7 @@ def test_bias_is_the_second_derivative_of_the_residual_at_constant_twist(somewhe
         ("rssr", {"guide": True}, (1, 0, 0)),
     ],
 )
-def test_rank_tells_mobility_passive_freedoms_and_redundant_rows(name, changes, expected):
+def test_rank_reports_mobility_passive_dofs_and_redundant_rows(name, changes, expected):
     mechanism = catalog.make(name, **changes).mechanism
     poses = loops.assemble(mechanism, [0.3])
     found = loops.dof_count(mechanism, poses)
@@ -112,7 +112,7 @@ def test_solving_without_the_closed_form_gives_the_closed_form(name, branch):
 
 @settings(max_examples=10)
 @given(rssrs())
-def test_assembly_from_a_rough_place_finds_the_branch_meant(drive):
+def test_assembly_from_a_rough_place_finds_the_branch_intended(drive):
     assume(drive.crank_range().arcs)
     mechanism = drive.mechanism
     start = np.array([mechanism.start])
@@ -159,7 +159,7 @@ def test_a_gear_turns_the_second_crank_also_past_a_whole_turn():
     assert np.abs(motion.joints["second"].acceleration + 1.5).max() <= 1e-12
 
 
-def test_loops_that_cannot_close_say_where_and_by_how_much():
+def test_loops_that_cannot_close_state_where_and_by_how_much():
     drive = catalog.make("four_bar", crank=0.08)
     mechanism = drive.mechanism
     out_of_reach = drive.crank_range().arcs[0][1] + 0.3
@@ -194,7 +194,7 @@ def test_singular_values_vanish_at_a_dead_centre():
     assert nearest(high - 1e-8) < 1e-3 < nearest((low + high) / 2)
 
 
-def test_a_joint_put_together_with_its_axes_opposed_is_refused():
+def test_a_joint_put_together_with_its_axes_opposed_is_rejected():
     drive = catalog.make("four_bar")
     mechanism = drive.mechanism
     guess = dict(mechanism.guess)

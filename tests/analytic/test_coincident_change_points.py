@@ -37,7 +37,7 @@ def test_a_change_point_of_two_pairs_is_found_however_it_is_come_upon(steps):
 
 
 @pytest.mark.parametrize("wheels", [3, 4])
-def test_coupled_wheels_stand_as_before_after_one_turn_and_tell_their_change_points(wheels):
+def test_coupled_wheels_stand_as_before_after_one_turn_and_report_their_change_points(wheels):
     form = LoopForm(wheel_linkages(wheels))
     assert form.crank_range().full
     assert form.period == 2.0 * np.pi
@@ -84,7 +84,7 @@ def beside(one: Mechanism, other: Mechanism) -> Mechanism:
     )
 
 
-def test_rods_that_lie_flat_apart_are_passed_one_by_one_and_close_together_are_refused():
+def test_rods_that_lie_flat_apart_are_passed_one_by_one_and_close_together_are_rejected():
     apart = wheel_linkages(3, lag=0.3)
     angle = np.r_[np.pi, np.pi + 0.3, np.arange(0.0, 6.4, 0.1)]
     assert_all_turn_alike(apart, loops.solve(apart, angle, 3.0), BOUNDS)
@@ -94,7 +94,7 @@ def test_rods_that_lie_flat_apart_are_passed_one_by_one_and_close_together_are_r
 
 @pytest.mark.parametrize("pairs", [2, 4])
 @pytest.mark.parametrize("at", [-0.93, -0.2, 0.4, 0.97])
-def test_a_determinant_that_touches_nought_is_told_from_one_that_stays_away(pairs, at):
+def test_a_determinant_that_touches_zero_is_distinguished_from_one_that_stays_away(pairs, at):
     nodes = np.cos(np.linspace(np.pi, 0.0, 9))
     beside = np.exp(0.7 * nodes) * (1.3 + 0.2 * np.sin(2.0 * nodes))
     behind = even_change_point(pairs * np.log(np.abs(nodes - at) * beside))

@@ -32,7 +32,7 @@ def cells_tried(path, stops):
 
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 25), ("rssr", 39), ("slider_crank", 22)])
-def test_a_smooth_path_takes_few_cells_and_none_that_is_tried_fails(name, most):
+def test_a_smooth_path_takes_few_segments_and_none_that_is_tried_fails(name, most):
     path = crank_path(catalog.make(name).mechanism)
     tried, held = cells_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
     # measured 24, 37 and 21: each is as long as the smoothness of the one before allows
@@ -43,7 +43,7 @@ def test_a_smooth_path_takes_few_cells_and_none_that_is_tried_fails(name, most):
 
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 46)])
-def test_a_turn_told_from_the_description_on_looks_at_the_loops_few_times(name, most, monkeypatch):
+def test_a_turn_distinguished_from_the_description_on_looks_at_the_loops_few_times(name, most, monkeypatch):
     looks, look = [], TreeLoops.linearise
     monkeypatch.setattr(TreeLoops, "linearise", lambda loops, at: looks.append(len(at)) or look(loops, at))
     mechanism = catalog.make(name).mechanism
@@ -72,13 +72,13 @@ def test_a_path_that_is_too_long_is_rejected_before_it_is_followed():
         loops.solve(drive.mechanism, [0.0, 8e6])
 
 
-def test_no_cell_is_longer_than_a_fifth_of_a_turn_however_little_moves():
+def test_no_segment_is_longer_than_a_fifth_of_a_turn_however_little_moves():
     path = crank_path(catalog.make("slider_crank", crank=1e-6).mechanism)
     path.extend(4 * np.pi)
     assert 1.1 < max(np.ptp(cell.nodes) for cell in path.segments[1]) < 0.2 * 2 * np.pi
 
 
-def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
+def test_a_first_segment_is_predicted_along_the_tangent_to_second_order():
     mechanism = catalog.make("rssr").mechanism
     path = crank_path(mechanism)
     begin = path.initial
@@ -98,7 +98,7 @@ def test_a_first_cell_is_foretold_along_the_tangent_to_second_order():
 
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
-def test_the_next_cell_is_so_long_that_it_is_foretold_as_well_as_is_aimed_at(moved, before):
+def test_the_next_segment_is_so_long_that_it_is_predicted_as_well_as_is_aimed_at(moved, before):
     path, step = crank_path(catalog.make("four_bar").mechanism), 0.4
     path.reach(path.initial + 0.3, 1)
     path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
@@ -125,7 +125,7 @@ def test_a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halve
 
 @pytest.mark.parametrize("passing", ["smooth", "branch"])
 @pytest.mark.parametrize(("sense", "to"), [(1, 8.0), (-1, -2.0)])
-def test_cells_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sense, to, passing):
+def test_segments_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sense, to, passing):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     poses = loops.follow(drive.mechanism, [0.5])
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
@@ -212,7 +212,7 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
         ((0.1, 0.04, 0.12, 0.06 + 1e-9), 260),
     ],
 )
-def test_few_cells_lead_round_a_sharp_bend_and_through_a_change_point(lengths, most):
+def test_few_segments_lead_round_a_sharp_bend_and_through_a_change_point(lengths, most):
     path = crank_path(catalog.make("four_bar", **named(lengths)).mechanism)
     # measured 116 to 121, 160 to 164, 160 to 164, 95 to 99, 67 to 72 and 222 to 247, as the rounding of five
     # kernels has it: how often cells are halved, and how much longer they are then
@@ -240,7 +240,7 @@ def test_change_points_are_found_wherever_the_path_begins(start):
         assert 2.0 * meeting == pytest.approx(ends[after - 1] + ends[after], abs=1e-8)
 
 
-def test_a_change_point_that_rounding_hides_between_two_cells_is_looked_for_from_before_them(monkeypatch):
+def test_a_change_point_that_rounding_hides_between_two_segments_is_looked_for_from_before_them(monkeypatch):
     path = crank_path(catalog.make("four_bar").mechanism)
     side, hidden = Linearised.signed_distance.func, []
 
@@ -271,7 +271,7 @@ def test_a_path_may_begin_close_to_a_change_point(off):
     ("off", "said"),
     [*((at, "at its start, .* start elsewhere") for at in (0.0, np.pi)), (1e-7, "start elsewhere")],
 )
-def test_a_path_that_begins_at_a_change_point_is_refused_with_the_angle_and_the_reason(off, said):
+def test_a_path_that_begins_at_a_change_point_is_rejected_with_the_angle_and_the_reason(off, said):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
     links = drive.solve([off]).links
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
@@ -279,7 +279,7 @@ def test_a_path_that_begins_at_a_change_point_is_refused_with_the_angle_and_the_
         loops.follow(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
-def test_a_path_that_begins_just_before_its_dead_centre_is_told_to_stay_there():
+def test_a_path_that_begins_just_before_its_dead_centre_is_advised_to_stay_there():
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
     ((_, high),) = drive.crank_range().arcs
     start = high - 5e-4
@@ -289,7 +289,7 @@ def test_a_path_that_begins_just_before_its_dead_centre_is_told_to_stay_there():
 
 
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_form_says(excess):
+def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_form_states(excess):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
     assert drive.crank_range().full
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
@@ -339,7 +339,7 @@ def about(axis, angle):
 
 
 @pytest.mark.parametrize("start", [0.5, 1e-3, -2.0])
-def test_change_points_of_an_overconstrained_linkage_are_told_whichever_rows_are_solved(start):
+def test_change_points_of_an_overconstrained_linkage_are_reported_whichever_rows_are_solved(start):
     mechanism = sarrus(start)
     angles = np.linspace(-3.0, 3.0, 24)
     height = loops.solve(mechanism, angles).points["P"].position[:, 2]
@@ -353,7 +353,7 @@ def test_change_points_of_an_overconstrained_linkage_are_told_whichever_rows_are
 
 
 @pytest.mark.parametrize("aside", [0.013, 0.06, -0.0002])
-def test_a_third_parallel_crank_beside_the_line_of_pivots_leaves_no_change_point(aside):
+def test_a_third_parallel_crank_next_to_the_line_of_pivots_leaves_no_change_point(aside):
     mechanism = three_cranks((0.047, aside))
     angles = np.concatenate([[np.pi, 2.0 * np.pi], np.linspace(-4.0, 7.0, 50)])
     motion = loops.solve(mechanism, angles)

@@ -45,7 +45,7 @@ def swinging(**coupling) -> Mechanism:
 @pytest.mark.parametrize(
     "wheel", [{}, {"turns": True, "coefficients": (0.3, 2.0)}, {"turns": True, "coefficients": (0.3, -1.0)}]
 )
-def test_a_swing_counted_on_another_lap_is_the_same_swing(wheel, laps):
+def test_a_swing_counted_on_another_revolution_is_the_same_swing(wheel, laps):
     mechanism = swinging(**wheel)
     angles = mechanism.start + np.array([0.5, -0.3, 0.1])
     here, there = (loops.solve(mechanism, angles + turned, 2.0, -3.0) for turned in (0.0, laps * TURN))
@@ -75,7 +75,7 @@ def test_a_swing_is_on_another_lap_only_where_what_goes_with_the_crank_stands_al
             loops.solve(mechanism, angles)
 
 
-def test_a_path_on_another_lap_begins_a_turn_on_and_a_crank_turns_evenly_by_a_radian_a_second():
+def test_a_path_on_another_revolution_begins_a_turn_on_and_a_crank_turns_evenly_by_a_radian_a_second():
     mechanism = swinging()
     path, _ = motion_along(crank_path(mechanism), *np.array([[mechanism.start + TURN], [1.0], [0.0]]))
     assert path.initial == mechanism.start + TURN
@@ -96,12 +96,12 @@ def test_what_is_held_stands_still_however_fast_the_crank_turns():
 @pytest.mark.parametrize(
     ("name", "idle"), [("rssr", {"coupler"}), ("rrsrr", set()), ("four_bar", set()), ("bennett", set())]
 )
-def test_links_whose_spin_nothing_determines_are_told(name, idle):
+def test_links_whose_spin_nothing_determines_are_reported(name, idle):
     drive = catalog.make(name)
     assert loops.solve(drive.mechanism, [drive.mechanism.start + 0.3]).spinning == idle
 
 
-def test_a_rod_that_spins_about_one_axis_of_the_frame_alone_is_told():
+def test_a_rod_that_spins_about_one_axis_of_the_frame_alone_is_reported():
     joints = (
         Joint("crank", "revolute", at(GROUND), at("crank")),
         Joint("A", "spherical", at("crank", (0.1, 0.0, 0.0)), at("rod")),

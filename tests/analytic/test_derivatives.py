@@ -78,7 +78,7 @@ def differences(of: DesignFamily, name, angles, speed, part=1e-5):
         ("humanoid_ankle", {"drive": dict.fromkeys(("left", "right"), "9deg*sin(2*pi*t)")}, ["crank"]),
     ],
 )
-def test_derivatives_are_those_of_the_motions_of_mechanisms_beside(model, given, names):
+def test_derivatives_are_those_of_the_motions_of_mechanisms_next_to(model, given, names):
     of = parametric_model(model, **given)
     form = of.make({})
     turning = form.mechanism.has_crank and not given
@@ -109,7 +109,7 @@ def test_a_shift_of_both_sides_of_a_joint_is_that_of_one_link_seen_from_the_othe
     assert np.abs(told - by_rocker.by["rocker"].joints["rocker"].value).max() <= 1e-12 * np.abs(told).max()
 
 
-def test_a_dimension_that_tears_loops_which_repeat_each_other_is_refused():
+def test_a_dimension_that_tears_loops_which_repeat_each_other_is_rejected():
     drive = catalog.make("four_bar")
     of = placed_designs(drive)
     motion_derivatives(drive, changes(of, ["A.a.at.x"]), ANGLES)
@@ -134,14 +134,14 @@ def test_a_kink_in_a_description_is_no_derivative():
         changes(bent, ["crank"])
 
 
-def test_numbers_of_another_mechanism_are_refused():
+def test_numbers_of_another_mechanism_are_rejected():
     drive = catalog.make("four_bar")
     other = changes(catalog_designs(catalog.make("rssr")), ["crank"])
     with pytest.raises(InputError, match="has shape"):
         motion_derivatives(drive, other, ANGLES)
 
 
-def test_a_file_beside_is_described_without_being_put_together(monkeypatch):
+def test_a_file_next_to_is_described_without_being_put_together(monkeypatch):
     of, near = parametric_model("hoeken"), {"arm": 0.176}
     made = of.make(near).mechanism
 

@@ -302,7 +302,7 @@ def test_a_coupler_that_spins_by_itself_carries_what_a_guided_one_does_at_both_e
     assert np.allclose(thin[True].reactions["P3"].force, force, atol=1e-5 * np.abs(force).max())
 
 
-def test_a_spinning_coupler_that_is_not_round_or_that_friction_turns_is_refused():
+def test_a_spinning_coupler_that_is_not_round_or_that_friction_turns_is_rejected():
     drive = catalog.make("rssr")
     flat = Inertia(0.1, (-0.02, 0.0, 0.0), (1e-6, 2e-5, 2.05e-5))
     with pytest.raises(InputError, match=r"spin of link 'coupler'.*not round about its line"):
@@ -343,7 +343,7 @@ def test_a_flywheel_takes_torque_only_where_the_crank_gains_speed():
     assert gaining[1] - gaining[0] == pytest.approx(np.full(len(ANGLES), 0.05), rel=1e-10)
 
 
-def test_flywheel_found_keeps_the_speed_as_even_as_asked_and_agrees_with_the_rule_of_excess_energy():
+def test_flywheel_found_keeps_the_speed_as_even_as_requested_and_agrees_with_the_rule_of_excess_energy():
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     even = dynamics.flywheel_for(machine, 20.0, 1e-3)
     kept = dynamics.fluctuation(machine.with_forces(replace(machine.forces, flywheel=even.flywheel)), 20.0)
@@ -382,7 +382,7 @@ def test_speed_fluctuation_is_that_of_a_free_run_under_the_constant_torque():
         (lambda m: dynamics.free_run(m, duration=np.inf), "duration of a free run is inf"),
     ],
 )
-def test_numbers_that_cannot_be_used_are_refused(call, said):
+def test_numbers_that_cannot_be_used_are_rejected(call, said):
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     with pytest.raises(InputError, match=said):
         call(machine)

@@ -37,7 +37,7 @@ def effort_derivatives(machine, change, speed=1.0, acceleration=0.0):
         ("bennett", WEIGHED, "twist1"),
     ],
 )
-def test_derivatives_of_efforts_are_those_of_the_machines_beside(name, forces, dimension):
+def test_derivatives_of_efforts_are_those_of_the_models_next_to(name, forces, dimension):
     family = catalog_designs(catalog.make(name))
 
     def machine(values):

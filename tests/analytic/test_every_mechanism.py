@@ -65,7 +65,7 @@ def test_points_of_one_link_keep_their_distances_over_the_whole_range(name, data
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
-def test_a_mechanism_is_in_the_assembly_it_says(name, data):
+def test_a_mechanism_is_in_the_assembly_it_states(name, data):
     drive = data.draw(CASES[name].random)
     away = angles_of(drive, lowest_transmission=1e-6)
     assert (drive.assembly_sign(drive.positions(away)) >= 0.0).all()

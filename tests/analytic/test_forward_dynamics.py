@@ -56,7 +56,7 @@ def slider(**more):
     return ms.Mechanism("slider", (block,), (rail,), "s", {"P": ("block", (1.0, 0.0, 0.0))}, **more)
 
 
-def test_a_pendulum_swings_as_elliptic_functions_say():
+def test_a_pendulum_swings_as_elliptic_functions_state():
     duration = 2.0 * a01_pendulum.PERIOD
     run = ms.dynamics.run(pendulum(), WEIGHT, duration=duration, samples=80, tolerance=3e-14)
     swing = run.motion.joints["pivot"].value + np.pi / 2.0

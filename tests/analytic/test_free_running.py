@@ -32,7 +32,7 @@ def pendulum(**forces):
     return dynamics.dynamic_model(arm, Forces(**forces))
 
 
-def test_pendulum_released_level_swings_as_elliptic_functions_say():
+def test_pendulum_released_level_swings_as_elliptic_functions_state():
     times = np.linspace(0.0, 2.3 * PERIOD, 47)
     run = dynamics.free_run(pendulum(gravity=DOWN), angle=0.0, times=times)
     with mp.workdps(30):
@@ -58,7 +58,7 @@ def test_pendulum_carries_three_times_its_weight_at_the_bottom():
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter")))
-def test_a_machine_without_losses_keeps_its_energy_over_eight_turns(name):
+def test_a_model_without_losses_keeps_its_energy_over_eight_turns(name):
     machine = dynamics.dynamic_model(catalog.make(name), Forces(gravity=DOWN))
     run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=8.0, samples=81)
     assert run.outcome == "done"
@@ -143,13 +143,13 @@ def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
         (Forces(motor=motors.ConstantTorque(-1.0)), "3 turns the other way round"),
     ],
 )
-def test_a_motor_that_cannot_start_its_machine_is_told_so(forces, said):
+def test_a_motor_that_cannot_start_its_model_is_reported_so(forces, said):
     run = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), forces), turns=3.0)
     assert run.outcome == "cannot start"
     assert said in run.reason
 
 
-def test_runs_that_do_not_make_their_turns_say_how_they_end():
+def test_runs_that_do_not_make_their_turns_state_how_they_end():
     rising = dynamics.free_run(pendulum(gravity=DOWN), angle=-np.pi / 2, speed=6.0, turns=1.0)
     assert rising.outcome == "turned back"
     # v2 = 4 g l at the top is needed; 36 = 2 g (1 - cos t) is where it turns
@@ -211,7 +211,7 @@ def root_of_inertia(machine, lengths, short, beside):
     return np.sqrt(sum(one.mass * np.abs(v) ** 2 + one.moments[2][2] * w**2 for one, v, w in each))
 
 
-def test_a_crank_passes_a_dead_centre_that_lies_a_hair_beside_its_path():
+def test_a_crank_passes_a_dead_centre_that_lies_a_hair_next_to_its_path():
     # a ten-millionth of the size, where rounding is 1e-9 of the inertia
     lengths, short = (0.05, 0.02, 0.07 - 1e-8, 0.04), 1e-8
     drive = catalog.make(
@@ -232,7 +232,7 @@ def test_a_crank_passes_a_dead_centre_that_lies_a_hair_beside_its_path():
     assert run.time[-1] == pytest.approx(exact, rel=1e-9)
 
 
-def test_a_load_over_time_wakes_a_machine_that_friction_held():
+def test_a_load_over_time_wakes_a_model_that_friction_held():
     push = load_profile.table([0.0, 1.0, 2.0], [0.0, 0.0, 4.0], over="time")
     wheel = pendulum(friction=(Friction("crank", 0.0, 1.0),), crank_torque=push)
     run = dynamics.free_run(wheel, angle=0.0, times=[0.0, 1.0, 1.24, 1.5, 2.0])

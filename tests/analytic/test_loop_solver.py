@@ -40,7 +40,7 @@ def off(loops, at, far):
     return loops.displaced(at, step), step
 
 
-def test_the_gauge_measures_how_far_the_open_freedom_has_gone():
+def test_the_gauge_measures_how_far_the_open_dof_has_gone():
     loops, start = rssr()
     solver = loop_solver(loops, start)
     assert solver.nullity == 1
@@ -91,7 +91,7 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
     assert solver.share(found).tolist() == [1.0]
 
 
-def test_an_open_freedom_is_kept_where_it_stood_when_the_solver_was_made():
+def test_an_open_dof_is_kept_where_it_stood_when_the_solver_was_made():
     loops, at = rssr()
     loops = replace(loops, driven=())
     here, _ = off(loops, at, 0.2)
@@ -102,7 +102,7 @@ def test_an_open_freedom_is_kept_where_it_stood_when_the_solver_was_made():
 
 
 @pytest.mark.parametrize("part", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
-def test_rows_serve_that_tell_two_fifths_of_the_best_and_are_kept_that_tell_half_in_all(part):
+def test_rows_serve_that_report_two_fifths_of_the_best_and_are_kept_that_report_half_in_all(part):
     # all rows have singular values of eight, four and two; of the first three the last is only so much of it
     slope = np.eye(4, 3)[..., None] * np.array([[8.0], [4.0], [2.0]])
     slope[2:, 2, 0] = 2.0 * part, 2.0 * np.sqrt(1.0 - part**2)
@@ -126,7 +126,7 @@ def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
     assert not any(other.adequate(other.linearise(start)))
 
 
-def test_loops_are_closed_to_rounding_from_a_guess_beside_them_and_say_how_far_they_went():
+def test_loops_are_closed_to_rounding_from_a_guess_next_to_them_and_state_how_far_they_went():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     guess, step = off(loops, start, 0.02)
@@ -167,7 +167,7 @@ def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
     assert np.abs(found.residual).max() == pytest.approx(1e-9, rel=1e-3)
 
 
-def test_what_all_rows_tell_is_what_the_solved_ones_do_only_where_the_others_tell_nothing():
+def test_what_all_rows_report_is_what_the_solved_ones_do_only_where_the_others_report_nothing():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     found = solver.linearise(start)

@@ -87,7 +87,7 @@ def test_a_linkage_that_can_be_laid_flat_is_in_doubt_and_no_other_is():
     assert not found.full[0]
 
 
-def test_what_the_declarations_refuse_is_refused_for_each_design():
+def test_what_the_declarations_reject_is_rejected_for_each_design():
     form = catalog.make("four_bar")
     varied = {
         "crank": np.array([0.03, -0.03, np.nan, np.inf, 0.03]),

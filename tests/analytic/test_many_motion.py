@@ -78,7 +78,7 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
 
 
 @pytest.mark.parametrize("rows_are_enough", [True, False])
-def test_designs_whose_rows_never_tell_enough_take_others_for_every_segment(rows_are_enough, monkeypatch):
+def test_designs_whose_rows_never_report_enough_take_others_for_every_segment(rows_are_enough, monkeypatch):
     mechanisms = [ms.catalog.make("bennett", length0=length).mechanism for length in (0.05, 0.049, 0.051)]
     exact = [ms.loops.solve(mechanism, ANGLES).points for mechanism in mechanisms]
     selections, select = [], path.loop_solver
@@ -124,7 +124,7 @@ def test_a_design_too_near_a_singular_pose_costs_no_other_design(monkeypatch):
     assert not motion.joints["output"].rate[~rows].any()
 
 
-def test_another_assembly_is_not_taken_for_the_one_that_is_meant():
+def test_another_assembly_is_not_taken_for_the_one_that_is_intended():
     both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)] * 3
     motion, told = together(both[0], both, ("rocker",))
     assert told.all()
@@ -161,5 +161,5 @@ def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
     assert told[0]
 
 
-def test_what_has_no_lone_crank_needs_programs():
+def test_what_has_no_lone_crank_needs_motion_laws():
     assert shared_loops(ms.load("five_bar").mechanism, ()) is None

@@ -95,7 +95,7 @@ def truth(values):
 
 
 @pytest.mark.parametrize("method", ["closed", "pose", "step"])
-def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_path):
+def test_a_ball_where_all_axes_meet_takes_no_dof_on_any_method(method, tmp_path):
     linkage = spherical(tmp_path, AXES)
     found = driver_determinacy(linkage.mechanism)
     assert (found.dofs, found.outcome, found.redundant_equations) == (3, "determined", 3)
@@ -114,7 +114,7 @@ def test_a_ball_where_all_axes_meet_takes_no_freedom_on_any_road(method, tmp_pat
     np.testing.assert_allclose(values, meant, rtol=0, atol=1e-5 if method == "step" else 1e-14)
 
 
-def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_roads(tmp_path):
+def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_methods(tmp_path):
     linkage = spherical(tmp_path, ["crank", "A"])
     with pytest.raises(MobilityError, match="underdetermined: with what is driven held, B is left open"):
         linkage.solve(t=np.linspace(0.0, 1.0, 5))
@@ -163,7 +163,7 @@ def test_hinges_and_a_ball_where_all_axes_meet_may_push_against_each_other(tmp_p
 
 
 @pytest.mark.parametrize("exactly", [True, False])
-def test_a_file_with_a_shaft_in_two_bearings_has_three_rows_that_say_nothing(exactly, shaft, tmp_path):
+def test_a_file_with_a_shaft_in_two_bearings_has_three_rows_that_state_nothing(exactly, shaft, tmp_path):
     (found,) = findings(read_model(written(shaft, tmp_path, exactly=exactly)))
     assert (found.kind, found.by) == ("redundant", 3)
     assert "3 rows of the loops have rank 0" in found.message
@@ -189,7 +189,7 @@ def test_what_no_row_holds_and_no_driver_moves_stays_at_rest(tmp_path):
     assert rates.tolist() == [1.1, -0.7, 0.0]
 
 
-def test_a_shaft_that_two_bearings_hold_has_one_freedom_wherever_it_stands(shaft):
+def test_a_shaft_that_two_bearings_hold_has_one_dof_wherever_it_stands(shaft):
     loops, own = assembled(shaft.mechanism)
     search = CurveSearch(free_loops(replace(loops, driven=()), own), lambda *_: None)
     search.add(Coordinates(own.values + np.linspace(0.0, 3.0, 7), np.repeat(own.turns, 7, -1)), counted=True)

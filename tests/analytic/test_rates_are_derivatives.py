@@ -230,7 +230,7 @@ def test_the_loops_are_closed(mechanism, request):
     assert turned_by.max() <= 1e-13
 
 
-def test_a_crank_turns_evenly_unless_it_is_said_otherwise_and_its_rates_are_one_or_as_many_as_angles():
+def test_a_crank_turns_evenly_unless_it_is_stated_otherwise_and_its_rates_are_one_or_as_many_as_angles():
     mechanism, angles = KINDS[0], np.array([0.7, 0.8, 0.9])
     poses = loops.assemble(mechanism, angles)
     even = loops.rates(mechanism, poses, angles, SPEED)

@@ -59,7 +59,7 @@ def test_what_the_drivers_leave_open_is_named():
         at_times(form)
 
 
-def test_a_held_coordinate_is_no_freedom():
+def test_a_held_coordinate_is_no_dof():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
     motion = LoopForm(mechanism).solve(np.linspace(1.8, 2.2, 5))
     truth = where_circles_meet(motion.angle, np.full(5, 1.2))
@@ -102,12 +102,12 @@ def shaken(time):
         ({"left": steady(0.0, 1.0), "right": steady(0.0, 0.0), "A": steady(0.0, 0.0)}, "'A'.*not driven"),
     ],
 )
-def test_programs_that_do_not_fit_are_refused(states, said):
+def test_motion_laws_that_do_not_fit_are_rejected(states, said):
     with pytest.raises(InputError, match=said):
         make_motion_laws(five_bar(), states, 1.0)
 
 
-def test_a_table_is_a_program():
+def test_a_table_is_a_motion_law():
     time = np.linspace(0.0, 1.0, 41)
     value, rate, _ = tabled("left", time, 2.0 + 0.1 * time**3)(np.array([0.5]))
     assert (value[0], rate[0]) == pytest.approx((2.0 + 0.1 / 8, 0.3 / 4))
@@ -123,7 +123,7 @@ def test_a_table_is_a_program():
         {"couplings": (Coupling("c", "A", "nothing", (0.0, 1.0)),)},
     ],
 )
-def test_what_is_no_coordinate_or_prescribed_twice_is_refused(change):
+def test_what_is_no_coordinate_or_prescribed_twice_is_rejected(change):
     with pytest.raises(InputError):
         replace(five_bar(), **change)
 
@@ -139,7 +139,7 @@ def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
     assert motion.joints["lift"].value == pytest.approx(np.arccos(cosine) - np.arctan2(0.2, 0.5), abs=1e-14)
 
 
-def test_a_rack_goes_as_far_as_its_pinion_rolls_and_a_polynomial_as_it_says():
+def test_a_rack_goes_as_far_as_its_pinion_rolls_and_a_polynomial_as_it_states():
     mechanism = rack_and_cam()
     motion = LoopForm(mechanism).solve(np.linspace(-9.0, 9.0, 37), 2.0, 0.5)
     angle = motion.angle

@@ -54,7 +54,7 @@ def test_legs_without_a_guess_are_put_towards_the_plate_that_has_one():
     assert found.rotation == pytest.approx(plate.rotation, abs=1e-12)
 
 
-def test_both_roads_begin_where_the_mechanism_is_put_together():
+def test_both_methods_begin_where_the_mechanism_is_put_together():
     mechanism = with_closed_guess(spherical_four_bar())
     poses = {name: Pose(one.position[None], one.rotation[None]) for name, one in mechanism.guess.items()}
     assert max(opened.max() for opened in loops.residual_norms(mechanism, poses, 0.0)) < 1e-14
@@ -76,7 +76,7 @@ def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
     assert all((back.guess[link].rotation == pose.rotation).all() for link, pose in begun.guess.items())
 
 
-def test_a_floating_joint_is_refused_where_no_model_can_have_it():
+def test_a_floating_joint_is_rejected_where_no_model_can_have_it():
     crank = spherical_four_bar()
     beside = (*crank.joints, Joint("free", "floating", End(GROUND), End("body")))
     with pytest.raises(InputError, match="joint 'free' floats"):

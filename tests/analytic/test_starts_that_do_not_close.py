@@ -33,7 +33,7 @@ def _line(folder, rod, more=""):
     return path
 
 
-def test_a_start_from_which_no_step_closes_the_loops_is_told_where_they_close(tmp_path):
+def test_a_start_from_which_no_step_closes_the_loops_is_reported_where_they_close(tmp_path):
     with pytest.raises(AssemblyError, match="do not close from where the other joints start") as told:
         assembled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
     said = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(told.value)))
@@ -45,17 +45,17 @@ def test_a_start_from_which_no_step_closes_the_loops_is_told_where_they_close(tm
     assert abs(at.values[loops.tree.index_of["rod"], 0]) == pytest.approx(angle, abs=1e-12)
 
 
-def test_show_tells_the_same(tmp_path):
+def test_show_reports_the_same(tmp_path):
     with pytest.raises(AssemblyError, match="do not close from where the other joints start"):
         driver_determinacy(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
 
 
-def test_loops_that_close_nowhere_are_still_told_to_change_dimensions(tmp_path):
+def test_loops_that_close_nowhere_are_still_advised_to_change_dimensions(tmp_path):
     with pytest.raises(AssemblyError, match=r"a gap of .* is left .* change the dimensions"):
         assembled(read_mjcf(str(_line(tmp_path, 0.15))).mechanism)
 
 
-def test_a_pin_that_stands_aside_of_the_plane_is_told_by_how_much(tmp_path):
+def test_a_pin_that_stands_aside_of_the_plane_is_reported_by_how_much(tmp_path):
     path = _line(tmp_path, 0.07)
     bent = path.read_text().replace('pos="-.08 0 0"', 'pos="0 .07 .002"')
     path.write_text(bent)

@@ -136,7 +136,7 @@ def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
 @pytest.mark.parametrize("swap", [0, 1])
 @pytest.mark.parametrize("sides", ["dh", "hd", "d-", "-d"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_slopes_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(kind, sides, swap):
+def test_jacobians_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(kind, sides, swap):
     ends = [
         at(GROUND if one == "-" else one, (0.05, -0.03, 0.08 + 0.02 * i), (0.3, 1.0 - i, 0.4))
         for i, one in enumerate(sides)
@@ -178,7 +178,7 @@ def test_indices_in_a_row_are_taken_as_a_slice_and_others_as_they_are():
         assert as_slice(np.array(others, dtype=np.intp)).tolist() == others
 
 
-def test_a_tree_without_angles_is_placed_as_its_joints_say():
+def test_a_tree_without_angles_is_placed_as_its_joints_state():
     joints = (
         Joint(
             "slide",

@@ -42,7 +42,7 @@ def off_by(form: LoopForm, off):
 
 
 @pytest.mark.parametrize("off", [(1e-10, -1e-10), (5e-4, -9e-4), (2e-3, 0.0), (0.05, -0.11), (-0.3, 0.2)])
-def test_drivers_off_their_programs_are_followed_to_where_they_are(off):
+def test_drivers_off_their_motion_laws_are_followed_to_where_they_are(off):
     found = off_by(form(), off)
     times = STEP * np.arange(-4, 5)
     left, right = (
@@ -59,7 +59,7 @@ def test_drivers_off_their_programs_are_followed_to_where_they_are(off):
     )
 
 
-def test_drivers_off_beyond_where_the_loops_close_are_refused_with_the_time():
+def test_drivers_off_beyond_where_the_loops_close_are_rejected_with_the_time():
     for off in ((0.9, -0.9), (1.5, 0.0)):
         with pytest.raises(AssemblyError, match=r"the pose at .* s is too near"):
             off_by(form(), off)
@@ -111,13 +111,13 @@ def test_rates_read_off_a_paths_polynomials_are_those_of_its_loops_turns_of_ball
     np.testing.assert_allclose(second, motion.second, rtol=0, atol=3e-6)
 
 
-def test_where_the_loops_tell_nothing_their_matrix_is_one_that_can_be_solved():
+def test_where_the_loops_report_nothing_their_matrix_is_one_that_can_be_solved():
     whole, blind = np.arange(8.0).reshape(2, 2, 2), np.array([False, True])
     assert np.array_equal(regularised(whole, blind), [whole[0], np.eye(2)])
     assert regularised(whole, ~blind & blind) is whole
 
 
-def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they_were_asked_for():
+def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they_were_requested_for():
     drive = catalog.make("four_bar")
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 2 * CHUNK + 300)
     found, exact = (
@@ -129,7 +129,7 @@ def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they
         np.testing.assert_allclose(getattr(found, part), getattr(exact, part), rtol=0, atol=most)
 
 
-def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_say():
+def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_state():
     joints = (
         Joint("turn", "revolute", at(GROUND), at("arm")),
         Joint("way", "prismatic", at("arm", axis=EX), at("block", axis=EX)),

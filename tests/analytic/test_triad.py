@@ -90,7 +90,7 @@ def test_sixty_digits_count_the_same_assemblies():
 
 
 @pytest.mark.parametrize("fault", ["missed", "invented", "moved"])
-def test_the_comparison_of_methods_condemns_a_wrong_list_of_poses(fault):
+def test_the_comparison_of_methods_rejects_a_wrong_list_of_poses(fault):
     problems = study.random_triads(40, seed=5)
     poses = triad.assemblies(*problems)
     others = [real(pose) for pose in poses]

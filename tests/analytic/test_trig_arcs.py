@@ -45,7 +45,7 @@ def test_a_double_root_is_no_end(double):
 
 
 @given(turns, turns, turns)
-def test_a_double_root_beside_two_simple_ones_is_no_end(double, low, high):
+def test_a_double_root_next_to_two_simple_ones_is_no_end(double, low, high):
     assume(apart([double, low, high]) > 0.1)
     arcs = reachable_arcs(with_roots([double, double, low, high]), 2)
     assert len(arcs.arcs) == 1

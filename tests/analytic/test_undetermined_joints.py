@@ -35,7 +35,7 @@ def five_bar(*gears):
 
 
 @pytest.mark.parametrize("road", [loops.follow, loops.solve])
-def test_a_five_bar_with_one_driver_is_refused_with_what_is_open(road):
+def test_a_five_bar_with_one_driver_is_rejected_with_what_is_open(road):
     with pytest.raises(MobilityError, match=r"underdetermined: .* A is left open") as refused:
         road(five_bar(), [0.0, 0.1])
     assert refused.value.outcome == "underdetermined"
@@ -47,12 +47,12 @@ def test_geared_to_its_crank_it_is_determined():
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_an_idle_spin_is_no_freedom(name):
+def test_an_idle_spin_is_no_dof(name):
     drive = catalog.make(name)
     assert len(loops.solve(drive.mechanism, [drive.mechanism.start])) == 1
 
 
-def test_a_ball_that_no_loop_holds_and_no_point_tells_of_is_no_freedom():
+def test_a_ball_that_no_loop_holds_and_no_point_reports_of_is_no_dof():
     mechanism = Mechanism(
         "beside",
         (Link("crank"), Link("ball")),
@@ -67,7 +67,7 @@ def test_a_ball_that_no_loop_holds_and_no_point_tells_of_is_no_freedom():
     np.testing.assert_allclose(motion.points["P"].position[1], [0.0, 0.1, 0.0], atol=1e-16)
 
 
-def test_a_start_at_a_dead_centre_is_no_freedom():
+def test_a_start_at_a_dead_centre_is_no_dof():
     drive = catalog.make("four_bar", rocker=0.035)
     ((_, high), *_) = drive.crank_range().arcs
     poses = {
@@ -85,7 +85,7 @@ def test_a_start_at_a_dead_centre_is_no_freedom():
         )
 
 
-def test_a_coordinate_held_takes_one_freedom_and_leaves_the_others_whole():
+def test_a_coordinate_held_takes_one_dof_and_leaves_the_others_whole():
     freedoms = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
     left = with_coordinate_locked(freedoms, 4)
     assert left.shape == (4, 9)

@@ -29,7 +29,7 @@ def test_turning_about_a_coordinate_axis_is_its_matrix(axis):
     assert np.abs(vectors.rotated(v, unit, 0.83) - vectors.rotation(axis, 0.83) @ v).max() <= 4 * EPS
 
 
-def test_turning_rescales_to_the_length_asked_for_and_takes_many_angles():
+def test_turning_rescales_to_the_length_requested_for_and_takes_many_angles():
     angles = np.linspace(0.0, 6.0, 7)
     turned = vectors.rotated(np.array([[0.0], [2.0], [0.0]]), np.array([[5.0], [0.0], [0.0]]), angles, 0.013)
     assert (

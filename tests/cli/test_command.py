@@ -49,7 +49,7 @@ def test_text_becomes_quantities_names_numbers_and_flags():
     assert cut(*words)[0] == ("it", Cut(0.003, ("a", "b"), (0.001, 0.002), True, 4))
 
 
-def test_a_quantity_of_the_wrong_kind_is_refused_by_the_name_of_its_option():
+def test_a_quantity_of_the_wrong_kind_is_rejected_by_the_name_of_its_option():
     with pytest.raises(InputError, match="--depth '3 s' has unit 's'"):
         cut("--depth", "3 s")
 
@@ -66,7 +66,7 @@ def test_every_field_of_a_look_that_people_may_set_is_an_option_of_render():
     assert {field.name for field in fields(Look) if "doc" in field.metadata} <= shown
 
 
-def test_a_field_that_a_look_has_not_is_refused_in_words():
+def test_a_field_that_a_look_has_not_is_rejected_in_words():
     with pytest.raises(InputError, match="a picture has no option 'colour'; known are size, camera"):
         changed(None, {"colour": "red"})
     assert changed(Look(camera="top"), {"labels": False}) == Look(camera="top", labels=False)

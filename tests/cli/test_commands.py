@@ -99,7 +99,7 @@ def test_bad_input_ends_in_one_clear_line_and_leaves_nothing_behind(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_table_that_is_none_is_refused_by_line_and_column(mechsim: Call, tmp_path: Path) -> None:
+def test_a_table_that_is_none_is_rejected_by_line_and_column(mechsim: Call, tmp_path: Path) -> None:
     for text, words in {
         "time,angle\n0,0\n1,x\n": ["'x'", "line 3", "'angle'"],
         "time,angle\n0,0\n1\n": ["line 3", "1 values", "2 names"],
@@ -114,7 +114,7 @@ def test_a_table_that_is_none_is_refused_by_line_and_column(mechsim: Call, tmp_p
     assert "it is no text" in mechsim("simulate", "rssr", "--profile", "profile.csv").err
 
 
-def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_asked_for(
+def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_requested_for(
     mechsim: Call,
 ) -> None:
     mujoco_defaults = ["--solref", "0.02,1", "--solimp", "0.9,0.95,0.001,0.5,2", "--compliance", "1"]
@@ -127,7 +127,7 @@ def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_as
     assert 1.2e-6 <= json.loads(answer.out)["tolerance"] < 4e-6
 
 
-def test_a_crank_that_stands_in_two_ranges_has_both_told(mechsim: Call) -> None:
+def test_a_crank_that_stands_in_two_ranges_has_both_reported(mechsim: Call) -> None:
     typed = ["show", "four_bar", "--set", "crank=90mm"]
     first, second = json.loads(mechsim(*typed, "--json").out)["crank_range"]
     assert first[0] < first[1] < second[0] < second[1]
@@ -147,7 +147,7 @@ def test_list_names_every_mechanism(mechsim: Call) -> None:
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_show_lists_every_assembly_and_says_what_is_known(name: str, mechsim: Call) -> None:
+def test_show_lists_every_assembly_and_states_what_is_known(name: str, mechsim: Call) -> None:
     found = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
     assert found["mobility"] == (2 if name == "rssr" else 1)
     assert found["crank_range"] == "full turn"
@@ -163,7 +163,7 @@ def test_show_lists_every_assembly_and_says_what_is_known(name: str, mechsim: Ca
     assert found["name"] in mechsim("show", name).out
 
 
-def test_show_takes_a_planar_chain_apart_for_the_driver_asked_for(mechsim: Call) -> None:
+def test_show_takes_a_planar_chain_apart_for_the_driver_requested_for(mechsim: Call) -> None:
     groups = json.loads(mechsim("show", "warp_knitter", "--json").out)["assur_groups"]
     assert [(group["class"], group["order"]) for group in groups] == [(3, 3)]
     groups = json.loads(mechsim("show", "warp_knitter", "--driver", "rod5", "--json").out)["assur_groups"]
@@ -213,7 +213,7 @@ def test_simulate_answers_with_one_json_object_and_writes_time_too(mechsim: Call
     assert np.linalg.norm(gap, axis=1).max() <= 1e-6
 
 
-def test_simulate_with_mujocos_own_settings_misses_and_says_so_by_its_exit_code(mechsim: Call) -> None:
+def test_simulate_with_mujocos_own_settings_misses_and_reports_so_by_its_exit_code(mechsim: Call) -> None:
     words = ["simulate", "rssr", "--integrator", "Euler", "--timestep", "1ms", "--compliance", "1"]
     answer = mechsim(*words, "--solref", "0.02,1", "--solimp", "0.9,0.95,0.001", "--json")
     said = json.loads(answer.out)
@@ -241,7 +241,7 @@ def test_a_parallelogram_stays_one_linkage_all_the_way(mechsim: Call, tmp_path: 
     assert solved.code == 0
 
 
-def test_a_fold_keeps_to_the_branch_and_a_stepped_run_says_where_it_is_not_decided(
+def test_a_fold_keeps_to_the_branch_and_a_stepped_run_states_where_it_is_not_decided(
     mechsim: Call, tmp_path: Path
 ) -> None:
     table = str(tmp_path / "turn.csv")
@@ -308,7 +308,7 @@ def test_validate_swings_a_crank_that_cannot_turn_fully(mechsim: Call) -> None:
     assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "passed"
 
 
-def test_validate_of_what_cannot_be_assembled_says_so_in_json_and_in_one_line(mechsim: Call) -> None:
+def test_validate_of_what_cannot_be_assembled_reports_so_in_json_and_in_one_line(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "--set", "coupler=1mm", "--json")
     assert answer.code == 2
     assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "cannot assemble"
@@ -331,7 +331,7 @@ def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
-def test_every_command_says_what_it_does_in_one_sentence_and_is_listed_with_one_that_is_not_cut(
+def test_every_command_states_what_it_does_in_one_sentence_and_is_listed_with_one_that_is_not_cut(
     name: str, mechsim: Call
 ) -> None:
     said = inspect.getdoc(cli.load_command(name).callback) or ""
@@ -340,7 +340,7 @@ def test_every_command_says_what_it_does_in_one_sentence_and_is_listed_with_one_
     assert line.split(maxsplit=1)[1] == cli.COMMANDS[name][1]
 
 
-def test_the_package_runs_as_a_program() -> None:
+def test_the_package_runs_as_a_motion_law() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mechsim", "--version"], capture_output=True, text=True, check=False
     )

@@ -15,7 +15,7 @@ TYPED = [f"--set={name}={value}" for name, value in SWINGS.items()]
 
 
 @pytest.mark.parametrize("loops", [False, True])
-def test_digits_told_are_those_that_are_left(loops):
+def test_digits_reported_are_those_that_are_left(loops):
     """B's acceleration near a dead centre beside 50 digits: what is told, within one of them, or more."""
     rng = np.random.default_rng(8)
     beside = []
@@ -36,7 +36,7 @@ def test_digits_told_are_those_that_are_left(loops):
     assert max(beside) < 100.0
 
 
-def test_every_road_tells_where_few_digits_are_left():
+def test_every_method_reports_where_few_digits_are_left():
     drive = catalog.make("four_bar", **SWINGS)
     near = max(drive.dead_centres()) - 1e-10
     angles = np.array([0.0, 1.0, near])
@@ -53,7 +53,7 @@ def test_every_road_tells_where_few_digits_are_left():
         assert few.at == pytest.approx(near, abs=1e-12)
 
 
-def test_nothing_is_told_where_rates_are_sound_or_limits():
+def test_nothing_is_reported_where_rates_are_valid_or_limits():
     flat = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1)
     angles = np.linspace(0.0, 2.0 * np.pi, 73)
     for form in (flat, LoopForm(flat.mechanism), catalog.make("bennett"), catalog.make("rssr")):
@@ -62,7 +62,7 @@ def test_nothing_is_told_where_rates_are_sound_or_limits():
     assert few_digits(swings, swings.solve(np.array([max(swings.dead_centres()) - 1e-10]), 0.0)) is None
 
 
-def test_solve_says_it_once_and_in_json(mechsim):
+def test_solve_states_it_once_and_in_json(mechsim):
     near = max(catalog.make("four_bar", **SWINGS).dead_centres()) - 1e-11
     words = ["solve", "four_bar", *TYPED, "--angles", f"1:{near!r}:0.01"]
     said = mechsim(*words, "-o", "out.csv").err.splitlines()

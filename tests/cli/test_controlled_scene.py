@@ -18,7 +18,7 @@ def finger(tmp_path):
 FEED = ("simulate", "finger.xml", "--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.4s")
 
 
-def test_a_fed_run_is_what_plain_mujoco_does(mechsim, tmp_path):
+def test_a_controlled_run_is_what_plain_mujoco_does(mechsim, tmp_path):
     answer = mechsim(*FEED, "--samples", "21", "-o", "run.csv", "--json")
     told = json.loads(answer.out)
     assert told["outcome"] in ("passed", "failed")
@@ -36,7 +36,7 @@ def test_a_fed_run_is_what_plain_mujoco_does(mechsim, tmp_path):
     assert len(table["effort:servo"]) == told["rows"]
 
 
-def test_settings_asked_for_replace_those_of_the_file_and_no_others(mechsim):
+def test_settings_requested_for_replace_those_of_the_file_and_no_others(mechsim):
     answer = mechsim(*FEED, "--timestep", "1ms", "--integrator", "implicitfast", "--solver", "CG", "--json")
     settings = json.loads(answer.out)["settings"]
     assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}
@@ -58,7 +58,7 @@ def test_a_tolerance_chooses_steps_and_compliance(mechsim):
         (("--ctrl", "servo=1", "--steps-per-turn", "50"), "--steps-per-turn"),
     ],
 )
-def test_what_does_not_go_with_it_is_refused_in_one_line(mechsim, words, said):
+def test_what_does_not_go_with_it_is_rejected_in_one_line(mechsim, words, said):
     answer = mechsim("simulate", "finger.xml", *words)
     assert answer.code == 2
     assert said in answer.err

@@ -34,7 +34,7 @@ DRIVE = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
 
 
 @pytest.mark.parametrize("command", ["solve", "simulate"])
-def test_both_roads_go_as_the_programs_say(mechsim, command):
+def test_both_methods_go_as_the_motion_laws_state(mechsim, command):
     code, _, said = mechsim(
         command, "arm.toml", *DRIVE, "--duration", "2s", "--samples", "11", "-o", "out.csv"
     )
@@ -64,7 +64,7 @@ def test_poses_are_read_row_by_row(mechsim, tmp_path):
     ("model", "rows"),
     [("five_bar", "left,right\n2.0,1.0\n2.2,1.1\n2.2,1.1\n1.9,0.8\n"), ("rssr", "crank\n1.0\n-0.5\n7.0\n")],
 )
-def test_poses_row_by_row_are_the_same_on_both_roads(mechsim, tmp_path, model, rows):
+def test_poses_row_by_row_are_the_same_on_both_methods(mechsim, tmp_path, model, rows):
     (tmp_path / "rows.csv").write_text(rows)
     tables = []
     for command in ("solve", "simulate"):
@@ -120,7 +120,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_cannot_be_is_said_in_one_line(mechsim, case):
+def test_what_cannot_be_is_stated_in_one_line(mechsim, case):
     words, wanted = WRONG[case]
     code, out, said = mechsim(*words)
     assert (code, out) == (2, "")
@@ -129,7 +129,7 @@ def test_what_cannot_be_is_said_in_one_line(mechsim, case):
         assert word in said
 
 
-def test_what_is_exported_under_programs_solves_alike(mechsim):
+def test_what_is_exported_under_motion_laws_solves_alike(mechsim):
     assert mechsim("export", "arm.toml", *DRIVE, "--format", "toml", "-o", "again.toml")[0] == 0
     tables = []
     for model in (["arm.toml", *DRIVE], ["again.toml"]):

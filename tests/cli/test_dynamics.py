@@ -16,7 +16,7 @@ def run(capsys, monkeypatch, *words):
     return ended.value.code, out, err
 
 
-def test_a_prescribed_crank_is_told_as_json_with_a_verdict_and_written_as_a_table(
+def test_a_prescribed_crank_is_reported_as_json_with_a_verdict_and_written_as_a_table(
     capsys, monkeypatch, tmp_path
 ):
     csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
@@ -71,7 +71,7 @@ def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatc
     assert other["power_balance"] <= 1e-12
 
 
-def test_a_motor_runs_the_machine_or_says_that_it_cannot(capsys, monkeypatch, tmp_path):
+def test_a_motor_runs_the_model_or_states_that_it_cannot(capsys, monkeypatch, tmp_path):
     plot = tmp_path / "free.png"
     motor = ("--motor", "line:0.05,3000rpm", "--turns", "2", "--samples", "60", "--method", "none")
     code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot))
@@ -145,7 +145,7 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(capsys, monkeypatch, words,
         ("angle\n0\n6.283185307179586\n", "holds no load"),
     ],
 )
-def test_a_load_table_that_is_none_is_refused(capsys, monkeypatch, tmp_path, text, said):
+def test_a_load_table_that_is_none_is_rejected(capsys, monkeypatch, tmp_path, text, said):
     load = tmp_path / "load.csv"
     load.write_text(text)
     code, _, err = run(capsys, monkeypatch, "rssr", "--load", str(load))
@@ -182,7 +182,7 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
     assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
 
 
-def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_says_by_what_settings(capsys, monkeypatch):
+def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_states_by_what_settings(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
     told = json.loads(out)["tolerance_report"]
     assert code == 0
@@ -236,7 +236,7 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     assert np.ptp(rows["potential"]) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_crank_that_programs_move_does_not_run_free(capsys, monkeypatch, tmp_path):
+def test_a_crank_that_motion_laws_move_does_not_run_free(capsys, monkeypatch, tmp_path):
     words = ("four_bar", "--drive", "crank=sin(t)", "--free")
     code, _, error = run(capsys, monkeypatch, *words)
     assert code == 2

@@ -23,7 +23,7 @@ def table(tmp_path):
     files.write_table(tmp_path / "measured.csv", columns)
 
 
-def test_a_fit_is_told_with_its_uncertainty_and_written(fit, table, tmp_path):
+def test_a_fit_is_reported_with_its_uncertainty_and_written(fit, table, tmp_path):
     asked = ("four_bar", "--to", "measured.csv", "--vary", "coupler")
     code, out, err = fit(*asked, "--json", "-o", "fit.json")
     assert code == 0, err
@@ -40,7 +40,7 @@ def test_a_fit_is_told_with_its_uncertainty_and_written(fit, table, tmp_path):
     assert np.abs(rows["rocker.q.left"]).max() <= 1e-9
 
 
-def test_what_cannot_be_told_apart_ends_in_one(fit, table):
+def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
     code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,arm")
     assert code == 1, err
     assert "no measured quantity depends on arm" in out
@@ -56,7 +56,7 @@ def test_what_cannot_be_told_apart_ends_in_one(fit, table):
         (["--to", "measured.csv", "--vary", "cuopler"], "did you mean 'coupler'"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_line(fit, table, words, said):
+def test_what_cannot_be_is_stated_in_one_line(fit, table, words, said):
     code, out, err = fit("four_bar", *words)
     assert (code, out) == (2, "")
     assert said in err

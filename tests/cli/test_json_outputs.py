@@ -95,7 +95,7 @@ def undescribed(value, schema, path=""):
 
 @pytest.mark.usefixtures("fast_clock")
 @pytest.mark.parametrize("line", [*LINES, *(pytest.param(line, marks=pytest.mark.slow) for line in SLOW)])
-def test_what_is_printed_is_as_the_schema_says(line, monkeypatch, capsys, tmp_path):
+def test_what_is_printed_is_as_the_schema_states(line, monkeypatch, capsys, tmp_path):
     line = line.format(folder=tmp_path)
     told, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -127,7 +127,7 @@ def test_every_command_with_json_has_a_schema(capsys, monkeypatch):
     assert {line.split()[0] for line in LINES} | ELSEWHERE == set(output_types())
 
 
-def test_schema_prints_the_one_asked_for(monkeypatch, capsys):
+def test_schema_prints_the_one_requested_for(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mechsim", "schema", "validate"])
     with pytest.raises(SystemExit):
         main()

@@ -9,7 +9,7 @@ SWINGS = ("four_bar", "--set", "rocker=35mm")
 END = 2.43123
 
 
-def test_solve_and_simulate_make_one_swing_and_say_so(mechsim):
+def test_solve_and_simulate_make_one_swing_and_state_so(mechsim):
     done = mechsim("solve", *SWINGS, "--json")
     assert done.code == 0, done.err
     angles = np.array(json.loads(done.out)["columns"]["angle"])
@@ -22,7 +22,7 @@ def test_solve_and_simulate_make_one_swing_and_say_so(mechsim):
     assert [swung.min(), swung.max()] == pytest.approx([-0.9 * END, 0.9 * END], rel=1e-5)
 
 
-def test_what_is_asked_for_beyond_the_range_is_rejected(mechsim):
+def test_what_is_requested_for_beyond_the_range_is_rejected(mechsim):
     done = mechsim("solve", *SWINGS, "--angles", "0:360:5deg")
     assert done.code == 2
     assert "it can stand from -2.43123 to 2.43123 rad" in done.err

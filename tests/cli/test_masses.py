@@ -82,7 +82,7 @@ def test_other_rods_are_named_by_their_density():
     assert "steel" in summary(masses_of(with_inertia(ms.catalog.make("four_bar").mechanism)))
 
 
-def test_dynamics_says_which_masses_it_uses(mechsim, press):
+def test_dynamics_states_which_masses_it_uses(mechsim, press):
     short = ("--samples", "4", "--method", "none")
     line = " ".join(mechsim("dynamics", press, *short).out.split())
     assert "masses: crank given, 0.5 kg; rod, slider computed as round steel rods of diameter" in line
@@ -99,7 +99,7 @@ def test_dynamics_says_which_masses_it_uses(mechsim, press):
 
 
 @pytest.mark.parametrize("kind", ["torque", "reactions", "power"])
-def test_plots_of_efforts_say_which_masses_they_use(mechsim, press, kind):
+def test_plots_of_efforts_state_which_masses_they_use(mechsim, press, kind):
     words = ("plot", press, "--kind", kind, "-o", "out.svg")
     assert "rod, slider computed as round steel rods" in mechsim(*words).out
     assert [one["link"] for one in json.loads(mechsim(*words, "--json").out)["masses"]] == [
@@ -110,7 +110,7 @@ def test_plots_of_efforts_say_which_masses_they_use(mechsim, press, kind):
     assert "masses" not in mechsim("plot", press, "--kind", "motion", "-o", "out.svg").out
 
 
-def test_comparisons_of_torques_say_which_masses_they_use(mechsim, press, tmp_path):
+def test_comparisons_of_torques_state_which_masses_they_use(mechsim, press, tmp_path):
     mechanism = ms.load(press)
     torque = ms.dynamics.prescribed(ms.dynamics.dynamic_model(mechanism), [0.5, 1.0, 1.5], 10.0).forces.torque
     table = tmp_path / "torque.csv"
@@ -127,7 +127,7 @@ def test_comparisons_of_torques_say_which_masses_they_use(mechsim, press, tmp_pa
     assert [one.link for one in verdict.masses] == ["crank", "rod", "slider"]
 
 
-def test_sweeps_sensitivities_and_arrows_of_efforts_say_which_masses_they_use(mechsim):
+def test_sweeps_sensitivities_and_arrows_of_efforts_state_which_masses_they_use(mechsim):
     swept = mechsim(
         "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "max:torque", "-o", "s.csv"
     )

@@ -24,7 +24,7 @@ def test_one_long_word_is_cut_all_the_same():
     assert cut("x" * 100, 20) == "x" * 16 + " ..."
 
 
-def test_a_value_that_a_refusal_repeats_ends_with_a_whole_word(file):
+def test_a_value_that_a_rejection_repeats_ends_with_a_whole_word(file):
     words = "somewhere beyond the farthest corner of the machine where nothing is"
     path = file(f'name = "m"\n[joints.a]\nkind = "{words}"\na = {{link="ground"}}\nb = {{link="l"}}\n')
     with pytest.raises(InputError, match=r"is 'somewhere beyond the farthest corner of the machine \.\.\.; "):
@@ -54,7 +54,7 @@ def robot(file):
         ("--ctrl moter26=1", "'motor26'"),
     ],
 )
-def test_a_name_that_is_missing_is_told_with_what_was_meant(mechsim, robot, words, meant):
+def test_a_name_that_is_missing_is_reported_with_what_was_intended(mechsim, robot, words, meant):
     command = "simulate" if "--ctrl" in words else "show"
     told = mechsim(command, robot, *words.split())
     assert told.code == 2

@@ -81,7 +81,7 @@ def test_a_number_without_a_unit_is_rejected_where_the_file_is_in_mm(mechsim, pr
     assert answer.out == ""
 
 
-def test_cells_of_designs_need_units_where_the_file_is_in_mm(mechsim, press, tmp_path):
+def test_segments_of_designs_need_units_where_the_file_is_in_mm(mechsim, press, tmp_path):
     table = tmp_path / "designs.csv"
     for cells, code in (("30mm\n0.04m\n", 0), ("30\n40\n", 2)):
         table.write_text(f"rx\n{cells}")

@@ -34,14 +34,14 @@ def test_a_crank_that_only_swings_is_drawn_wherever_it_can_stand(mechsim, tmp_pa
 
 @draws
 @pytest.mark.parametrize("road", ["closed", "simulated", "both"])
-def test_pictures_come_from_either_road_or_both(mechsim, tmp_path, road):
+def test_pictures_come_from_either_method_or_both(mechsim, tmp_path, road):
     code, out, err = mechsim("render", "rssr", "--from", road, "--angle", "40deg", "-o", "a.png", *SMALL)
     assert (code, out) == (0, "wrote a.png\n"), err
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
 @draws
-def test_what_was_drawn_is_told_in_json_as_its_schema_says(mechsim):
+def test_what_was_drawn_is_reported_in_json_as_its_schema_states(mechsim):
     for name, frames in (("a.png", None), ("a.gif", 6)):
         told = json.loads(
             mechsim("render", "rssr", "-o", name, "--frames-per-turn", "6", "--json", *SMALL).out
@@ -73,7 +73,7 @@ def test_slow_motion_has_as_many_frames_as_it_takes(mechsim):
         (("--turns", "1e9"), "fewer than 10000"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, says):
+def test_what_cannot_be_drawn_is_rejected_in_one_line(mechsim, tmp_path, words, says):
     code, _, err = mechsim("render", "rssr", "-o", "a.gif", *words, *SMALL)
     assert code == 2
     assert says in err
@@ -94,7 +94,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(mechsim, tmp_path, words, s
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
-def test_what_says_nothing_of_a_picture_is_refused_in_one_line(mechsim, tmp_path, words, says):
+def test_what_reports_nothing_of_a_picture_is_rejected_in_one_line(mechsim, tmp_path, words, says):
     code, _, err = mechsim("render", "rssr", "-o", "a.png", *words, *SMALL)
     assert code == 2
     assert says in err
@@ -109,7 +109,7 @@ def test_a_mechanism_as_toml_has_no_scene(mechsim, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_video_of_a_size_that_no_codec_takes_is_refused(mechsim, tmp_path):
+def test_a_video_of_a_size_that_no_codec_takes_is_rejected(mechsim, tmp_path):
     code, _, err = mechsim("render", "rssr", "-o", "a.mp4", "--size", "321x241")
     assert code == 2
     assert "'321x241', but videos have even sizes" in err
@@ -161,7 +161,7 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
     ],
 )
-def test_an_option_of_another_kind_of_plot_is_refused_in_one_line(mechsim, tmp_path, words, says):
+def test_an_option_of_another_kind_of_plot_is_rejected_in_one_line(mechsim, tmp_path, words, says):
     code, _, err = mechsim("plot", "four_bar", *words, "-o", "a.png")
     assert code == 2
     assert says in err
@@ -169,7 +169,7 @@ def test_an_option_of_another_kind_of_plot_is_refused_in_one_line(mechsim, tmp_p
     assert not list(tmp_path.iterdir())
 
 
-def test_a_torque_plot_carries_both_roads(mechsim, tmp_path):
+def test_a_torque_plot_carries_both_methods(mechsim, tmp_path):
     for road in ("closed", "simulated"):
         assert mechsim("plot", "four_bar", "--kind", "torque", "--from", road, "-o", f"{road}.svg")[0] == 0
     closed, both = ((tmp_path / f"{road}.svg").read_text() for road in ("closed", "simulated"))
@@ -197,7 +197,7 @@ def test_joint_forces_are_drawn_from_the_command_line(mechsim, tmp_path):
     assert (tmp_path / "a.png").exists()
 
 
-def test_a_missing_ffmpeg_is_said_before_anything_is_drawn(mechsim, monkeypatch):
+def test_a_missing_ffmpeg_is_stated_before_anything_is_drawn(mechsim, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     code, _, err = mechsim("render", "rssr", "-o", "a.mp4", *SMALL)
@@ -217,7 +217,7 @@ def test_a_missing_ffmpeg_is_said_before_anything_is_drawn(mechsim, monkeypatch)
         ("five_bar", ("--fps", "8"), 8),
     ],
 )
-def test_a_film_leaves_its_last_frame_out_only_where_that_is_the_first_again(mechsim, name, words, count):
+def test_a_video_leaves_its_last_frame_out_only_where_that_is_the_first_again(mechsim, name, words, count):
     assert mechsim("render", name, "-o", "film", "--size", "32x24", *words)[:2] == (
         0,
         f"wrote {count} frames to film\n",

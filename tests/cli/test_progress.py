@@ -40,7 +40,7 @@ def test_work_that_slows_down_or_speeds_up_evenly_is_estimated_within_a_factor_o
     assert worst_ratio([(10.0 * i**0.7, i / 400) for i in range(1, 401)]) < 2.0
 
 
-def test_work_that_is_begun_again_is_estimated_anew() -> None:
+def test_work_that_is_started_again_is_estimated_anew() -> None:
     left = TimeLeft()
     assert left.update(0.1, 0.0) is None
     assert left.update(0.9, 8.0) == pytest.approx(1.0)

@@ -16,7 +16,7 @@ def finger(tmp_path):
     return "finger.xml"
 
 
-def test_reduce_writes_a_scene_and_tells_what_each_thing_left_out_costs(
+def test_reduce_writes_a_scene_and_reports_what_each_thing_left_out_costs(
     mechsim, finger, tmp_path, monkeypatch
 ):
     few_trials(monkeypatch)
@@ -69,7 +69,7 @@ def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatc
         (("--tolerance", "7um", "--track", "nail"), "nail"),
     ],
 )
-def test_reduce_refuses_in_one_line_and_writes_nothing(mechsim, finger, tmp_path, words, said):
+def test_reduce_rejects_in_one_line_and_writes_nothing(mechsim, finger, tmp_path, words, said):
     answer = mechsim("reduce", finger, *words, "-o", "out.xml")
     assert answer.code == 2
     assert said in answer.err

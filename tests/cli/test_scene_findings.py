@@ -21,7 +21,7 @@ def test_show_lists_what_is_wrong_with_a_scene(mechsim, file, text, kinds):
         assert 0 <= one["explains"] <= 1
 
 
-def test_show_tells_people_the_line_and_the_remedy(mechsim, file):
+def test_show_reports_people_the_line_and_the_remedy(mechsim, file):
     _, out, _ = mechsim("show", file(SOFT))
     said = " ".join(out.split())
     line = 1 + SOFT[: SOFT.index('name="loop"')].count("\n")
@@ -44,7 +44,7 @@ def test_a_verdict_on_a_scene_begins_with_what_is_wrong_with_it(mechsim, file):
     assert [one["kind"] for one in found] == ["actuator", "soft"]
 
 
-def test_what_is_wrong_with_a_scene_that_cannot_be_judged_is_told(mechsim, file):
+def test_what_is_wrong_with_a_scene_that_cannot_be_checked_is_reported(mechsim, file):
     text = changed(('<connect name="loop"', '<connect name="loop" active="false"'))
     code, out, _ = mechsim("validate", file(text), "--json")
     (case,) = json.loads(out)["mechanisms"].values()
@@ -53,7 +53,7 @@ def test_what_is_wrong_with_a_scene_that_cannot_be_judged_is_told(mechsim, file)
 
 
 @pytest.mark.slow
-def test_validate_says_it_too_whatever_the_scene_is_held_against(mechsim, file, tmp_path):
+def test_validate_states_it_too_whatever_the_scene_is_held_against(mechsim, file, tmp_path):
     (tmp_path / "own.py").write_text("def still(angle):\n    return {'rocker': 0 * angle}\n")
     asked = ("validate", file(SOFT), "--drive", "crank=0.3*sin(2*pi*t)")
     _, out, _ = mechsim(*asked, "--json")
@@ -76,7 +76,7 @@ DRIVEN = ("--drive", "crank=0.3*sin(2*pi*t)", "--duration", "0.1")
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_body_that_floats_beside_a_mechanism_is_no_reason_to_refuse_its_run(
+def test_a_body_that_floats_next_to_a_mechanism_is_no_reason_to_reject_its_run(
     mechsim, file, tmp_path, method
 ):
     code, out, err = mechsim("simulate", file(FLOATS), *DRIVEN, "--method", method, "-o", "run.csv")
@@ -85,7 +85,7 @@ def test_a_body_that_floats_beside_a_mechanism_is_no_reason_to_refuse_its_run(
     assert (tmp_path / "run.csv").exists()
 
 
-def test_a_run_that_is_refused_at_the_last_writes_nothing(mechsim, file, tmp_path, monkeypatch):
+def test_a_run_that_is_rejected_at_the_last_writes_nothing(mechsim, file, tmp_path, monkeypatch):
     def refused(*_):
         raise InputError("no")
 

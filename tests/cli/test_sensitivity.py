@@ -14,7 +14,7 @@ def sensitivity(mechsim):
     return lambda *words: mechsim("sensitivity", *words)
 
 
-def test_derivatives_are_written_told_and_drawn(sensitivity, tmp_path):
+def test_derivatives_are_written_reported_and_drawn(sensitivity, tmp_path):
     asked = ("rssr", "--of", "P3,rocker", "--to", "crank,pivot", "--angles", "0:300:100deg")
     code, out, err = sensitivity(*asked, "-o", "d.csv", "--json")
     assert code == 0, err
@@ -28,7 +28,7 @@ def test_derivatives_are_written_told_and_drawn(sensitivity, tmp_path):
 
 
 @draws
-def test_tolerances_are_told_and_their_bands_drawn(sensitivity, tmp_path):
+def test_tolerances_are_reported_and_their_bands_drawn(sensitivity, tmp_path):
     given = "crank=±0.02mm,coupler=0.03mm,A.clearance=0.01mm"
     asked = ("four_bar", "--of", "C", "--tolerances", given, "--samples", "500")
     code, out, err = sensitivity(
@@ -68,7 +68,7 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
         (["five_bar", "--of", "P", "--speed", "5"], "--speed is of a crank without a motion law"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_line(sensitivity, words, said):
+def test_what_cannot_be_is_stated_in_one_line(sensitivity, words, said):
     code, out, err = sensitivity(*words)
     assert (code, out) == (2, "")
     assert said in err

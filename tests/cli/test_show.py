@@ -23,7 +23,7 @@ lever = { at = [120, 0, 0], turn = { axis = [0, 0, 1], angle = 0.9 } }
 """
 
 
-def test_rounding_is_nought_and_what_is_taken_off_has_a_minus(mechsim, tmp_path):
+def test_rounding_is_zero_and_what_is_taken_off_has_a_minus(mechsim, tmp_path):
     (tmp_path / "cams.toml").write_text(CAMS)
     said = mechsim("show", "cams.toml")
     assert said.code == 0, said.err

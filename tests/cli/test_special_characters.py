@@ -144,7 +144,7 @@ def test_no_command_ends_in_an_internal_error(mechsim):
 
 
 @pytest.mark.parametrize("name", ["", " a", "a ", "a\nb", "a\tb", "\x7f", "\u202eb", "\ufeffa", "x" * 201])
-def test_names_that_no_output_could_show_are_refused_in_one_sentence(name):
+def test_names_that_no_output_could_show_are_rejected_in_one_sentence(name):
     mechanism = catalog.make("four_bar").mechanism
     limit = f"give it {LONGEST_NAME} at most" if len(name) > LONGEST_NAME else "printable characters"
     with pytest.raises(InputError, match=limit):

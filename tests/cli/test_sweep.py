@@ -10,7 +10,7 @@ from mechsim.studies.sweep.table import read_sweep
 VARY = ("--vary", "crank=20mm:60mm:5", "--vary", "coupler=30mm:100mm:4")
 
 
-def test_a_sweep_is_written_and_told(mechsim):
+def test_a_sweep_is_written_and_reported(mechsim):
     done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", "out.nc")
     assert done.code == 0
     assert "20 of 20 designs built" in done.out
@@ -58,13 +58,13 @@ def test_bad_input_is_one_line_and_nothing_is_written(mechsim, tmp_path, words, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_output_that_cannot_be_is_refused_before_any_work(mechsim):
+def test_an_output_that_cannot_be_is_rejected_before_any_work(mechsim):
     for name, said in (("out.xls", "sweeps are .nc"), ("nowhere/out.nc", "make it first")):
         done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", name)
         assert (done.code, said in done.err) == (2, True), done.err
 
 
-def test_random_designs_go_through_mujoco_and_are_judged(mechsim, monkeypatch):
+def test_random_designs_go_through_mujoco_and_are_checked(mechsim, monkeypatch):
     words = ("sweep", "four_bar", "--vary", "crank=25mm:30mm:3", "--measure", "range:rocker", "--check", "2")
     done = mechsim(*words, "-o", "out.nc", "--samples", "12")
     assert done.code == 0

@@ -18,7 +18,7 @@ def trace(mechsim):
     return lambda *words: mechsim("trace", *words)
 
 
-def test_a_trace_is_told_as_tables_and_written_as_a_table_and_a_plot(trace, tmp_path):
+def test_a_trace_is_reported_as_tables_and_written_as_a_table_and_a_plot(trace, tmp_path):
     words = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A", "--samples", "50")
     code, out, err = trace(*SWINGS, *words)
     assert code == 0, err
@@ -38,7 +38,7 @@ def test_a_trace_is_told_as_tables_and_written_as_a_table_and_a_plot(trace, tmp_
     assert svg.startswith("<?xml")
 
 
-def test_json_counts_components_from_one_and_names_meetings(trace):
+def test_json_counts_components_from_one_and_names_branch_points(trace):
     code, out, err = trace(*FLAT, "--json")
     assert (code, err) == (0, "")
     told = json.loads(out)
@@ -84,7 +84,7 @@ def test_a_mechanism_of_one_s_own_is_traced_from_its_file(trace):
 
 
 @draws
-def test_a_film_of_a_trace_has_its_frames_and_takes_no_other_road(mechsim, tmp_path):
+def test_a_video_of_a_trace_has_its_frames_and_takes_no_other_method(mechsim, tmp_path):
     words = ("render", *SWINGS[:3], "--trace", "--size", "96x72")
     code, out, err = mechsim(*words, "--frames-per-turn", "6", "-o", "film")
     assert (code, out) == (0, "wrote 6 frames to film\n"), err
@@ -97,7 +97,7 @@ def test_a_film_of_a_trace_has_its_frames_and_takes_no_other_road(mechsim, tmp_p
         assert said in err
 
 
-def test_what_is_open_in_a_file_is_held_as_the_refusal_says(trace, file):
+def test_what_is_open_in_a_file_is_held_as_the_rejection_states(trace, file):
     loose = (
         '<body name="rocker" pos="0.1 0 0.01" euler="0 0 1.3">\n      <joint name="loose" axis="0 1 0.2"/>'
     )

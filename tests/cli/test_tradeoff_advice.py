@@ -66,7 +66,7 @@ def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured
         ("--timestep 0", "give a finite time above 0"),
     ],
 )
-def test_settings_that_no_file_can_have_are_refused_in_one_line(mechsim, tmp_path, words, said):
+def test_settings_that_no_file_can_have_are_rejected_in_one_line(mechsim, tmp_path, words, said):
     answer = mechsim("export", "four_bar", *words.split(), "-o", "out.xml")
     assert (answer.code, answer.out) == (2, "")
     assert said in answer.err

@@ -44,7 +44,7 @@ def as_its_comment_says(path, duration):
     return np.array(states)
 
 
-def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_says(mechsim, tmp_path):
+def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_states(mechsim, tmp_path):
     answer = mechsim(
         "tune",
         "finger.xml",
@@ -148,7 +148,7 @@ def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_start_that_stands_open_is_said_and_the_tuned_file_begins_closed(mechsim, tmp_path):
+def test_a_start_that_stands_open_is_stated_and_the_tuned_file_begins_closed(mechsim, tmp_path):
     key = '<keyframe><key name="near" qpos="0.01 0.02 0 0.1" ctrl="0.3"/></keyframe></mujoco>'
     (tmp_path / "near.xml").write_text(FINGER.replace("</mujoco>", key))
     words = ("near.xml", "--key", "near", "--duration", "0.1s")
@@ -168,7 +168,7 @@ def test_a_start_that_stands_open_is_said_and_the_tuned_file_begins_closed(mechs
 
 
 @pytest.mark.slow
-def test_what_no_file_reaches_is_said_with_what_one_does(mechsim, tmp_path):
+def test_what_no_file_reaches_is_stated_with_what_one_does(mechsim, tmp_path):
     words = (
         "tune",
         "finger.xml",
@@ -198,7 +198,7 @@ def test_what_no_file_reaches_is_said_with_what_one_does(mechsim, tmp_path):
         (("finger.xml", "--tolerance", "1e-5", "--allow", "gravity"), "contacts, limits, friction"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):
+def test_what_cannot_be_is_stated_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):
     answer = mechsim("tune", *words, "-o", "out.xml")
     assert answer.code == 2
     assert said in answer.err

@@ -26,7 +26,7 @@ MEASURED = "angle,C.x,C.y\n0,0.1,0.1\n1,0.1,0.12\n"
     ],
     ids=" ".join,
 )
-def test_it_is_refused_with_the_remedy(words, mechsim, tmp_path):
+def test_it_is_rejected_with_the_remedy(words, mechsim, tmp_path):
     (tmp_path / "measured.csv").write_text(MEASURED)
     answer = mechsim(words[0], "four_bar", *words[1:], "--set", "crank=1")
     assert (answer.code, answer.out) == (2, "")

@@ -15,7 +15,7 @@ def questions():
 @pytest.mark.parametrize(
     ("text", "asks"), [("90", True), ("-45", True), ("1.57", False), ("90deg", False), ("", False)]
 )
-def test_an_angle_that_is_probably_in_degrees_is_asked_back(text, asks, questions):
+def test_an_angle_that_is_probably_in_degrees_is_requested_back(text, asks, questions):
     warn_about_angle("--angle", text)
     assert len(questions) == asks
     assert not asks or f"was {text}deg meant?" in questions[0]
@@ -27,7 +27,7 @@ def test_a_range_of_angles_likewise(text, asks, questions):
     assert len(questions) == asks
 
 
-def test_parameters_far_from_what_is_usual_are_asked_back(questions):
+def test_parameters_far_from_what_is_usual_are_requested_back(questions):
     drive = catalog.make("four_bar")
     warn_about_parameters(
         drive, {"arm_angle": "45", "crank": "40", "rocker": "60mm", "ground": "0.2", "branch": "-1"}
@@ -37,7 +37,7 @@ def test_parameters_far_from_what_is_usual_are_asked_back(questions):
     assert "crank=40mm" in second
 
 
-def test_they_stand_beside_a_result_and_in_the_one_line_of_a_refusal(mechsim):
+def test_they_stand_next_to_a_result_and_in_the_one_line_of_a_rejection(mechsim):
     said = mechsim("solve", "four_bar", "--angles", "0:1:0.5", "--set", "arm_angle=45")
     assert said.code == 0
     assert said.err.splitlines() == ["mechsim: --set arm_angle=45 is 45 rad; was arm_angle=45deg meant?"]

@@ -25,7 +25,7 @@ def judged(text):
     }
 
 
-def test_what_is_asked_is_read_before_a_formula_is_run(mechsim):
+def test_what_is_requested_is_read_before_a_formula_is_run(mechsim):
     code, out, err = mechsim("validate", "four_bar", "--against", "none.py:law", "--tolerance", "x")
     assert (code, out) == (2, "")
     assert err.startswith("mechsim: the tolerance 'x'")
@@ -50,7 +50,7 @@ def test_the_gallery_is_listed_and_its_names_are_models(mechsim):
 
 
 @pytest.mark.slow
-def test_without_names_the_gallery_is_judged_without_steps_and_with_its_option_in_full(mechsim, monkeypatch):
+def test_without_names_the_gallery_is_checked_without_steps_and_with_its_option_in_full(mechsim, monkeypatch):
     monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
     code, out, err = mechsim("validate", "--json")
     assert not code, err
@@ -63,7 +63,7 @@ def test_without_names_the_gallery_is_judged_without_steps_and_with_its_option_i
     assert len(judged(out)) == 2
 
 
-def test_a_formula_of_one_s_own_is_run_and_said_to_be_and_its_error_is_found(mechsim, tmp_path):
+def test_a_formula_of_one_s_own_is_run_and_stated_to_be_and_its_error_is_found(mechsim, tmp_path):
     (tmp_path / "guides.py").write_text(
         YOKE.with_name("guides.py").read_text().replace("np.cos", "1.001 * np.cos")
     )
@@ -92,7 +92,7 @@ def test_the_gallery_s_own_laws_need_no_word(mechsim):
     assert not err
 
 
-def test_two_files_of_one_name_are_both_judged(mechsim, tmp_path):
+def test_two_files_of_one_name_are_both_checked(mechsim, tmp_path):
     for name, crank in (("a", "30"), ("b", "31")):
         (tmp_path / name).mkdir()
         own = YOKE.read_text().replace("crank = 30", f"crank = {crank}").partition("[formula]")[0]
@@ -107,7 +107,7 @@ CATALOGUE_OF_TWO = ("four_bar", "slider_crank")
 NUMBER = re.compile(r"[0-9][0-9.e+-]*")
 
 
-def test_one_mechanism_takes_a_line_a_method_and_says_how_near_the_tolerance(mechsim):
+def test_one_mechanism_takes_a_line_a_method_and_states_how_near_the_tolerance(mechsim):
     code, out, _ = mechsim("validate", "four_bar")
     lines = out.splitlines()
     assert not code

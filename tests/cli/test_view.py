@@ -19,7 +19,7 @@ def run(*words):
     return app(["view", *words], standalone_mode=False)
 
 
-def test_without_a_screen_the_page_is_written_here_and_that_is_said(place, capsys):
+def test_without_a_screen_the_page_is_written_here_and_that_is_stated(place, capsys):
     run("four_bar")
     assert capsys.readouterr().out == "no browser on this machine; wrote four_bar.view.html\n"
     assert [path.name for path in place.iterdir()] == ["four_bar.view.html"]
@@ -38,7 +38,7 @@ def test_a_browser_is_given_the_page_and_nothing_is_left_here(place, monkeypatch
 
 
 @pytest.mark.parametrize("words", [("four_bar", "-o", "view.png"), ("four_bars", "-o", "view.html")])
-def test_what_cannot_be_shown_is_refused_and_nothing_written(place, words):
+def test_what_cannot_be_shown_is_rejected_and_nothing_written(place, words):
     with pytest.raises(InputError):
         run(*words)
     assert os.listdir(place) == []

@@ -37,7 +37,7 @@ def a_gigabyte(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("a_gigabyte")
 @pytest.mark.parametrize("words", TOO_LARGE)
-def test_what_memory_does_not_hold_is_refused_at_once_with_what_would_fit(
+def test_what_memory_does_not_hold_is_rejected_at_once_with_what_would_fit(
     words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -193,7 +193,7 @@ def test_a_solution_is_the_same_in_parts(
     capsys.readouterr()
 
 
-def test_long_work_says_how_long_it_goes_on(
+def test_long_work_states_how_long_it_goes_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = [0.0]
@@ -246,7 +246,7 @@ def test_long_work_says_how_long_it_goes_on(
 @pytest.mark.parametrize(
     ("method", "roads"), [("pose", 3), pytest.param("step", 3, marks=fourth_order_only), ("none", 1)]
 )
-def test_dynamics_say_on_every_road_how_far_they_have_come(
+def test_dynamics_state_on_every_method_how_far_they_have_come(
     method: str, roads: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     told: list[tuple[str, float]] = []
@@ -275,7 +275,7 @@ def test_dynamics_say_on_every_road_how_far_they_have_come(
         motors.ConstantTorque(1e20),
     ],
 )
-def test_a_motor_far_too_strong_for_its_machine_drives_it_all_the_same(motor: motors.PlainMotor) -> None:
+def test_a_motor_far_too_strong_for_its_model_drives_it_all_the_same(motor: motors.PlainMotor) -> None:
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
     run = dynamics.free_run(machine, turns=0.25)
     assert run.outcome == "done"

@@ -144,7 +144,7 @@ def test_outside_the_range_nothing_is_solved(compiled):
             compiled("rssr").solve_drivers([[bad]])
 
 
-def test_beyond_the_workspace_of_several_drivers_a_status_says_so(compiled):
+def test_beyond_the_workspace_of_several_drivers_a_status_reports_so(compiled):
     solver = compiled("stewart_gough")
     start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]
     with pytest.raises(AssemblyError, match=r"beyond a singular|not reached"):
@@ -170,7 +170,7 @@ def test_a_library_is_compiled_once(compiled, monkeypatch):
     assert build.library(code) == path
 
 
-def test_without_a_compiler_one_sentence_says_so(monkeypatch):
+def test_without_a_compiler_one_sentence_reports_so(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(MissingToolError, match="CC=no-such-compiler is not found; install gcc or clang"):
         ms.compile("rssr")

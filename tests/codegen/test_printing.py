@@ -40,7 +40,7 @@ def built(compiler, source, *flags):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_gcc_and_clang_have_nothing_to_say_and_the_test_passes(compiled, tmp_path, name):
+def test_gcc_and_clang_have_nothing_to_state_and_the_test_passes(compiled, tmp_path, name):
     source = written(compiled(name), tmp_path)
     for compiler in ("gcc", "clang"):
         if not shutil.which(compiler) and compiler == "clang":

@@ -3,7 +3,7 @@ import json
 from mechsim.model.finding import Finding
 
 
-def test_a_finding_is_told_in_one_line_with_its_line_and_its_remedy():
+def test_a_finding_is_reported_in_one_line_with_its_line_and_its_remedy():
     found = Finding(
         kind="gap",
         what="c1",

@@ -30,7 +30,7 @@ FAR = (0.0, 0.0, 1.0)
         (partial(motors.TorqueSpeedLine, 1.0, -100.0), "drives nothing"),
     ],
 )
-def test_numbers_that_mean_nothing_are_refused(make, said):
+def test_numbers_that_mean_nothing_are_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()
 
@@ -47,7 +47,7 @@ def test_numbers_that_mean_nothing_are_refused(make, said):
         (Forces(springs=(Spring("P2", ("crank", FAR), 1.0),)), "both ends of a spring are on link 'crank'"),
     ],
 )
-def test_forces_that_do_not_fit_the_mechanism_are_refused(forces, said):
+def test_forces_that_do_not_fit_the_mechanism_are_rejected(forces, said):
     with pytest.raises(InputError, match=said):
         forces.check(RSSR)
 

@@ -10,7 +10,7 @@ CUBE = ((2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 2.0))
 
 
 @pytest.mark.parametrize("mass", [-1.0, 0.0, np.nan, np.inf])
-def test_a_mass_that_no_body_has_is_refused(mass):
+def test_a_mass_that_no_body_has_is_rejected(mass):
     with pytest.raises(InputError, match=r"mass of a link is .* kg; give"):
         Inertia(mass, (0.0, 0.0, 0.0), CUBE)
 
@@ -28,7 +28,7 @@ def test_a_mass_that_no_body_has_is_refused(mass):
         (((1.0, 0.5, 0.0), (0.5, 1.0, 0.0), (0.0, 0.0, 2.5)), "no body has one above the sum"),
     ],
 )
-def test_an_inertia_that_no_body_has_is_refused(moments, said):
+def test_an_inertia_that_no_body_has_is_rejected(moments, said):
     with pytest.raises(InputError, match=said):
         Inertia(1.0, (0.0, 0.0, 0.0), moments)
 

@@ -21,14 +21,14 @@ CROSS_ANGLE = 1.1
         ("floating", 6, 0, 0, ("m", "m", "m")),
     ],
 )
-def test_a_row_of_the_table_says_what_is_free_and_what_is_held(name, freedoms, forces, moments, units):
+def test_a_row_of_the_table_states_what_is_free_and_what_is_held(name, freedoms, forces, moments, units):
     kind = KINDS[name]
     assert (kind.dof, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @given(offsets, offsets, turns, turns)
-def test_coordinates_say_where_they_displace_a_joint(kind, first, second, angle, other):
+def test_coordinates_state_where_they_displace_a_joint(kind, first, second, angle, other):
     lengths, angles = iter((first, second, first)), iter((angle, other))
     values = [next(lengths if unit == "m" else angles) for unit in kind.units]
     shift, turn = displaced(kind, values, CROSS_ANGLE)

@@ -49,7 +49,7 @@ def test_harmonics_are_their_own_sum():
         ([0.0], [0.0], "two rows or more"),
     ],
 )
-def test_a_table_that_is_no_load_over_the_turn_is_refused(at, values, said):
+def test_a_table_that_is_no_load_over_the_turn_is_rejected(at, values, said):
     with pytest.raises(InputError, match=said):
         load_profile.table(at, values)
 

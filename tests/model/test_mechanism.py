@@ -33,7 +33,7 @@ def test_an_end_makes_its_directions_unit_and_square():
 
 
 @given(turns)
-def test_angle_of_a_revolute_joint_is_counted_from_mark_to_mark(angle):
+def test_angle_of_a_revolute_joint_is_counted_from_reference_to_reference(angle):
     hinge = joint("revolute")
     pose = placed(hinge, rotation("z", angle))
     assert abs(joint_coordinate(hinge, IDENTITY, pose)[0] - angle) <= 8 * EPS * np.pi
@@ -130,12 +130,12 @@ def test_size_is_the_longest_distance_within_a_link():
         ({"gears": (Gear("crank", "knee", float("nan")),)}, "ratio of gear 'crank'-'knee' is nan"),
     ],
 )
-def test_a_mechanism_that_contradicts_itself_is_refused(changes, said):
+def test_a_mechanism_that_contradicts_itself_is_rejected(changes, said):
     with pytest.raises(InputError, match=said):
         chain(**changes)
 
 
-def test_an_unknown_joint_is_refused_with_the_known_ones():
+def test_an_unknown_joint_is_rejected_with_the_known_ones():
     with pytest.raises(InputError, match="there are only crank, knee"):
         chain().joint("elbow")
 
@@ -153,14 +153,14 @@ def test_an_unknown_joint_is_refused_with_the_known_ones():
         (lambda: joint("universal", cross_angle=0.0), "cross angle"),
     ],
 )
-def test_an_end_or_joint_that_cannot_be_is_refused(make, said):
+def test_an_end_or_joint_that_cannot_be_is_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()
 
 
 @pytest.mark.parametrize("kind", ["prismatic", "fixed"])
 @given(turns, turns)
-def test_a_slide_without_marks_turns_its_links_by_the_least_that_lays_axis_on_axis(kind, first, second):
+def test_a_slide_without_references_turns_its_links_by_the_least_that_lays_axis_on_axis(kind, first, second):
     a, b = (
         rotation("x", first) @ np.array([0.3, -0.2, 0.9]),
         rotation("y", second) @ np.array([0.1, 0.8, 0.4]),
@@ -174,14 +174,14 @@ def test_a_slide_without_marks_turns_its_links_by_the_least_that_lays_axis_on_ax
 
 
 @given(turns, turns)
-def test_a_slide_without_marks_in_a_plane_keeps_its_links_in_the_plane(first, second):
+def test_a_slide_without_references_in_a_plane_keeps_its_links_in_the_plane(first, second):
     a, b = ((float(np.cos(one)), float(np.sin(one)), 0.0) for one in (first, second))
     for axis in (b, tuple(-one for one in a)):
         made = Joint("slide", "prismatic", End(GROUND, axis=a), End("arm", axis=axis))
         assert (made.a.frame @ made.b.frame.T)[2, 2] == pytest.approx(1.0, abs=1e-9)
 
 
-def test_marks_that_are_given_say_how_a_slide_is_turned():
+def test_references_that_are_given_state_how_a_slide_is_turned():
     slanted = End(GROUND, axis=(0.6, 0.8, 0.0))
     made = Joint("slide", "prismatic", slanted, End("arm", axis=EX, reference=EZ))
     assert made.b.reference == EZ
@@ -197,7 +197,7 @@ def guessed(turned, joint=SLIDE):
 
 
 @given(turns)
-def test_a_guess_says_how_a_slide_without_marks_is_turned_and_one_far_off_is_refused(about):
+def test_a_guess_states_how_a_slide_without_references_is_turned_and_one_far_off_is_rejected(about):
     by_itself = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=SLIDE.b.axis, reference=EX))
     off = {}
     for meant in (SLIDE, by_itself):
@@ -215,7 +215,7 @@ def test_a_guess_says_how_a_slide_without_marks_is_turned_and_one_far_off_is_ref
                 guessed(turned)
 
 
-def test_a_guess_says_nothing_of_slides_with_marks_or_with_axes_alike():
+def test_a_guess_reports_nothing_of_slides_with_references_or_with_axes_alike():
     turned = rotation("x", 1.7)
     for a, b in (((0.2, 0.3, 1.0), {"reference": EY}), (SLIDE.a.axis, {})):
         made = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=a, **b))

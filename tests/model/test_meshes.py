@@ -107,6 +107,6 @@ def test_a_coupling_that_is_no_rack_and_a_thread_have_no_teeth():
 
 
 @pytest.mark.parametrize("angle", [-0.1, np.pi / 2, float("nan")])
-def test_a_pressure_angle_lies_between_nought_and_a_right_angle(angle):
+def test_a_pressure_angle_lies_between_zero_and_a_right_angle(angle):
     with pytest.raises(InputError, match="pressure angle of coupling 'one-two'"):
         pair(hinge("two", (0.03, 0.0, 0.0)), -0.5, angle)

@@ -82,7 +82,7 @@ def test_three_points_in_a_line_are_one_rod_and_a_triangle_its_two_shorter_sides
 
 
 @pytest.mark.parametrize(("density", "diameter"), [(-1.0, 0.01), (np.nan, 0.01), (1000.0, 0.0)])
-def test_rods_without_density_or_thickness_are_refused(density, diameter):
+def test_rods_without_density_or_thickness_are_rejected(density, diameter):
     with pytest.raises(InputError, match="give a finite number above 0"):
         with_inertia(catalog.make("rssr").mechanism, density, diameter)
     with pytest.raises(InputError, match="two finite, distinct points"):

@@ -19,7 +19,7 @@ def form():
     return ms.load(str(LOOPER))
 
 
-def test_their_joints_say_where_they_are(form):
+def test_their_joints_state_where_they_are(form):
     unseen = [link.name for link in form.mechanism.links if not link.is_body]
     assert unseen == ["~slide.way"]
     everything = LoopForm.solve_along(form, ANGLES)
@@ -36,7 +36,7 @@ def test_their_joints_say_where_they_are(form):
             assert np.abs(pose.rotation - wanted.rotation).max() < 1e-12, name
 
 
-def test_a_link_that_stands_for_a_body_has_to_be_told(form):
+def test_a_link_that_stands_for_a_body_has_to_be_reported(form):
     motion = form.solve(ANGLES)
     motion.links.pop("crank")
     with pytest.raises(InputError, match="does not say where link 'crank' is"):

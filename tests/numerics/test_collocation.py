@@ -60,7 +60,7 @@ def test_a_parameter_belongs_to_the_polynomial_beyond_a_junction_however_they_ru
     assert found == {id(forward): [1], id(backward): [0, 2]}
 
 
-def test_polynomials_one_after_another_give_values_and_rates_in_the_order_asked():
+def test_polynomials_one_after_another_give_values_and_rates_in_the_order_requested():
     pieces = Piecewise(
         [through(nodes, table(nodes)) for nodes in (np.linspace(0, 1, 12), np.linspace(1, 2, 12))]
     )

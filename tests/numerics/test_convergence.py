@@ -56,7 +56,7 @@ def test_order_does_not_depend_on_the_sequence_of_points():
     assert forward.low < 3.0 < forward.high
 
 
-def test_points_beyond_floor_and_ceiling_say_nothing_of_the_order():
+def test_points_beyond_floor_and_ceiling_state_nothing_of_the_order():
     error = np.maximum(STEPS**-4.0, 1e-7)
     error[0] = 1.0
     naive, bounded = observed_order(STEPS, error), observed_order(STEPS, error, floor=1e-7, ceiling=0.5)

@@ -11,7 +11,7 @@ def test_a_real_number_is_itself(value):
 
 
 @pytest.mark.parametrize("value", ["2", None, [2.0], 2j, object(), {}, np.array([1.0, 2.0])])
-def test_what_is_no_number_is_nan_and_so_refused_by_any_comparison(value):
+def test_what_is_no_number_is_nan_and_so_rejected_by_any_comparison(value):
     assert np.isnan(number(value))
 
 
@@ -22,7 +22,7 @@ def test_lists_of_numbers_keep_their_shape_and_ragged_ones_are_none():
         assert np.isnan(numbers(value)).all()
 
 
-def test_only_text_is_told_how_it_becomes_a_number():
+def test_only_text_is_reported_how_it_becomes_a_number():
     assert "units.parse" in units_remedy("1um", "units.parse_length('1 um')")
     assert units_remedy(np.nan, "units.parse_length('1 um')") == ""
 
@@ -45,5 +45,5 @@ def test_a_thing_of_its_kind_is_handed_on_and_any_other_is_named():
         require("the count", "3", int)
 
 
-def test_numbers_are_huge_from_where_docs_say():
+def test_numbers_are_huge_from_where_docs_state():
     assert HUGE == 1e30

@@ -26,6 +26,6 @@ def test_a_polynomial_of_degree_five_is_had_back_with_its_rates():
         (TIME, np.where(TIME > 1.0, np.nan, TIME), "not finite"),
     ],
 )
-def test_a_table_that_makes_no_curve_is_refused(time, value, said):
+def test_a_table_that_makes_no_curve_is_rejected(time, value, said):
     with pytest.raises(InputError, match=said):
         quintic_spline("the table of hip", time, value)

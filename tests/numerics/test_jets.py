@@ -111,6 +111,6 @@ def test_a_root_found_numerically_gets_both_its_rates():
     assert np.abs(t.second - second).max() <= 32 * EPS
 
 
-def test_a_function_without_a_rule_is_refused():
+def test_a_function_without_a_rule_is_rejected():
     with pytest.raises(TypeError):
         np.tanh(jet((1.0, 2.0, 3.0)))

@@ -4,7 +4,7 @@ from mechsim.errors import InputError
 from mechsim.numerics import resources
 
 
-def test_what_fits_is_let_through_and_what_does_not_is_told_with_figures_and_what_would(monkeypatch):
+def test_what_fits_is_let_through_and_what_does_not_is_reported_with_figures_and_what_would(monkeypatch):
     monkeypatch.setattr(resources, "available_memory", lambda: 2e9)
     resources.require_memory("1,000 rows", 1_000, 8.0)
     with pytest.raises(InputError, match=r"8 GB of memory, and 2 GB are available; take 250,000,000"):

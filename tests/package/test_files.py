@@ -43,25 +43,25 @@ def test_a_hundred_thousand_rows_are_written_without_a_loop_over_rows(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["table.txt", "table"])
-def test_an_unknown_extension_is_refused_with_the_known_ones(motion, tmp_path, name):
+def test_an_unknown_extension_is_rejected_with_the_known_ones(motion, tmp_path, name):
     with pytest.raises(InputError, match=r"\.csv or \.npz"):
         files.write(tmp_path / name, motion)
     with pytest.raises(InputError, match=r"\.csv or \.npz"):
         files.read(tmp_path / name)
 
 
-def test_a_missing_directory_is_refused(motion, tmp_path):
+def test_a_missing_directory_is_rejected(motion, tmp_path):
     with pytest.raises(OutputError, match=r"there is no directory .*nowhere; make it first"):
         files.write(tmp_path / "nowhere" / "table.csv", motion)
 
 
-def test_a_directory_in_the_way_is_refused(motion, tmp_path):
+def test_a_directory_in_the_way_is_rejected(motion, tmp_path):
     (tmp_path / "table.csv").mkdir()
     with pytest.raises(OutputError, match="it is a directory"):
         files.write(tmp_path / "table.csv", motion)
 
 
-def test_a_place_that_takes_no_files_is_refused(motion):
+def test_a_place_that_takes_no_files_is_rejected(motion):
     with pytest.raises(OutputError, match=r"cannot write /proc/table\.csv"):
         files.write("/proc/table.csv", motion)
 
@@ -106,14 +106,14 @@ def test_a_write_that_ends_well_replaces_the_old_file_and_can_be_read_by_others(
         ("f.npz", b""),
     ],
 )
-def test_a_file_that_holds_no_table_is_refused_by_name(tmp_path, name, content):
+def test_a_file_that_holds_no_table_is_rejected_by_name(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=f"{name} holds no table"):
         files.read(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["none.csv", "none.npz"])
-def test_a_file_that_is_not_there_is_refused(tmp_path, name):
+def test_a_file_that_is_not_there_is_rejected(tmp_path, name):
     with pytest.raises(InputError, match="there is no file"):
         files.read(tmp_path / name)
 
@@ -165,7 +165,7 @@ def test_a_read_only_file_is_not_replaced_and_rights_are_kept(motion, tmp_path):
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_name_that_no_folder_takes_is_refused(motion, tmp_path):
+def test_a_name_that_no_folder_takes_is_rejected(motion, tmp_path):
     with pytest.raises(OutputError, match="File name too long"):
         files.write(tmp_path / f"{'n' * 300}.csv", motion)
 
@@ -178,7 +178,7 @@ def test_a_header_as_spreadsheets_write_it_is_understood(tmp_path, text):
     assert files.read(tmp_path / "a.csv") == {"time": [0.0], "angle": [1.0]}
 
 
-def test_what_never_ends_or_unpacks_to_more_than_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+def test_what_never_ends_or_unpacks_to_more_than_memory_is_rejected_before_it_is_read(tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(InputError, match="no regular file"):
         files.read(tmp_path / "pipe.csv")

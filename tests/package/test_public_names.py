@@ -100,7 +100,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_used_is_refused_in_one_sentence(name):
+def test_what_cannot_be_used_is_rejected_in_one_sentence(name):
     wrong, said = REFUSED[name]
     with pytest.raises(ms.InputError, match=said) as refused:
         wrong()

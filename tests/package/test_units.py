@@ -82,7 +82,7 @@ def test_helpers_agree_with_the_parser():
         ("13 m**2", "m", "does not measure"),
     ],
 )
-def test_what_is_no_such_quantity_is_refused_in_one_sentence_with_an_example(text, unit, said):
+def test_what_is_no_such_quantity_is_rejected_in_one_sentence_with_an_example(text, unit, said):
     with pytest.raises(InputError, match=said) as refused:
         units.parse(text, unit, "the crank")
     sentence = str(refused.value)
@@ -92,7 +92,7 @@ def test_what_is_no_such_quantity_is_refused_in_one_sentence_with_an_example(tex
     assert "\n" not in sentence
 
 
-def test_a_unit_that_would_take_hours_to_reckon_is_refused_at_once():
+def test_a_unit_that_would_take_hours_to_reckon_is_rejected_at_once():
     for text in ("13 m**9**9**9", "13 " + "(" * 10_000 + "m", "13 " + "m " * 10_000, "13 " + "m" * 10_000):
         with pytest.raises(InputError, match="not known") as refused:
             units.parse_length(text)
@@ -106,7 +106,7 @@ def test_the_last_unit_of_a_vector_stands_for_missing_ones():
 
 
 @pytest.mark.parametrize("text", ["43,,24mm", "", "1,x", "1,2 s"])
-def test_a_vector_with_a_hole_is_refused(text):
+def test_a_vector_with_a_hole_is_rejected(text):
     with pytest.raises(InputError, match="pivot"):
         units.parse_vector(text, "m", "pivot")
 
@@ -136,11 +136,11 @@ def test_ranges_of_angles_as_people_write_them():
 @pytest.mark.parametrize(
     "text", ["0:360:-5deg", "0:360:0deg", "0:360", "0:360:5mm", "0:1:1e-12", "a:b:c", "1:2:3:4"]
 )
-def test_a_range_that_leads_nowhere_is_refused(text):
+def test_a_range_that_leads_nowhere_is_rejected(text):
     with pytest.raises(InputError, match=r"the angles '.*5deg|the angles .* an angle such as"):
         units.parse_angles(text)
 
 
-def test_the_units_written_most_are_what_pint_says_to_the_last_bit():
+def test_the_units_written_most_are_what_pint_states_to_the_last_bit():
     for (written, unit), factor in units.FACTORS.items():
         assert factor == units.converted(written, unit, f"1 {written}", "it")

@@ -19,7 +19,7 @@ ARM = """
 
 
 @pytest.mark.parametrize("far", [100.0, 0.3])
-def test_a_picture_is_framed_on_the_links_and_says_which_path_is_cut(tmp_path, far):
+def test_a_picture_is_framed_on_the_links_and_states_which_path_is_cut(tmp_path, far):
     path = tmp_path / "arm.xml"
     path.write_text(ARM.replace("FAR", str(far)))
     form = load(str(path), drive={"crank": "t"})

@@ -113,7 +113,7 @@ def test_every_solid_is_shown_in_its_own_colour(form):
     np.testing.assert_allclose(sorted(shown[i].tolist() for i in solids), sorted(wanted), atol=1e-6)
 
 
-def test_a_part_too_small_to_be_seen_beside_the_rest_is_left_out(tmp_path, monkeypatch):
+def test_a_part_too_small_to_be_seen_next_to_the_rest_is_left_out(tmp_path, monkeypatch):
     screw = '<mesh name="screw" vertex="0 0 0  1e-5 0 0  0 1e-5 0  0 0 1e-5"/></asset>'
     geom = '<geom type="mesh" mesh="screw" pos="0.1 0.013 0.05"/><geom type="capsule"'
     text = SCENE.replace("</asset>", screw).replace('<geom type="capsule"', geom)

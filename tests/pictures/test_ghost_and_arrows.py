@@ -105,7 +105,7 @@ def test_the_ghost_is_seen_where_it_differs_and_only_there(drive, motion):
     assert GHOST[3] < 1.0
 
 
-def test_ghosts_that_cannot_be_compared_are_refused(drive, motion):
+def test_ghosts_that_cannot_be_compared_are_rejected(drive, motion):
     other = drive.solve(TURN + 0.1, 60.0)
     with pytest.raises(InputError, match="other crank angles"):
         Source(drive.mechanism, motion, other).drawn(Look())
@@ -182,7 +182,7 @@ def test_points_and_joints_of_one_name_lie_in_one_place(name):
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
-def test_both_roads_put_the_same_forces_into_the_joints(name):
+def test_both_methods_put_the_same_forces_into_the_joints(name):
     drive = catalog.make(name)
     profile = profile_of(drive, 60.0, 1.0)
     motion = drawn_motion(drive, "closed", profile, 12)
@@ -214,13 +214,13 @@ def test_quantities_are_written_with_the_prefix_that_suits():
     ("options", "says"),
     [({"arrows": ("speed",)}, "no arrow 'speed'"), ({"magnify": float("nan")}, "magnify is nan")],
 )
-def test_unknown_looks_are_refused(options, says):
+def test_unknown_looks_are_rejected(options, says):
     with pytest.raises(InputError, match=says):
         Look(**options)
 
 
 @draws
-def test_every_frame_written_is_told(drive, motion, tmp_path):
+def test_every_frame_written_is_reported(drive, motion, tmp_path):
     told: list[int] = []
     render.write_video(
         tmp_path / "a.gif",

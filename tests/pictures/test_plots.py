@@ -126,14 +126,14 @@ def test_errors_that_are_not_numbers_leave_a_gap():
     assert np.isnan(line.get_ydata()).sum() == 31
 
 
-def test_errors_of_programs_are_drawn_over_time():
+def test_errors_of_motion_laws_are_drawn_over_time():
     source = PlotSource(solver=load("five_bar"), speed=1.0)
     (ax,) = PLOTS["poses"].draw(source).axes
     assert ax.get_xlabel() == "time [s]"
     assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.solver.motion_laws.duration)
 
 
-def test_what_cannot_be_plotted_is_refused(motion, tmp_path):
+def test_what_cannot_be_plotted_is_rejected(motion, tmp_path):
     with pytest.raises(InputError, match="no point 'Q'"):
         plots.motion_plot(motion, ["Q"])
     with pytest.raises(InputError, match="no plot format 'bmp'"):
@@ -169,7 +169,7 @@ def test_curves_of_assemblies_are_cut_at_a_turn_unless_they_swing_over_more_than
         plots.assembly_plot(table, ("turn",))
 
 
-def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance(monkeypatch):
+def test_efforts_of_motion_laws_are_drawn_over_time_by_both_methods_and_balance(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
     source = PlotSource(solver=load("five_bar"), speed=1.0, options=PlotOptions(method="simulated"))
     (ax,) = PLOTS["torque"].draw(source).axes
@@ -185,7 +185,7 @@ def test_efforts_of_programs_are_drawn_over_time_by_both_roads_and_balance(monke
         assert plots.drawn(PLOTS[kind].draw(source)).startswith(b"<?xml")
 
 
-def test_what_a_file_says_acts_on_a_mechanism_is_in_its_plots(monkeypatch):
+def test_what_a_file_states_acts_on_a_mechanism_is_in_its_plots(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
     drive = load("quick_return")
     pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=load_profile.constant(-0.5)))
@@ -241,7 +241,7 @@ def test_a_force_s_rounding_is_not_drawn_as_a_force():
         assert tuple(ax.dataLim.intervalx) == (0.0, 0.0)
 
 
-def test_what_stands_still_to_rounding_is_drawn_flat_and_says_so(drive, motion):
+def test_what_stands_still_to_rounding_is_drawn_flat_and_reports_so(drive, motion):
     """A pin on the frame, whose coordinates and rates are left by a solver at 1e-17 of the linkage."""
     noise = 1e-17 * np.random.default_rng(3).normal(size=(3, len(motion), 3))
     place = np.array([0.03, -0.02, 0.01])

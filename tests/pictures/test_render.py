@@ -148,7 +148,7 @@ def test_first_and_last_frame_of_a_full_turn_match(drive, motion):
 
 
 @draws
-def test_a_moving_point_is_drawn_where_the_camera_says():
+def test_a_moving_point_is_drawn_where_the_camera_states():
     angles = np.linspace(0.0, 2.0 * np.pi, 9)
     mechanism, motion = crank_motion(angles)
     stage = DrawnModel(mechanism, frame_poses(mechanism, motion), Look(size=SIZE, camera="shaft"))
@@ -218,7 +218,7 @@ def test_projections_appear_on_three_planes(drive, motion):
 
 
 @draws
-def test_a_still_stands_at_the_crank_angle_asked_for(drive, motion):
+def test_a_still_stands_at_the_crank_angle_requested_for(drive, motion):
     at = render.still(drive.mechanism, motion, size=SIZE, angle=float(TURN[2]), paths=False)
     frame = next(islice(render.frames(drive.mechanism, motion, size=SIZE, paths=False), 2, None))
     assert (np.abs(at.astype(int) - frame).max(2) > 30).mean() < 1e-3
@@ -257,7 +257,7 @@ def test_frames_between_samples_hold_rigid_links(drive):
             )
 
 
-def test_motions_that_cannot_be_drawn_are_refused(drive, motion):
+def test_motions_that_cannot_be_drawn_are_rejected(drive, motion):
     with pytest.raises(InputError, match="does not say where link 'crank' is"):
         frame_poses(drive.mechanism, replace(motion, links={}))
     broken = replace(motion.links["rocker"], position=np.full_like(motion.links["rocker"].position, np.nan))
@@ -276,7 +276,7 @@ def test_motions_that_cannot_be_drawn_are_refused(drive, motion):
         ({"overlay": 0}, "0 overlaid positions"),
     ],
 )
-def test_unknown_looks_are_refused(options, says):
+def test_unknown_looks_are_rejected(options, says):
     with pytest.raises(InputError, match=says):
         Look(**options)
 
@@ -333,7 +333,7 @@ np.save(sys.argv[1], picture)
     assert (np.abs(np.load(saved).astype(int) - here).max(2) > 60).mean() < 0.01
 
 
-def test_a_machine_without_opengl_names_the_packages(monkeypatch):
+def test_a_model_without_opengl_names_the_packages(monkeypatch):
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
     monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     with pytest.raises(MissingToolError, match="libegl1 or libosmesa6"):
@@ -343,7 +343,7 @@ def test_a_machine_without_opengl_names_the_packages(monkeypatch):
     assert [row["works"] for row in gl_backend.describe_backend()] == [False] * len(gl_backend.ORDER)
 
 
-def test_back_ends_that_cannot_be_had_are_refused(monkeypatch):
+def test_back_ends_that_cannot_be_had_are_rejected(monkeypatch):
     with pytest.raises(InputError, match="no OpenGL back end 'metal'"):
         gl_backend.choose("metal")
     monkeypatch.setitem(sys.modules, "OpenGL.platform", ModuleType("OpenGL.platform"))
@@ -352,7 +352,7 @@ def test_back_ends_that_cannot_be_had_are_refused(monkeypatch):
         gl_backend.choose("osmesa")
 
 
-def test_a_software_driver_is_told_from_hardware():
+def test_a_software_driver_is_distinguished_from_hardware():
     assert gl_backend.Backend("egl", "llvmpipe (LLVM 15.0.6, 256 bits)", "4.5").software
     assert not gl_backend.Backend("egl", "NVIDIA H200/PCIe/SSE2", "4.6").software
     assert str(gl_backend.Backend("egl", "NVIDIA H200", "4.6")) == "egl: NVIDIA H200, hardware"
@@ -360,7 +360,7 @@ def test_a_software_driver_is_told_from_hardware():
 
 @draws
 @pytest.mark.parametrize("extension", grid(video.VIDEOS, (".mp4",)))
-def test_videos_hold_every_frame_at_the_size_asked_for(extension, drive, motion, tmp_path):
+def test_videos_hold_every_frame_at_the_size_requested_for(extension, drive, motion, tmp_path):
     path = tmp_path / f"turn{extension}"
     angles = render.turn_angles(drive.mechanism, motion, 12)
     count = render.write_video(path, drive.mechanism, motion, angles=angles, size=SIZE, fps=12.0)
@@ -402,7 +402,7 @@ def test_a_picture_is_written_as_png(drive, motion, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn.txt", "turn.png"])
-def test_unknown_video_extensions_are_refused_before_drawing(name, drive, motion, tmp_path):
+def test_unknown_video_extensions_are_rejected_before_drawing(name, drive, motion, tmp_path):
     with pytest.raises(InputError, match=r"is not one of .mp4, .webm, .gif"):
         render.write_video(tmp_path / name, drive.mechanism, motion)
     with pytest.raises(InputError, match="frames per second"):

@@ -27,7 +27,7 @@ def test_every_joint_that_turns_on_the_ground_has_a_name(name):
                 assert np.abs(at - end.point).max(1).min() < 1e-12, joint.name
 
 
-def test_the_first_instant_again_reads_nought():
+def test_the_first_instant_again_reads_zero():
     drive = catalog.make("four_bar")
     motion = drive.solve(2.0 * np.pi * np.array([0.0, 0.5, 1.0 - 1e-9]))
     frames = frame_poses(drive.mechanism, motion)

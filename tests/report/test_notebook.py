@@ -68,7 +68,7 @@ def test_a_run_shows_its_outcome_its_settings_and_its_motion(run):
     assert "#a8261a" in page_of(replace(run, outcome="failed"))
 
 
-def test_a_verdict_shows_every_check_and_condemns_in_red(run):
+def test_a_verdict_shows_every_check_and_rejects_in_red(run):
     drive = ms.catalog.make("rssr", rocker=0.03)
     good = ms.crosscheck(run.motion, drive)
     assert page_of(good).count("<tr") == len(good.checks) + 1

@@ -166,7 +166,7 @@ def test_a_later_report_into_the_same_folder_is_compared_with_the_earlier(sectio
     report.write_report(tmp_path, results(rssr=worse), [section])
 
 
-def test_the_numbers_lie_beside_the_page_as_json(section, tmp_path):
+def test_the_numbers_lie_next_to_the_page_as_json(section, tmp_path):
     report.write_report(
         tmp_path, results(rssr=good(), other=bad()), [section], command="mechsim validate", notes=["x"]
     )
@@ -194,7 +194,7 @@ def test_what_was_missed_stands_before_any_mechanism(section, tmp_path):
     assert "MuJoCo warned" in text
 
 
-def test_a_good_page_says_so_and_shows_bound_and_reason(section, tmp_path):
+def test_a_good_page_reports_so_and_shows_bound_and_reason(section, tmp_path):
     text = Reader(
         report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
     ).text

@@ -91,14 +91,14 @@ def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeyp
     assert not list((tmp_path / "out").glob("*.mp4"))
 
 
-def test_a_report_folder_that_cannot_be_made_is_refused_before_any_work(monkeypatch, tmp_path, capsys):
+def test_a_report_folder_that_cannot_be_made_is_rejected_before_any_work(monkeypatch, tmp_path, capsys):
     code, said = validated(monkeypatch, tmp_path, capsys, "four_bar", "--report", "no/such/folder")
     assert code == 2
     assert len(said.err.strip().splitlines()) == 1
     assert "no/such" in said.err
 
 
-def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_misses(tmp_path):
+def test_a_case_without_steps_is_reported_by_a_still_its_paths_and_what_its_formula_misses(tmp_path):
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of
     from mechsim.subjects.readers import load
@@ -125,7 +125,7 @@ def test_a_case_without_steps_is_told_by_a_still_its_paths_and_what_its_formula_
 
 
 @pytest.mark.slow
-def test_the_page_tells_of_several_drivers(monkeypatch, tmp_path):
+def test_the_page_reports_of_several_drivers(monkeypatch, tmp_path):
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of
@@ -139,7 +139,7 @@ def test_the_page_tells_of_several_drivers(monkeypatch, tmp_path):
     assert "step: drive: left" in page
 
 
-def test_what_has_a_rack_is_told_without_assur_groups():
+def test_what_has_a_rack_is_reported_without_assur_groups():
     from mechsim.report.facts import facts
     from mechsim.subjects.readers import load
 

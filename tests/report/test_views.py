@@ -13,7 +13,7 @@ from mechsim.studies.validate import case_of
 SPEED = ms.units.rpm(600)
 
 
-def test_every_assembly_of_a_closed_form_is_there_and_told_apart():
+def test_every_assembly_of_a_closed_form_is_there_and_distinguished_apart():
     drive = ms.catalog.make("rssr")
     view = mechanism_view(drive, SPEED)
     assert [grid.name for grid in view.grids] == ["branch -1", "branch 1"]
@@ -43,7 +43,7 @@ def test_a_crank_that_swings_stops_at_marked_dead_centres_and_goes_on_round_the_
     assert same[180] < 0.99
 
 
-def test_programs_are_shown_over_their_time():
+def test_motion_laws_are_shown_over_their_time():
     form = ms.load("five_bar")
     grid = motion_law_grid(form)
     (slider,) = grid.sliders
@@ -86,7 +86,7 @@ def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
     assert all(grid.shape == (5,) for grid in grids)
 
 
-def test_a_validation_is_shown_by_the_motion_it_judged():
+def test_a_validation_is_shown_by_the_motion_it_checked():
     case = case_of(ms.catalog.make("four_bar", crank=0.09))
     (grid,) = case_view(case).grids
     (slider,) = grid.sliders

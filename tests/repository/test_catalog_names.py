@@ -38,7 +38,7 @@ def chosen(source):
     return any(named(ast.unparse(node)) for node in checks)
 
 
-def test_no_mechanism_is_asked_for_by_name_outside_the_catalogue():
+def test_no_mechanism_is_requested_for_by_name_outside_the_catalogue():
     outside = {name: path for name, path in FILES.items() if not name.startswith(CATALOG)}
     sources = {name: path.read_text() for name, path in outside.items() if name not in TABLES}
     may = {name: PAPERS if name.startswith("mechsim.theory") else set() for name in sources}
@@ -57,10 +57,10 @@ def test_no_mechanism_is_asked_for_by_name_outside_the_catalogue():
         ('help = "as in mechsim show rssr"', set()),
     ],
 )
-def test_the_judge_sees_a_mechanism_asked_for_by_name(source, found):
+def test_the_check_sees_a_mechanism_requested_for_by_name(source, found):
     assert named(source) == found
 
 
-def test_the_judge_sees_a_choice_by_class():
+def test_the_check_sees_a_choice_by_class():
     assert chosen("isinstance(drive, Looper)")
     assert not chosen("isinstance(drive, ClosedForm)")

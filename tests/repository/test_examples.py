@@ -18,7 +18,7 @@ def test_every_example_is_run() -> None:
 
 
 @pytest.mark.parametrize("name", SAYS)
-def test_the_example_runs_without_a_warning_and_meets_its_bounds(name: str, tmp_path: Path) -> None:
+def test_the_example_runs_without_a_warning_and_meets_its_tolerances(name: str, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py")],
         capture_output=True,

@@ -77,13 +77,13 @@ def ended(tmp_path_factory):
     return folder, dict(zip([*CORE, *MORE], json.loads(done.stdout), strict=True))
 
 
-def test_the_core_solves_simulates_and_judges(ended):
+def test_the_core_solves_simulates_and_checks(ended):
     folder, ends = ended
     assert {line: ends[line] for line in CORE if ends[line][0]} == {}
     assert (folder / "four_bar.csv").stat().st_size > 0
 
 
-def test_what_needs_more_says_so_in_one_line_with_the_command(ended):
+def test_what_needs_more_reports_so_in_one_line_with_the_command(ended):
     folder, ends = ended
     for line, library in MORE.items():
         code, said = ends[line]
@@ -100,7 +100,7 @@ def test_what_needs_more_says_so_in_one_line_with_the_command(ended):
 
 
 @pytest.mark.parametrize("library", ["pandas", "xarray"])
-def test_a_table_in_python_says_so_too(library, tmp_path):
+def test_a_table_in_python_reports_so_too(library, tmp_path):
     code = (
         "import mechsim as ms, numpy as np\n"
         "motion = ms.catalog.make('slider_crank').solve(np.linspace(0.0, 1.0, 3))\n"

@@ -121,7 +121,7 @@ def test_the_top_level_is_small():
 @pytest.mark.parametrize(
     "package", [package for package in ALLOWED_IMPORTS if (structure.PACKAGE / package).is_dir()]
 )
-def test_a_room_says_in_one_sentence_what_it_is_for(package):
+def test_a_room_states_in_one_sentence_what_it_is_for(package):
     doc = ast.get_docstring(ast.parse((structure.PACKAGE / package / "__init__.py").read_text()))
     assert doc
     assert doc.split("\n\n")[0].count(".") == 1
@@ -140,7 +140,7 @@ def test_a_library_is_imported_only_where_it_belongs(imports):
     assert {name: wrong for name, found in imports.items() if (wrong := foreign(name, found))} == {}
 
 
-def test_slow_libraries_are_loaded_only_when_wanted():
+def test_slow_libraries_are_loaded_only_when_requested():
     # an import inside a function is indented
     assert SLOW.search("import numpy\nfrom xarray import Dataset")
     assert {name: found for name, path in FILES.items() if (found := SLOW.findall(path.read_text()))} == {}

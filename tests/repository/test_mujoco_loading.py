@@ -27,7 +27,7 @@ def test_a_package_that_imports_mujoco_loads_it_first_without_a_back_end_that_fa
     assert len(importing) > 5
 
 
-def test_the_help_of_these_commands_is_told_without_mujoco():
+def test_the_help_of_these_commands_is_reported_without_mujoco():
     names = ["list", "show", "solve", "sensitivity", *LATE]
     told = f"""
 import sys

@@ -47,6 +47,6 @@ def test_every_folder_of_validation_is_explained():
     assert all(f"| `{folder}/` |" in told for folder in folders)
 
 
-def test_the_judge_sees_what_is_not_there():
+def test_the_check_sees_what_is_not_there():
     said = "see validation/tradeoff/drive.py, validation/\n# choices/crank_actuation.py and `mechsim.judge`"
     assert missing(said) == ["validation/tradeoff/drive.py", "mechsim.judge"]

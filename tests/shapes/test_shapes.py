@@ -81,7 +81,7 @@ def test_links_have_colours_of_their_own(name):
     assert len(set(colours.values())) == len(colours) <= len(PALETTE)
 
 
-def test_planar_mechanisms_are_told_from_spatial_ones():
+def test_planar_mechanisms_are_distinguished_from_spatial_ones():
     planar = {name for name in NAMES if planar_normals(mechanism_of(name))}
     assert planar == {"four_bar", "slider_crank", "warp_knitter"} & set(NAMES)
 
@@ -189,7 +189,7 @@ def test_shafts_lead_to_the_side_that_the_links_keep_free():
 
 
 @pytest.mark.parametrize("kind", ["capsule", "cylinder", "box", "sphere"])
-def test_bounds_hold_the_shape(kind):
+def test_tolerances_hold_the_shape(kind):
     frm, to = (0.1, 0.2, -0.3), (0.4, -0.1, 0.2)
     to = frm if kind == "sphere" else to
     shape = Shape(kind, frm, to, (0.05, 0.02) if kind == "box" else (0.05,), PALETTE[0])

@@ -73,7 +73,7 @@ def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
 
 
 @pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
-def test_efforts_at_a_meeting_are_limits(drive):
+def test_efforts_at_a_branch_point_are_limits(drive):
     # begins and ends at the change point
     profile = constant(20.0, 1.0, drive.change_points()[-1])
     machine = dynamics.dynamic_model(drive).starting_at(profile.angles)
@@ -86,7 +86,7 @@ def test_efforts_at_a_meeting_are_limits(drive):
         dynamics.dynamic_model(drive.with_change_point("branch"))
 
 
-def test_what_cannot_fold_is_refused_with_its_angle():
+def test_what_cannot_fold_is_rejected_with_its_angle():
     rhombus = catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.1, rocker=0.1, branch=-1)
     with pytest.raises(
         AssemblyError,
@@ -107,7 +107,7 @@ def test_a_stepped_run_cannot_fold_and_one_that_meets_nothing_need_not():
 
 
 @pytest.mark.parametrize("start", [0.0, np.pi])
-def test_a_stepped_run_that_begins_where_assemblies_meet_is_told_how_to_be_held(start):
+def test_a_stepped_run_that_begins_where_assemblies_meet_is_reported_how_to_be_held(start):
     drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
     with pytest.raises(
         AssemblyError, match=r"starts at crank angle .* rad, .*cannot decide .* second parallel"
@@ -120,7 +120,7 @@ def test_a_stepped_run_that_begins_where_assemblies_meet_is_told_how_to_be_held(
 
 @pytest.mark.parametrize("lead", [0.05, 0.2])
 @pytest.mark.parametrize("over", [0.01, 0.05])
-def test_a_first_stride_past_a_meeting_does_not_end_in_the_other_assembly(lead, over):
+def test_a_first_stride_past_a_branch_point_does_not_end_in_the_other_assembly(lead, over):
     drive = catalog.make("four_bar", ground=0.12, crank=0.04, coupler=0.09, rocker=0.07)
     closed, at = from_source(drive), drive.change_points()[0]
     start = follow.follow(closed.loops, closed.qpos, [at - lead])[0]
@@ -130,7 +130,7 @@ def test_a_first_stride_past_a_meeting_does_not_end_in_the_other_assembly(lead, 
         assert np.abs(place - drive.positions([at + over])[name][0]).max() <= 1e-9
 
 
-def test_meetings_are_measured_and_beside_them_there_are_none():
+def test_branch_points_are_measured_and_next_to_them_there_are_none():
     drive = OTHERS[0]
     closed = from_source(drive)
     _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(-4.0, 4.0, 33))

@@ -33,7 +33,7 @@ def numbers(loops: ModelLoops) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("turns", [0.3, 1.0, -1.0])
 @pytest.mark.parametrize("name", SURE)
-def test_a_sprint_ends_where_the_closed_form_is(name: str, turns: float) -> None:
+def test_a_predictor_ends_where_the_closed_form_is(name: str, turns: float) -> None:
     drive = catalog.make(name)
     loops = loops_of(name)
     states = sprinted(loops, turns)
@@ -45,7 +45,7 @@ def test_a_sprint_ends_where_the_closed_form_is(name: str, turns: float) -> None
         assert np.abs(gap).max() < ROUGH * loops.characteristic_length
 
 
-def test_a_sprint_leaves_the_model_as_it_was() -> None:
+def test_a_predictor_leaves_the_model_as_it_was() -> None:
     loops = loops_of("rssr")
     before = numbers(loops)
     sprinted(loops, 1.0)
@@ -53,7 +53,7 @@ def test_a_sprint_leaves_the_model_as_it_was() -> None:
 
 
 @pytest.mark.parametrize("slack", [1e-4, 1e-8, 1e-12])
-def test_a_sprint_past_an_almost_dead_centre_is_not_trusted_and_the_walk_passes_it(slack: float) -> None:
+def test_a_predictor_past_an_almost_dead_centre_is_not_trusted_and_the_walk_passes_it(slack: float) -> None:
     # the longest rocker that lets this crank turn fully is ground - crank + coupler
     sizes = {"ground": 0.08, "crank": 0.03, "coupler": 0.07}
     drive = catalog.make("four_bar", **sizes, rocker=0.12 * (1.0 - slack))
@@ -67,7 +67,7 @@ def test_a_sprint_past_an_almost_dead_centre_is_not_trusted_and_the_walk_passes_
     assert np.abs(place - exact).max() < 1e-7 * loops.characteristic_length
 
 
-def test_a_sprint_beyond_the_dead_centre_of_a_crank_that_only_swings_is_not_trusted() -> None:
+def test_a_predictor_beyond_the_dead_centre_of_a_crank_that_only_swings_is_not_trusted() -> None:
     assert sprinted(loops_of("four_bar", ground=0.08, crank=0.03, coupler=0.07, rocker=0.125), 1.0) is None
 
 

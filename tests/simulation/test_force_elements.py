@@ -34,7 +34,7 @@ def all_on(name: str) -> Forces:
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "bennett", "rrsrr", "warp_knitter"])
-def test_actuators_lie_where_the_index_says_they_were_made(name):
+def test_actuators_lie_where_the_index_states_they_were_made(name):
     forces = all_on(name)
     loaded = loaded_model(catalog.make(name).mechanism, forces)
     names = np.array([loaded.model.actuator(i).name for i in range(loaded.model.nu)])
@@ -47,7 +47,7 @@ def test_actuators_lie_where_the_index_says_they_were_made(name):
     assert controls[1, loaded.actuators.crank_torque].tolist() == [0.1]
 
 
-def test_a_machine_without_forces_has_no_actuators():
+def test_a_model_without_forces_has_no_actuators():
     loaded = loaded_model(catalog.make("four_bar").mechanism, Forces())
     assert loaded.controls(np.zeros(3), None).shape == (3, 0)
     assert loaded.actuators.friction == loaded.actuators.loads == slice(0, 0)

@@ -40,7 +40,7 @@ def states(loops, n=4, reach=0.3):
     return loops.displaced(np.repeat(loops.model.qpos0[None], n, 0), steps)
 
 
-def test_the_numbers_of_a_state_are_told_apart(loops):
+def test_the_numbers_of_a_state_are_distinguished_apart(loops):
     # crank, free body (place, quaternion), ball (quaternion), slide
     assert quaternion_addresses(loops.model) == [4, 8]
     assert quaternion_entries(loops.model).tolist() == [False] * 4 + [True] * 8 + [False]

@@ -108,7 +108,7 @@ def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
     assert np.abs(second @ loops.residual(path) - found).max() < 1e-9
 
 
-def test_a_tendon_through_sites_is_refused_by_its_name():
+def test_a_tendon_through_sites_is_rejected_by_its_name():
     with pytest.raises(InputError, match=r"tendon 'rope' runs through sites.*fixed tendon"):
         read_loops(model_of('<tendon tendon1="rope"/>')[0])
 

@@ -93,7 +93,7 @@ def test_every_link_hangs_on_the_tree_once_and_parents_come_first(mechanism: Mec
     assert len(tree.cuts) == len(mechanism.joints) - len(mechanism.links)
 
 
-def test_a_cut_that_was_asked_for_is_made() -> None:
+def test_a_cut_that_was_requested_for_is_made() -> None:
     mechanism = catalog.make("four_bar").mechanism
     for name in ("A", "B", "rocker"):
         assert [joint.name for joint in cut_loops(mechanism, (name,)).cuts] == [name]
@@ -108,13 +108,13 @@ def test_a_cut_that_was_asked_for_is_made() -> None:
         ((), "cutting no joint does not leave a tree"),
     ],
 )
-def test_bad_cuts_are_refused_in_one_sentence(cut: tuple[str, ...], sentence: str) -> None:
+def test_bad_cuts_are_rejected_in_one_sentence(cut: tuple[str, ...], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as told:
         cut_loops(catalog.make("four_bar").mechanism, cut)
     assert "\n" not in str(told.value)
 
 
-def test_a_joint_that_no_constraint_closes_is_refused_as_a_cut() -> None:
+def test_a_joint_that_no_constraint_closes_is_rejected_as_a_cut() -> None:
     with pytest.raises(InputError, match="cut at prismatic joint 'slide', which no MuJoCo constraint closes"):
         cut_loops(catalog.make("slider_crank").mechanism, ("slide",))
 
@@ -134,7 +134,7 @@ def test_links_that_nothing_joins_to_the_frame_are_named() -> None:
         cut_loops(apart)
 
 
-def test_a_loop_without_a_joint_that_can_be_cut_is_refused() -> None:
+def test_a_loop_without_a_joint_that_can_be_cut_is_rejected() -> None:
     slides = chain(
         Joint("crank", "revolute", End(GROUND), End("crank")),
         Joint("way", "prismatic", End("crank"), End("slider")),
@@ -195,13 +195,13 @@ def test_the_fewest_rows_are_cut_but_where_a_joint_is_to_be_kept():
     assert cut_in(chain(*slides), keep=("A",)) == ["A"]
 
 
-def test_what_is_asked_is_cut_even_where_a_joint_that_holds_nothing_could_be():
+def test_what_is_requested_is_cut_even_where_a_joint_that_holds_nothing_could_be():
     held = chain(*rows("crank revolute ground-crank\nfly floating ground-plate\npin revolute crank-plate"))
     assert cut_in(held) == ["fly"]
     assert cut_in(held, "pin") == ["pin"]
 
 
-def test_a_loop_of_joints_that_are_all_needed_is_refused_and_a_held_one_is_called_so():
+def test_a_loop_of_joints_that_are_all_needed_is_rejected_and_a_held_one_is_called_so():
     held = replace(chain(*rows(FOUR_BAR)), locked={"A": 0.3, "B": -0.2})
     with pytest.raises(InputError, match="joint 'B' is held and cannot be cut; cut another"):
         cut_loops(held, ("B",))

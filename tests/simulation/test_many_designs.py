@@ -97,7 +97,7 @@ def test_a_design_that_leaves_its_assembly_or_its_poses_is_not_called_kept():
     assert not check_designs(replace(stepped, qpos=swapped)).same_assembly.any()
 
 
-def test_where_a_crank_cannot_go_is_told():
+def test_where_a_crank_cannot_go_is_reported():
     form = ms.load("watt_six_bar")
     designs = [ms.load("watt_six_bar", {"crank": crank}).mechanism for crank in (0.025, 0.06)]
     models = design_models(shared_model(form.mechanism), started_designs(form.mechanism, designs))

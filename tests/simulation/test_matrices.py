@@ -45,12 +45,12 @@ def test_a_long_chain_is_stepped_with_sparse_matrices_and_moves_as_with_dense_on
         assert (point.position == runs["sparse"].motion.points[name].position).all()
 
 
-def test_the_catalogue_is_stepped_with_dense_matrices_and_says_so() -> None:
+def test_the_catalogue_is_stepped_with_dense_matrices_and_reports_so() -> None:
     run = simulate(catalog.make("rssr").mechanism, speed=10.0, turns=0.1, method="step")
     assert run.settings.jacobian == "dense"
 
 
-def test_a_loop_whose_freedoms_all_touch_is_stepped_with_dense_matrices(study) -> None:
+def test_a_loop_whose_dofs_all_touch_is_stepped_with_dense_matrices(study) -> None:
     model = study.ready(study.polygons(1, 50))
     assert model.nv >= settings.SPARSE_MIN_DOFS
     assert study.gap(model)[1] == 1.0
@@ -85,7 +85,7 @@ def test_a_model_that_mujoco_gets_wrong_is_stepped_with_dense_matrices(study, mo
     assert (True, "sparse") not in taken
 
 
-def test_a_kind_of_matrices_that_does_not_exist_is_refused() -> None:
+def test_a_kind_of_matrices_that_does_not_exist_is_rejected() -> None:
     with pytest.raises(InputError, match="known are auto, dense, sparse"):
         Settings(jacobian="banded")
 

@@ -133,7 +133,7 @@ def opening(mechanism, placed, values):
 
 
 @pytest.mark.parametrize("kind", EQUALITIES)
-def test_an_equality_stands_as_far_open_as_mujoco_says(file, kind):
+def test_an_equality_stands_as_far_open_as_mujoco_states(file, kind):
     read = read_model(file(LOOPS.replace("EQUALITY", EQUALITIES[kind])))
     model = read.spec.compile()
     data = mujoco.MjData(model)
@@ -149,14 +149,14 @@ def test_an_equality_stands_as_far_open_as_mujoco_says(file, kind):
         assert np.sin(found[1] / 2.0) == pytest.approx(np.linalg.norm(rows[3:]), rel=1e-7)
 
 
-def test_what_is_not_active_is_left_out_and_said(file):
+def test_what_is_not_active_is_left_out_and_stated(file):
     text = EQUALITIES["connect"].replace("<connect", '<connect name="shut" active="false"')
     read = read_model(file(LOOPS.replace("EQUALITY", text)))
     assert len(read.mechanism.joints) == 4
     assert read.remarks == ("equality 'shut' is not active and was left out",)
 
 
-def test_an_equality_within_one_link_says_nothing_and_is_told(file):
+def test_an_equality_within_one_link_reports_nothing_and_is_reported(file):
     read = read_model(
         file(LOOPS.replace("EQUALITY", '<connect name="c" body1="a" body2="riser" anchor="0 0 0"/>'))
     )
@@ -164,7 +164,7 @@ def test_an_equality_within_one_link_says_nothing_and_is_told(file):
     assert "do not move against each other" in read.remarks[0]
 
 
-def test_sleep_is_switched_off_and_said_and_ipc_refused(file):
+def test_sleep_is_switched_off_and_stated_and_ipc_rejected(file):
     flags = '<option><flag sleep="enable"/></option><worldbody>'
     asleep = TREE.replace("<worldbody>", flags, 1)
     read = read_model(file(asleep))
@@ -174,7 +174,7 @@ def test_sleep_is_switched_off_and_said_and_ipc_refused(file):
         read_model(file(asleep.replace("sleep", "ipc")))
 
 
-def test_a_missing_mesh_is_said_and_the_rest_is_read(file):
+def test_a_missing_mesh_is_stated_and_the_rest_is_read(file):
     asset = '<asset><mesh name="m" file="gone.stl"/></asset><worldbody>'
     text = TREE.replace("<worldbody>", asset).replace(
         '<geom size="0.01"/>', '<geom type="mesh" mesh="m"/>', 1
@@ -229,7 +229,7 @@ def test_limits_and_actuators_are_facts(file):
     assert read.actuators["p"] == ["slide"]
 
 
-def test_what_mujoco_takes_otherwise_than_it_is_written_is_said(file):
+def test_what_mujoco_takes_otherwise_than_it_is_written_is_stated(file):
     keys = '<keyframe><key name="short" qpos="0.1"/><key name="none" ctrl="0"/></keyframe></mujoco>'
     text = ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" range="2 1"').replace("</mujoco>", keys)
     text = text.replace('<position name="p"', '<position name="p" ctrlrange="1 1" forcerange="-1 1"')
@@ -329,7 +329,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("what", BAD)
-def test_a_file_that_is_none_is_refused_in_one_line(file, what, tmp_path, monkeypatch):
+def test_a_file_that_is_none_is_rejected_in_one_line(file, what, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text, words = BAD[what]
     with pytest.raises(InputError, match=words) as refused:
@@ -338,7 +338,7 @@ def test_a_file_that_is_none_is_refused_in_one_line(file, what, tmp_path, monkey
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 
 
-def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
+def test_a_file_may_be_as_deep_as_is_stated_and_declare_its_kind(file):
     assert mujoco.MjSpec.from_string(nested(MAX_DEPTH)).worldbody.first_body()
     kind = '<?xml version="1.0"?>\n<!DOCTYPE mujoco [\n<!ELEMENT mujoco ANY>\n<!ENTITY b "a > b">\n] >\n'
     assert read_model(file(kind + TREE)).mechanism == read_model(file(TREE)).mechanism
@@ -363,7 +363,7 @@ def test_a_file_may_be_as_deep_as_is_said_and_declare_its_kind(file):
         ({"track": ["tip,ball@0,nan,0"]}, "write NAME,BODY@x,y,z"),
     ],
 )
-def test_a_name_that_is_not_there_is_refused_with_those_that_are(file, asked, words):
+def test_a_name_that_is_not_there_is_rejected_with_those_that_are(file, asked, words):
     with pytest.raises(InputError, match=words):
         read_model(file(TREE), **asked)
 

@@ -36,7 +36,7 @@ def test_elements_stand_where_the_text_has_them():
     assert next(root.every("geom")).empty
 
 
-def test_what_is_no_xml_is_refused():
+def test_what_is_no_xml_is_rejected():
     with pytest.raises(InputError, match="no XML"):
         elements_of("<mujoco><body></mujoco>", "this")
 

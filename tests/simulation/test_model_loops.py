@@ -55,7 +55,7 @@ def test_a_step_that_closes_the_loops_comes_with_the_tangent(mechanism: Mechanis
     np.testing.assert_allclose(tangent, loop_jacobian.tangent(loops, jacobian), rtol=0, atol=1e-8)
 
 
-def test_of_displacements_rates_are_told_in_sizes() -> None:
+def test_of_displacements_rates_are_reported_in_sizes() -> None:
     loops = loops_of(catalog.make("slider_crank").mechanism)
     rates = np.full((1, loops.model.nv), 0.1)
     slides = loops.model.jnt_dofadr[loops.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
@@ -108,7 +108,7 @@ def test_only_loops_that_leave_a_link_to_turn_about_itself_spin() -> None:
         assert loop_jacobian.has_undetermined_dofs(loops) == spins
 
 
-def test_rows_that_say_something_new_at_a_later_state_count_there() -> None:
+def test_rows_that_state_something_new_at_a_later_state_count_there() -> None:
     loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
     slopes, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]
     slopes[:, 0, loops.free[0]] = slopes[0, 1, loops.free[1]] = slopes[1, 2, loops.free[1]] = 1.0
@@ -203,7 +203,7 @@ def test_an_equality_that_is_switched_off_is_no_constraint() -> None:
     assert read_loops(user('<connect body1="b" body2="c" anchor=".2 0 0" active="false"/>')).pairs == []
 
 
-def test_a_model_without_a_crank_is_told_which_joints_it_has() -> None:
+def test_a_model_without_a_crank_is_reported_which_joints_it_has() -> None:
     with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, j, k\)"):
         read_loops(user("", crank="motor"))
 

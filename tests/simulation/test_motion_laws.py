@@ -123,7 +123,7 @@ def test_a_platform_goes_where_its_legs_were_measured():
     assert motion.points["P"].position == pytest.approx(stood(motion.time), abs=1e-10)
 
 
-def test_a_lone_crank_under_a_steady_program_goes_as_at_that_speed():
+def test_a_lone_crank_under_a_steady_motion_law_goes_as_at_that_speed():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
     known = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
@@ -162,7 +162,7 @@ def test_drivers_that_go_where_the_loops_do_not_close_are_stopped_with_the_time(
         simulate(mechanism, motion_laws=moves)
 
 
-def test_programs_that_begin_where_the_loops_cannot_go_are_refused_with_the_place():
+def test_motion_laws_that_begin_where_the_loops_cannot_go_are_rejected_with_the_place():
     mechanism = five_bar()
     moves = make_motion_laws(mechanism, {"left": steady(3.1, 1.0), "right": steady(0.0, 1.0)}, 0.1)
     with pytest.raises(AssemblyError, match=r"left = .*on the way to the start of the motion laws"):
@@ -179,7 +179,7 @@ def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
         simulate(text, motion_laws=moves)
 
 
-def test_what_is_asked_for_twice_or_not_at_all_is_refused():
+def test_what_is_requested_for_twice_or_not_at_all_is_rejected():
     mechanism, moves = CASES["five-bar"]()
     with pytest.raises(InputError, match="both motion laws and a crank's motion"):
         simulate(mechanism, motion_laws=moves, speed=1.0)
@@ -189,14 +189,14 @@ def test_what_is_asked_for_twice_or_not_at_all_is_refused():
         simulate(boom(), motion_laws=moves)
 
 
-def test_drivers_that_go_by_another_program_are_condemned_on_lines_of_their_own():
+def test_drivers_that_go_by_another_motion_law_are_rejected_on_lines_of_their_own():
     mechanism, moves = CASES["five-bar"]()
     other = make_motion_laws(mechanism, ARMS | {"right": waving(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
     verdict = crosscheck(simulate(mechanism, motion_laws=moves), LoopForm(mechanism, motion_laws=other))
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: right"]
 
 
-def test_a_wrong_mechanism_is_condemned():
+def test_a_wrong_mechanism_is_rejected():
     mechanism, moves = CASES["five-bar"]()
     joints = tuple(
         replace(joint, a=End(GROUND, (0.1 + 1e-9, 0.0, 0.0))) if joint.name == "right" else joint

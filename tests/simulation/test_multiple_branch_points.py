@@ -22,7 +22,7 @@ def test_wheels_turn_alike_by_poses_where_all_rods_lie_flat(wheels, lag):
 
 @pytest.mark.parametrize("wheels", [3, 4])
 @pytest.mark.parametrize("samples", [17, 64, 73])
-def test_meetings_are_known_however_many_poses_are_asked_for(wheels, samples):
+def test_branch_points_are_known_however_many_poses_are_requested_for(wheels, samples):
     closed = from_source(wheel_linkages(wheels))
     _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(0.2, 6.1, samples))
     assert [m.angle for m in path.change_points] == pytest.approx([np.pi], abs=1e-9)

@@ -42,7 +42,7 @@ def path(tmp_path):
         (lambda h: 1e-7 * h + 1e-17 / h, (1e-6, 1e-4)),
     ],
 )
-def test_the_way_is_told_by_what_is_left(error, to):
+def test_the_way_is_reported_by_what_is_left(error, to):
     compliance, left = improving_compliance(error, 1e-8, error(1e-8), 1e-11)
     assert to[0] <= compliance <= to[1]
     assert left == error(compliance)
@@ -65,7 +65,7 @@ def test_a_slow_motion_under_weight_keeps_a_tolerance_by_harder_loops(path):
     assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves a position error of" in run.note
 
 
-def test_a_compliance_that_was_asked_for_is_kept_and_the_miss_says_which_would_do(path):
+def test_a_compliance_that_was_requested_for_is_kept_and_the_miss_states_which_would_do(path):
     words = [word for name, how in DRIVES.items() for word in ("--drive", f"{name}={how}")]
     words = ["simulate", path, *words, "--duration", "100s", "--tolerance", "2e-11"]
     said = CliRunner().invoke(app, [*words, "--compliance", "1e-8", "--json"])

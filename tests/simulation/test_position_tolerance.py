@@ -77,7 +77,7 @@ def test_a_short_run_is_not_tried_longer_than_it_is(stepped) -> None:
     assert sum(stepped) <= TRIAL_STEPS + run.steps
 
 
-def test_no_error_at_all_asks_for_the_fewest_steps() -> None:
+def test_no_error_at_all_requests_for_the_fewest_steps() -> None:
     class Exact:
         profile = type("Profile", (), {"turns": TURNS})
         cycle, min_steps = 1.0, 1

@@ -151,7 +151,7 @@ def test_joints_that_follow_another_are_counted_from_where_the_model_has_them():
 
 
 @pytest.mark.parametrize("weightless", [False, True])
-def test_a_pendulum_accelerates_as_newton_says(weightless):
+def test_a_pendulum_accelerates_as_newton_states(weightless):
     loops, track = of_text(PENDULUM, ["tip"])
     if weightless:
         loops.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)

@@ -78,7 +78,7 @@ def test_no_more_steps_than_the_most_are_spent(monkeypatch):
 
 
 @pytest.mark.parametrize(("needed", "last"), [(1900, 1900), (2100, 500)])
-def test_more_than_the_most_are_spent_only_where_they_are_foretold_to_be_enough(needed, last, monkeypatch):
+def test_more_than_the_most_are_spent_only_where_they_are_predicted_to_be_enough(needed, last, monkeypatch):
     monkeypatch.setattr(tolerance, "MAX_STEPS", 500)
     attempt, asked = attempts(lambda n: n**-4.0)
     _, promise = tolerance.run_within_tolerance(
@@ -94,7 +94,7 @@ def test_an_attempt_coarser_than_the_trials_is_followed_by_one_as_fine():
     assert asked == [30, 100]
 
 
-def test_numbers_of_steps_are_multiples_of_what_is_asked_for():
+def test_numbers_of_steps_are_multiples_of_what_is_requested_for():
     attempt, asked = attempts(lambda n: n**-4.0)
     tolerance.run_within_tolerance(attempt, 1e-12, 48, why, multiple=48)
     assert all(n % 48 == 0 for n in asked)

@@ -151,7 +151,7 @@ def test_a_guided_coupler_keeps_its_tolerance_too() -> None:
     assert worst(run.motion, exact) <= 1e-8
 
 
-def test_a_tolerance_below_rounding_is_missed_and_says_by_how_much() -> None:
+def test_a_tolerance_below_rounding_is_missed_and_states_by_how_much() -> None:
     run = simulate(catalog.make("slider_crank").mechanism, speed=10.0, turns=0.05, tolerance=1e-19)
     assert run.outcome == "failed"
     assert 1e-19 < run.estimate < 1e-11
@@ -184,7 +184,7 @@ def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
             assert np.abs(run.motion.acceleration - acceleration).max() < 1e-9
 
 
-def test_a_crank_that_cannot_pass_is_refused_and_told_where() -> None:
+def test_a_crank_that_cannot_pass_is_rejected_and_reported_where() -> None:
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     for method in ("step", "pose"):
         with pytest.raises(AssemblyError, match="the crank cannot pass") as told:
@@ -204,7 +204,7 @@ def test_a_crank_that_swings_within_its_range_is_stepped() -> None:
     assert worst(run.motion, drive.solve(run.motion.angle, run.motion.speed)) <= 1e-6
 
 
-def test_a_run_that_blows_up_is_diverged_and_its_motion_says_so() -> None:
+def test_a_run_that_blows_up_is_diverged_and_its_motion_reports_so() -> None:
     run = simulate(
         catalog.make("rssr").mechanism,
         speed=62.0,
@@ -231,7 +231,7 @@ def test_a_soft_loop_is_reported_by_its_true_error() -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 7, 36])
-def test_exactly_the_samples_asked_for_are_recorded_evenly(samples: int) -> None:
+def test_exactly_the_samples_requested_for_are_recorded_evenly(samples: int) -> None:
     run = simulate(catalog.make("rssr").mechanism, speed=10.0, samples=samples, method="step")
     assert len(run.motion) == samples + 1
     spacing = np.diff(run.motion.angle)
@@ -330,7 +330,7 @@ def test_a_users_spec_is_left_as_it_was() -> None:
         ({"speed": None}, "neither a crank speed nor a profile"),
     ],
 )
-def test_values_that_cannot_be_used_are_refused_in_one_sentence(change: dict, sentence: str) -> None:
+def test_values_that_cannot_be_used_are_rejected_in_one_sentence(change: dict, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as told:
         simulate(catalog.make("four_bar").mechanism, **({"speed": 1.0} | change))
     assert "\n" not in str(told.value)
@@ -346,25 +346,25 @@ def test_values_that_cannot_be_used_are_refused_in_one_sentence(change: dict, se
         ({"solref": (np.nan, 1.0)}, "solref is"),
     ],
 )
-def test_settings_that_cannot_be_used_are_refused(change: dict, sentence: str) -> None:
+def test_settings_that_cannot_be_used_are_rejected(change: dict, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         Settings(**change)
 
 
-def test_a_file_that_is_not_there_and_a_text_that_is_no_model_are_refused() -> None:
+def test_a_file_that_is_not_there_and_a_text_that_is_no_model_are_rejected() -> None:
     with pytest.raises(InputError, match=r"there is no MJCF file 'nowhere\.xml'"):
         simulate("nowhere.xml", speed=1.0)
     with pytest.raises(InputError, match="MuJoCo cannot read the model"):
         simulate("<mujoco><worldbody><bod/></worldbody></mujoco>", speed=1.0)
 
 
-def test_a_model_without_sites_is_told_to_name_some() -> None:
+def test_a_model_without_sites_is_advised_to_name_some() -> None:
     text = FOUR_BAR.format(f=0.0, closing="").replace("<site", "<!--").replace('0"/></body>', '0"--></body>')
     with pytest.raises(InputError, match="put a named site at each point"):
         simulate(text, speed=1.0)
 
 
-def test_the_method_is_what_is_asked_for_and_the_run_names_it() -> None:
+def test_the_method_is_what_is_requested_for_and_the_run_names_it() -> None:
     mechanism = catalog.make("rssr").mechanism
 
     def method(**asked) -> str:
@@ -393,14 +393,14 @@ def test_a_point_that_the_crank_leaves_free_is_stepped() -> None:
         assert simulate(text, speed=10.0, turns=0.1).method == wanted
 
 
-def test_a_crank_that_its_drive_loses_is_a_diverged_run_and_says_where() -> None:
+def test_a_crank_that_its_drive_loses_is_a_diverged_run_and_states_where() -> None:
     mechanism = catalog.make("rssr").mechanism
     run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(drive_inertia=1e-6))
     assert run.outcome == "diverged"
     assert "the crank stands at" in run.motion.broken
 
 
-def test_a_body_that_falls_beside_the_linkage_changes_nothing_of_its_outcome() -> None:
+def test_a_body_that_falls_next_to_the_linkage_changes_nothing_of_its_outcome() -> None:
     drive = catalog.make("four_bar")
     spec = assembled(drive.mechanism, Scene())
     spec.option.gravity = 0.0, -9.81, 0.0
@@ -416,7 +416,7 @@ def test_a_body_that_falls_beside_the_linkage_changes_nothing_of_its_outcome() -
     assert crosscheck(run, drive).passed
 
 
-def test_a_run_given_to_the_judge_is_judged_by_its_own_tolerance() -> None:
+def test_a_run_given_to_the_check_is_checked_by_its_own_tolerance() -> None:
     drive = catalog.make("rssr")
     run = simulate(drive.mechanism, speed=62.8, tolerance=1e-7)
     place = next(check for check in crosscheck(run, drive).checks if check.kind == "position")
@@ -444,7 +444,7 @@ def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(name: 
     assert worst(run.motion, exact, "acceleration") < 0.3 * largest
 
 
-def test_a_linkage_that_lies_exactly_flat_goes_on_there_as_it_came_on_both_roads() -> None:
+def test_a_linkage_that_lies_exactly_flat_goes_on_there_as_it_came_on_both_methods() -> None:
     flat = load("sarrus", {"upper": "40mm"})
     posed = simulate(flat, profile=simulation.constant(-6.0, 0.3, 0.0), method="pose").motion
     solved = [flat.solve(angles, 2.0) for angles in ([0.0], np.linspace(0.5, -0.5, 8), [0.3, 0.0, -0.3])]
@@ -454,7 +454,7 @@ def test_a_linkage_that_lies_exactly_flat_goes_on_there_as_it_came_on_both_roads
         np.testing.assert_allclose(height.velocity[:, 2], 0.08 * speed * np.cos(motion.angle), atol=1e-11)
 
 
-def test_forces_of_links_that_all_turn_evenly_are_judged_by_their_speed() -> None:
+def test_forces_of_links_that_all_turn_evenly_are_checked_by_their_speed() -> None:
     found = driven(load("parallel_gripper").mechanism, speed=60.0, samples=6, method="pose").forces
     assert found.residual.max() < 1e-11
 

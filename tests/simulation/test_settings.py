@@ -30,7 +30,7 @@ def command(function) -> typer.Typer:
 
 
 @pytest.mark.parametrize("one", FIELDS, ids=lambda one: one.name)
-def test_a_setting_says_what_it_is_and_keeps_its_default(one) -> None:
+def test_a_setting_states_what_it_is_and_keeps_its_default(one) -> None:
     assert one.metadata["about"].endswith(".")
     assert getattr(replace(Settings(), **{one.name: one.default}), one.name) == one.default
 
@@ -38,7 +38,7 @@ def test_a_setting_says_what_it_is_and_keeps_its_default(one) -> None:
 @pytest.mark.parametrize(
     "one", [one for one in FIELDS if not isinstance(one.default, bool)], ids=lambda one: one.name
 )
-def test_every_setting_refuses_what_is_none_of_its_values_in_one_line(one) -> None:
+def test_every_setting_rejects_what_is_none_of_its_values_in_one_line(one) -> None:
     for wrong in ("none of them", np.nan, -1.0, (np.nan, 1.0)):
         with pytest.raises(InputError) as told:
             Settings(**{one.name: wrong})
@@ -69,7 +69,7 @@ def test_what_is_written_and_nothing_else_reaches_the_command(name) -> None:
     assert getattr(Settings(**found), field) != getattr(Settings(), field)
 
 
-def test_a_setting_that_is_declared_is_an_option_a_refusal_and_a_row() -> None:
+def test_a_setting_that_is_declared_is_an_option_a_rejection_and_a_row() -> None:
     @dataclass(frozen=True)
     class More(Settings):
         noise: float = settings.number(1.0, "Noise.", doc="How loud.", row=("noise", "{:g} dB".format))

@@ -58,7 +58,7 @@ def rocker_end(coupler, rocker, through, sign):
         (80.0, 30.0 + 1e-3, "smooth"),
     ],
 )
-def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_beside(coupler, rocker, through):
+def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_next_to(coupler, rocker, through):
     form = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).with_change_point(through)
     model = from_source(form)
     states = follow.follow(model.loops, model.qpos, ANGLES)
@@ -68,7 +68,7 @@ def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_beside(coupl
     assert off <= (1e-11 if rocker != 45.0 + 1e-5 else 1e-8)
 
 
-def test_a_run_by_poses_has_rates_where_a_spherical_linkage_lies_flat_and_a_stepped_one_says_so():
+def test_a_run_by_poses_has_rates_where_a_spherical_linkage_lies_flat_and_a_stepped_one_reports_so():
     form = ms.load("spherical_four_bar", set=arcs(65.0, 45.0))
     run = ms.simulate(form, speed=10.0, turns=2.0, method="pose", samples=48)
     exact = form.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)

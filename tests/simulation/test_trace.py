@@ -13,7 +13,7 @@ from mechsim.simulation.source import from_source, initial_guess
 from mechsim.studies.extremes.special_designs import special_designs
 
 
-def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_told_from_a_leap():
+def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_distinguished_from_a_leap():
     """A wheel geared up twenty times turns a four-bar: the crank's stride would be over a turn of it."""
     ground = {name: End("ground", (x, 0.0, 0.0)) for name, x in (("p", 0.0), ("q", 0.05), ("r", 0.13))}
     joints = (

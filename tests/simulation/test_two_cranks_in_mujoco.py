@@ -42,7 +42,7 @@ def test_both_cranks_geared_move_in_mujoco_as_the_plans_add_up():
             np.testing.assert_allclose(run.points[name].velocity[i], plan.velocities[name], atol=1e-12)
 
 
-def test_a_plan_with_the_wrong_crank_stopped_is_told_apart():
+def test_a_plan_with_the_wrong_crank_stopped_is_distinguished_apart():
     drive = catalog.make("warp_knitter")
     plan = velocity_plan(drive, 0.3, SPEED)
     two = simulated_velocities(one_crank_stopped(drive, "crank1", 0.3), drive.gear_ratio * SPEED)

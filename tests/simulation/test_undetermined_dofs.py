@@ -55,7 +55,7 @@ def tree(beside=""):
     ],
     ids=["five-bar", "gripper", "tree"],
 )
-def test_poses_that_the_crank_does_not_settle_are_refused_with_what_is_open(model, named):
+def test_poses_that_the_crank_does_not_settle_are_rejected_with_what_is_open(model, named):
     with pytest.raises(MobilityError, match=r"underdetermined.*--method step") as refused:
         simulate(model, speed=1.0, turns=0.02, method="pose")
     assert refused.value.outcome == "underdetermined"
@@ -69,14 +69,14 @@ def test_a_five_bar_with_both_cranks_driven_is_determined():
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_more_drivers_than_freedoms_are_refused(method):
+def test_more_drivers_than_dofs_are_rejected(method):
     held = '<joint joint1="A" polycoef="0 0 0 0 0"/><joint joint1="C" polycoef="0 0 0 0 0"/></equality>'
     with pytest.raises(MobilityError, match=r"overdetermined.*crank angle 0 rad") as refused:
         simulate(FIVE_BAR.replace("</equality>", held), speed=1.0, turns=0.02, method=method)
     assert refused.value.outcome == "overdetermined"
 
 
-def test_a_free_body_beside_a_sound_mechanism_and_an_idle_spin_are_no_freedom():
+def test_a_free_body_next_to_a_valid_mechanism_and_an_idle_spin_are_no_dof():
     free = '<body name="f" pos="1 1 1"><freejoint/><geom size=".01"/><site name="Q"/></body>'
     model = tree(free).replace('<joint name="loose" axis="0 0 1"/>', "")
     assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "passed"
@@ -85,7 +85,7 @@ def test_a_free_body_beside_a_sound_mechanism_and_an_idle_spin_are_no_freedom():
         assert (found.undetermined, found.immobile_drivers, found.at_change_point) == ((), (), False), name
 
 
-def test_a_joint_does_not_leave_its_range_and_the_sentence_says_which():
+def test_a_joint_does_not_leave_its_range_and_the_sentence_states_which():
     limited = FIVE_BAR.replace("</equality>", SECOND).replace(
         'name="C" axis="0 0 1"', 'name="C" axis="0 0 1" limited="true" range="-60 60"'
     )
@@ -97,7 +97,7 @@ def test_a_joint_does_not_leave_its_range_and_the_sentence_says_which():
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_start_where_assemblies_meet_is_refused_with_its_angle(method):
+def test_a_start_where_assemblies_meet_is_rejected_with_its_angle(method):
     mechanism = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04).mechanism
     flat = {
         name: mechanism.guess[name].__class__(np.array(at), np.eye(3))

@@ -79,7 +79,7 @@ def test_a_loop_closed_by_a_weld_is_a_four_bar(weld, method, near):
     assert set(joints) == {"motor", "A", "C", "D"}
 
 
-def test_what_stepping_changes_of_ones_own_model_is_said():
+def test_what_stepping_changes_of_ones_own_model_is_stated():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     said = swept(text, drive="motor", speed=2.0, method="step").note
     assert "own time step" in said
@@ -88,7 +88,7 @@ def test_what_stepping_changes_of_ones_own_model_is_said():
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_program_moves_a_hinge_as_a_speed_does(method):
+def test_a_motion_law_moves_a_hinge_as_a_speed_does(method):
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     known = swept(text, drive="motor", speed=2.0, method="pose").motion
     moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, known.time[-1])
@@ -97,7 +97,7 @@ def test_a_program_moves_a_hinge_as_a_speed_does(method):
     assert motion.drivers == ("motor",)
 
 
-def test_a_gripper_coupled_by_tendons_closes_as_they_say():
+def test_a_gripper_coupled_by_tendons_closes_as_they_state():
     text = GRIPPER.replace("ACTIVE", "false").replace("EXTRA", "0")
     moves = by_name({"left": lambda t: (0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
     for method in ("pose", "step"):
@@ -143,13 +143,13 @@ def test_what_a_model_has_not_is_named():
         swept(text, drive="motor", speed=1.0, key="behind")
 
 
-def test_a_joint_that_cannot_go_where_it_is_held_is_refused_with_the_place():
+def test_a_joint_that_cannot_go_where_it_is_held_is_rejected_with_the_place():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     with pytest.raises((AssemblyError, MobilityError), match=r"D = |overdetermined"):
         swept(text, drive="motor", speed=1.0, lock={"D": 2.0})
 
 
-def test_the_clock_of_programs_stands_under_no_default_and_in_no_record():
+def test_the_clock_of_motion_laws_stands_under_no_default_and_in_no_record():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, 0.5)
     assert isinstance(moves, MotionLaws)

@@ -48,7 +48,7 @@ def swings(draw, name):
 @pytest.mark.parametrize("name", grid(SWINGING, ("rssr",)))
 @given(data=st.data())
 @settings(max_examples=2, phases=[Phase.generate])
-def test_no_road_refuses_a_swing_inside_the_range_on_any_lap(name, data):
+def test_no_method_rejects_a_swing_inside_the_range_on_any_revolution(name, data):
     drive, profile = data.draw(swings(name))
     mechanism = drive.mechanism
     poses = simulate(mechanism, profile=profile, samples=24, method="pose")
@@ -101,7 +101,7 @@ LOOPER = catalog.Looper(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("drive", [KNITTER, LOOPER], ids=["warp_knitter", "looper"])
-def test_where_a_crank_turns_by_more_than_a_turn_all_roads_mean_the_same_pose_on_another_lap(drive):
+def test_where_a_crank_turns_by_more_than_a_turn_all_methods_mean_the_same_pose_on_another_revolution(drive):
     low, high = interval_around(drive.crank_range(), drive.mechanism.start)
     assert high - low > REVOLUTION
     for middle, reach in ((low + 0.06, 0.05), (0.5 * (low + high), 0.49 * (high - low))):
@@ -113,7 +113,7 @@ def test_where_a_crank_turns_by_more_than_a_turn_all_roads_mean_the_same_pose_on
                 np.testing.assert_allclose(road.points[point].position, place, rtol=0, atol=1e-11)
 
 
-def test_no_road_goes_on_beyond_a_dead_centre_in_the_pose_of_a_turn_before():
+def test_no_method_goes_on_beyond_a_dead_centre_in_the_pose_of_a_turn_before():
     high = LOOPER.crank_range().arcs[0][1]
     angles = np.linspace(high - 0.4, high + 0.1, 9)
     for lap in (-2, 0, 1):
@@ -123,7 +123,7 @@ def test_no_road_goes_on_beyond_a_dead_centre_in_the_pose_of_a_turn_before():
         loops.solve(LOOPER.mechanism, angles)
 
 
-def test_a_crank_whose_range_begins_beyond_half_a_turn_starts_there_and_says_so_in_its_model():
+def test_a_crank_whose_range_begins_beyond_half_a_turn_starts_there_and_reports_so_in_its_model():
     drive = catalog.make(
         "rssr",
         crank=0.018,
@@ -139,7 +139,7 @@ def test_a_crank_whose_range_begins_beyond_half_a_turn_starts_there_and_says_so_
     assert run.motion.angle[0] == drive.mechanism.start
 
 
-def test_a_swing_that_leaves_the_range_is_refused_on_every_lap():
+def test_a_swing_that_leaves_the_range_is_rejected_on_every_revolution():
     drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
     low, high = drive.crank_range().arcs[0]
     for lap in (-2, 0, 1):
@@ -148,7 +148,7 @@ def test_a_swing_that_leaves_the_range_is_refused_on_every_lap():
             simulate(drive.mechanism, profile=profile)
 
 
-def test_a_geared_crank_that_turns_into_another_linkage_is_refused_on_another_lap():
+def test_a_geared_crank_that_turns_into_another_linkage_is_rejected_on_another_revolution():
     """Geared three to two, the second crank stands on its other side after a turn of the first."""
     for seed in range(60):
         drive = random_knitter(seed, -1.5)

@@ -29,7 +29,7 @@ STIFF = {
 
 
 @pytest.mark.parametrize("part", STIFF)
-def test_the_part_that_is_too_stiff_for_a_step_is_named_and_what_it_asks_for_is_enough(tmp_path, part):
+def test_the_part_that_is_too_stiff_for_a_step_is_named_and_what_it_requests_for_is_enough(tmp_path, part):
     text, rk4 = FINGER.replace(*STIFF[part]), PlainSettings(integrator="RK4", timestep=5e-4)
     said = broken(tmp_path, text, rk4)
     assert said.startswith(f"stiffness: {part} asks for steps below")
@@ -75,7 +75,7 @@ def test_a_run_that_diverges_is_followed_by_finer_ones(tmp_path):
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
-def test_the_steps_are_no_finer_than_a_tolerance_asks_for(tmp_path, tolerance):
+def test_the_steps_are_no_finer_than_a_tolerance_requests_for(tmp_path, tolerance):
     one = scene(tmp_path, drive={"knuckle": "0.5*sin(2*pi*t)"})
     _, errors, used = finer(one, PlainSettings(timestep=0.002), tolerance)
     assert errors.closure <= tolerance

@@ -122,7 +122,7 @@ def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("case", CASES)
-def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
+def test_mujoco_agrees_and_a_heavier_link_is_rejected(case, method):
     machine = CASES[case]()
     settings = Settings(steps_per_turn=1000) if method == "step" else None
     run = driven(
@@ -146,7 +146,7 @@ def test_mujoco_agrees_and_a_heavier_link_is_refused(case, method):
 
 
 @pytest.mark.parametrize("case", BENT)
-def test_efforts_stepped_as_if_a_coupling_were_straight_are_refused(case, monkeypatch):
+def test_efforts_stepped_as_if_a_coupling_were_straight_are_rejected(case, monkeypatch):
     machine = BENT[case]()
 
     def judged():
@@ -163,7 +163,7 @@ def test_efforts_stepped_as_if_a_coupling_were_straight_are_refused(case, monkey
     assert judged() >= {"drive torque", "driver effort"}
 
 
-def test_a_flywheel_under_programs_is_refused():
+def test_a_flywheel_under_motion_laws_is_rejected():
     machine = held_rack()
     with pytest.raises(InputError, match=r"flywheel.*motion laws"):
         machine.with_forces(Forces(flywheel=1.0))

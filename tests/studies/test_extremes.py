@@ -50,13 +50,13 @@ def test_a_coupler_a_million_times_lighter_or_heavier_moves_the_same(ratio):
     assert trial.error < 1e-7
 
 
-def test_a_hinge_put_together_the_other_way_round_is_told_by_the_links_though_no_point_differs():
+def test_a_hinge_put_together_the_other_way_round_is_reported_by_the_links_though_no_point_differs():
     trial = axes.far_start(catalog.make("rrsrr"), 1.32, seed=2)
     assert trial.error < 1e-9
     assert trial.outcome == trial.right == "failed"
 
 
-def test_a_massless_rod_is_refused_in_one_line():
+def test_a_massless_rod_is_rejected_in_one_line():
     assert axes.mass_ratio(catalog.make("rssr"), 0.0).outcome == "cannot assemble"
     spec = assembled(catalog.make("rssr").mechanism, Scene())
     body = spec.body("coupler")
@@ -66,7 +66,7 @@ def test_a_massless_rod_is_refused_in_one_line():
 
 
 @pytest.mark.parametrize("name", grid(SWINGING))
-def test_poses_come_to_a_dead_centre_and_are_refused_as_little_beyond(name):
+def test_poses_come_to_a_dead_centre_and_are_rejected_as_little_beyond(name):
     drive = catalog.make(name)
     for value in (1e-3, 1e-12):
         assert axes.dead_centre(drive, value, "pose", False).passed
@@ -80,14 +80,14 @@ def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
 
 
 @pytest.mark.parametrize("which", special_designs("four_bar").change_points)
-def test_beside_a_change_point_it_is_met_and_through_it_true(which):
+def test_next_to_a_change_point_it_is_met_and_through_it_true(which):
     drive = catalog.make("four_bar")
     assert axes.change_point(drive, which, True).outcome == "passed"
     assert axes.change_point(drive, which, False).passed
 
 
 @pytest.mark.parametrize("value", [1e-2, 0.3, 3.0])
-def test_a_far_start_is_told_for_what_it_leads_to(value):
+def test_a_far_start_is_reported_for_what_it_leads_to(value):
     assert all(axes.far_start(catalog.make("four_bar"), value, seed).passed for seed in range(4))
 
 
@@ -98,7 +98,7 @@ def test_gears_and_many_turns():
     assert drift.last == pytest.approx(drift.first, rel=0.05)
 
 
-def test_a_run_that_says_what_is_not_so_fails_the_study():
+def test_a_run_that_states_what_is_not_so_fails_the_study():
     honest = Trial(axis="steps", mechanism="rssr", value=9.0, outcome="failed", right="failed")
     assert StabilityMap([honest]).passed
     assert not StabilityMap([replace(honest, outcome="passed")]).passed

@@ -47,7 +47,7 @@ def test_uncertainties_are_those_of_many_measurements():
     assert 0.7 <= np.mean([fit.spread for fit in fits]) <= 1.3
 
 
-def test_without_deviations_what_is_left_tells_them():
+def test_without_deviations_what_is_left_reports_them():
     table = measured(2e-5)
     bare = {name: column for name, column in table.items() if "±" not in name}
     weighed, plain = (ms.fit("four_bar", one, ["coupler", "rocker"]) for one in (table, bare))
@@ -56,7 +56,7 @@ def test_without_deviations_what_is_left_tells_them():
     )
 
 
-def test_what_a_joint_alone_does_not_tell_is_named():
+def test_what_a_joint_alone_does_not_report_is_named():
     motion = catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
     table = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value + 4.0 * np.pi}
     found = ms.fit("four_bar", table, ["ground", "crank", "coupler", "rocker"])
@@ -76,7 +76,7 @@ def test_a_dimension_that_nothing_measured_depends_on_is_named_alone():
     assert set(found.deviations) == {"coupler", "rocker"}
 
 
-def test_a_file_of_the_gallery_is_fitted_under_its_programs():
+def test_a_file_of_the_gallery_is_fitted_under_its_motion_laws():
     of = ms.moved("five_bar")
     motion = of.designs.make({"arm": 0.061}).solve(t=of.over[1][::12])
     columns = dict(motion.columns())
@@ -145,7 +145,7 @@ def test_the_force_of_a_driver_that_slides_is_called_as_in_the_reference_data():
         single({"force:s1": np.zeros(1)}, of)
 
 
-def test_a_zero_is_refused_where_there_is_none():
+def test_a_zero_is_rejected_where_there_is_none():
     with pytest.raises(InputError, match="no lone crank without a motion law whose zero could be unknown"):
         ms.fit("five_bar", {"t": [0.0, 0.1], "P.x": [0.0, 0.0]}, ["arm"], offset=True)
 
@@ -165,18 +165,18 @@ def test_a_zero_is_refused_where_there_is_none():
         ({"C.x": None, "C.y": None}, ["coupler"], "holds no measured quantity"),
     ],
 )
-def test_a_table_that_does_not_serve_is_refused_in_one_line(change, vary, said):
+def test_a_table_that_does_not_serve_is_rejected_in_one_line(change, vary, said):
     table = {name: column for name, column in {**measured(), **change}.items() if column is not None}
     with pytest.raises(InputError, match=said):
         ms.fit("four_bar", table, vary)
 
 
-def test_fewer_numbers_than_dimensions_are_refused():
+def test_fewer_numbers_than_dimensions_are_rejected():
     table = {name: column[:1] for name, column in measured().items()}
     with pytest.raises(InputError, match="2 numbers are measured and 3 dimensions wanted"):
         ms.fit("four_bar", table, [*TRUE])
 
 
-def test_a_start_that_cannot_stand_where_it_was_measured_is_refused():
+def test_a_start_that_cannot_stand_where_it_was_measured_is_rejected():
     with pytest.raises(AssemblyError, match="does not close"):
         ms.fit(catalog.make("four_bar", rocker=0.035), measured(), ["coupler"])

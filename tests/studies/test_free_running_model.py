@@ -35,7 +35,7 @@ def place_error(model, form, turns=3.0):
 
 
 @pytest.mark.slow
-def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_says():
+def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_states():
     form = catalog.make("four_bar")
     spec = exported(form.mechanism, Scene())
     text, said = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)

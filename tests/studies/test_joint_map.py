@@ -179,7 +179,7 @@ def test_wrong_requests_end_in_one_sentence(arguments, message, tmp_path, monkey
     assert not output.exists()
 
 
-def test_the_command_writes_arrays_and_says_how_exact_they_are(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_arrays_and_states_how_exact_they_are(tmp_path, monkeypatch, capsys):
     output = tmp_path / "map.npz"
     line = ["mechsim", "map", "four_bar", "--from", "crank=20deg:80deg", "--to", "rocker", "--degree", "4"]
     monkeypatch.setattr("sys.argv", [*line, "-o", str(output), "--json"])

@@ -154,7 +154,7 @@ def test_every_link_is_in_equilibrium_under_all_forces_reported_on_it(case, meth
     assert equilibrium.largest_slip(made.mechanism, motion, efforts) <= BALANCED
 
 
-def test_the_law_is_asked_of_every_kind_of_joint_and_coupling():
+def test_the_law_is_requested_of_every_kind_of_joint_and_coupling():
     made = [CASES[case]().mechanism for case in CASES]
     kinds = {joint.kind for mechanism in made for joint in mechanism.joints}
     every = "revolute prismatic cylindrical screw universal spherical planar fixed"
@@ -209,7 +209,7 @@ def test_the_thread_of_a_press_carries_its_load_and_the_torque_that_goes_with_it
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_hold_beside_a_crank_is_reported_and_balances_its_links(method):
+def test_a_hold_next_to_a_crank_is_reported_and_balances_its_links(method):
     made = train(1)
     mechanism = replace(made.mechanism, couplings=made.mechanism.couplings[:1], locked={"cam": 0.01})
     if method == "MuJoCo":

@@ -74,7 +74,7 @@ def test_a_generated_function_is_the_nearest_of_its_neighbours():
         assert missed({free[0]: part * found.values[free[0]]}) > found.after
 
 
-def test_a_limit_that_cannot_be_kept_is_said_to_be_missed():
+def test_a_limit_that_cannot_be_kept_is_stated_to_be_missed():
     start = ms.moved("four_bar", angles=TURN)
     found = ms.optimise(
         start, {"rocker": (0.07, 0.08)}, "rms:rocker.v", [MeasureLimit("range:rocker", low=6.0)]
@@ -110,12 +110,12 @@ def test_a_search_goes_back_from_where_no_crank_turns():
         ({}, "rms:torque", "no dimension may vary"),
     ],
 )
-def test_what_cannot_be_searched_is_refused_in_one_line(vary, goal, said):
+def test_what_cannot_be_searched_is_rejected_in_one_line(vary, goal, said):
     with pytest.raises(InputError, match=said):
         ms.optimise(ms.moved("four_bar", angles=TURN), vary, goal)
 
 
-def test_a_function_that_loses_its_derivative_is_refused():
+def test_a_function_that_loses_its_derivative_is_rejected():
     lost = Goal(("rocker.v",), lambda given: np.abs(given["rocker.v"]))
     with pytest.raises(InputError, match="gives real numbers of what carries a derivative"):
         ms.optimise(ms.moved("four_bar", angles=TURN), {"crank": (0.01, 0.04)}, lost)
@@ -141,7 +141,7 @@ WORDS = [
 
 
 @pytest.mark.parametrize("word", WORDS)
-def test_a_measure_is_the_one_of_a_sweep_and_its_slope_that_of_two_sweeps(word):
+def test_a_measure_is_the_one_of_a_sweep_and_its_jacobian_that_of_two_sweeps(word):
     start, step = ms.moved("four_bar", angles=TURN, speed=10.0), 2.0**-14
     goal, name = goal_of(word, start), "coupler"
     found = start.derivatives(start.quantities(goal.quantities), [name])

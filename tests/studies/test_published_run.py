@@ -100,7 +100,7 @@ def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_pat
         assert [one["kind"] for one in told["findings"]][-1] == "published"
 
 
-def test_the_run_as_published_starts_in_the_keyframe_that_is_asked_for(tmp_path):
+def test_the_run_as_published_starts_in_the_keyframe_that_is_requested_for(tmp_path):
     first, _ = published_scene(loaded(scene(tmp_path)))
     there = " ".join(repr(float(value)) for value in first.closure.moved_to(first.start[0], {"crank": 0.5}))
     key = f'<keyframe><key name="out" qpos="{there}"/></keyframe></mujoco>'
@@ -112,7 +112,7 @@ def test_the_run_as_published_starts_in_the_keyframe_that_is_asked_for(tmp_path)
     assert first.start[0][0] == 0.0
 
 
-def test_a_sound_scene_passes_however_short_its_stroke_is(tmp_path):
+def test_a_valid_scene_passes_however_short_its_stroke_is(tmp_path):
     path = scene(tmp_path)
     for amplitude in (1e-2, 1e-3):
         case = case_of(loaded(path, f"{amplitude}*sin(6*pi*t)"))

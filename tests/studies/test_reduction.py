@@ -113,7 +113,7 @@ def test_a_reduced_scene_keeps_the_tolerance_in_plain_mujoco_over_motions_not_us
         )
 
 
-def test_what_was_left_out_is_told_in_the_file_and_what_is_needed_is_still_there(found):
+def test_what_was_left_out_is_reported_in_the_file_and_what_is_needed_is_still_there(found):
     text = with_comment(found, "scene.xml", BOUND, "m")
     model = mujoco.MjModel.from_xml_string(text)
     assert [item.candidate.what in text for item in found.left_out] == [True] * len(found.left_out)
@@ -168,7 +168,7 @@ def test_a_spelled_out_scene_is_the_same_scene(cluttered):
     assert np.abs(states[0] - states[1]).max() < 1e-12
 
 
-def test_the_bench_condemns_a_scene_that_lacks_what_it_needs(cluttered):
+def test_the_bench_rejects_a_scene_that_lacks_what_it_needs(cluttered):
     _, _, evaluator = cluttered
     assert evaluator.errors(evaluator.scene(evaluator.spec)).trajectory == 0.0
     spring = next(c for c in springs(observed(evaluator)) if c.what == "spring of swing")
@@ -254,7 +254,7 @@ def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path, in
     assert worst[True] < 0.1 * worst[False]
 
 
-def test_a_scene_that_diverges_is_refused(tmp_path):
+def test_a_scene_that_diverges_is_rejected(tmp_path):
     user, spec = scene(tmp_path, FINGER.replace('kv="0.02"', 'kv="50"'))
     with pytest.raises(InputError, match="diverges over its motion"):
         reduce_scene(user, spec, 1e-5)
@@ -301,7 +301,7 @@ def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
         with_candidate(spec, fitted)
 
 
-def test_a_tracked_point_that_stays_where_it_is_is_refused(tmp_path):
+def test_a_tracked_point_that_stays_where_it_is_is_rejected(tmp_path):
     user, spec = scene(tmp_path, SERVO, track=("P,arm@0,0,0",))
     with pytest.raises(InputError, match=r"moves by 0 m .* track a point that moves"):
         reduce_scene(user, spec, 1e-5)

@@ -15,7 +15,7 @@ def table_of(name):
 
 
 @pytest.mark.parametrize("name", ["rssr", "five_bar"])
-def test_all_roads_agree_with_the_data(name):
+def test_all_methods_agree_with_the_data(name):
     table = table_of(name)
     closed = ms.catalog.make(name) if name == "rssr" else None
     case = by_reference(ms.load(str(table.mechanism)), table, closed)
@@ -27,7 +27,7 @@ def test_all_roads_agree_with_the_data(name):
     )
 
 
-def test_a_wrong_digit_far_behind_is_missed_on_every_road():
+def test_a_wrong_digit_far_behind_is_missed_on_every_method():
     table = table_of("slider_crank")
     point = table.points["B"]
     changed = replace(point, acceleration=point.acceleration * (1.0 + 1e-10))

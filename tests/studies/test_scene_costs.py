@@ -15,7 +15,7 @@ def costs(tmp_path_factory):
     return {one.what: one for one in found}
 
 
-def test_each_thing_is_turned_on_or_off_alone_and_judged_against_the_scene_as_it_is(costs):
+def test_each_thing_is_turned_on_or_off_alone_and_checked_against_the_scene_as_it_is(costs):
     own = costs["as it is"]
     assert (own.error, own.ratio) == (0.0, 1.0)
     model = mujoco.MjModel.from_xml_string(CLUTTER)
@@ -38,6 +38,6 @@ def test_what_is_needed_is_seen_to_be(costs):
     assert loops.error > 1e-3
 
 
-def test_costs_of_a_scene_that_diverges_are_refused(tmp_path):
+def test_costs_of_a_scene_that_diverges_are_rejected(tmp_path):
     with pytest.raises(InputError, match="diverges"):
         scene_costs(*scene(tmp_path, CLUTTER.replace('kv="0.02"', 'kv="50"')))

@@ -60,7 +60,7 @@ def test_points_that_drivers_leave_open_belong_where_they_are(fed):
     assert fed.closure.errors(run.qpos, run.points).max() < 1e-14
 
 
-def test_a_prescribed_joint_is_where_its_program_is_and_starts_closed_with_its_rates(driven):
+def test_a_prescribed_joint_is_where_its_motion_law_is_and_starts_closed_with_its_rates(driven):
     run = run_scene(driven)
     assert errors_of(run).drive_error < 1e-9
     qpos, qvel = driven.start
@@ -103,7 +103,7 @@ def test_the_torque_of_a_drive_does_the_work_that_energy_and_dampers_take(tmp_pa
     assert np.abs(work - change).max() < 1e-5 * np.abs(change).max()
 
 
-def test_what_breaks_is_said_and_never_a_number(driven):
+def test_what_breaks_is_stated_and_never_a_number(driven):
     model = hardened(driven.model, 0.02, "Euler")
     model.eq_solref[:] = -1e9, -1.0
     run = run_scene(driven, model)
@@ -162,12 +162,12 @@ def test_cubics_meet_between_known_instants():
     )
 
 
-def test_an_actuator_that_is_not_there_is_refused(tmp_path):
+def test_an_actuator_that_is_not_there_is_rejected(tmp_path):
     with pytest.raises(InputError, match=r"--ctrl names 'motor'; actuators of the model are servo"):
         scene(tmp_path, ctrl={"motor": "1"})
 
 
-def test_programs_that_begin_where_no_loop_closes_are_refused(tmp_path):
+def test_motion_laws_that_begin_where_no_loop_closes_are_rejected(tmp_path):
     with pytest.raises(AssemblyError, match="on the way to where the motion laws begin"):
         scene(tmp_path, drive={"pivot": "3 + t"})
 
@@ -193,7 +193,7 @@ def test_balls_and_free_bodies_are_closed_in_their_own_coordinates(tmp_path):
     assert one.closure.errors(moved.qpos, moved.points).max() < 1e-10
 
 
-def test_beside_flywheels_the_solver_stops_at_the_same_cost_as_without_them(fed, driven):
+def test_next_to_flywheels_the_solver_stops_at_the_same_cost_as_without_them(fed, driven):
     # MuJoCo stops where an iteration gains less than tolerance times mean inertia times freedoms
     plain, wheeled = (one.model.opt.tolerance * one.model.stat.meaninertia for one in (fed, driven))
     assert driven.model.stat.meaninertia > 1e6 * fed.model.stat.meaninertia

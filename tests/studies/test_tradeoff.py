@@ -94,7 +94,7 @@ def test_a_geared_crank_is_as_good_as_a_flywheel_on_it(built):
     assert geared["position"] == pytest.approx(usual["position"], rel=1e-3)
 
 
-def test_a_servo_lags_and_the_points_are_judged_where_the_crank_is(built):
+def test_a_servo_lags_and_the_points_are_checked_where_the_crank_is(built):
     servo = built(f"{HARD}, servo")
     assert 1e-3 < servo["drive"] < 0.1
     assert servo["position"] < 1e-7
@@ -109,7 +109,7 @@ def test_levels_move_alike_and_a_guided_coupler_too(built):
         assert built(suffix)["position"] == pytest.approx(usual["position"], rel=0.2)
 
 
-def test_a_rod_that_is_only_a_length_is_stretched_and_says_so(built):
+def test_a_rod_that_is_only_a_length_is_stretched_and_reports_so(built):
     lazy, quick = (built(f"{start}, coupler as a length") for start in (HARD, "2 steps, 1e-08"))
     assert lazy["loop"] > 0.1
     assert quick["loop"] < 0.01
@@ -316,7 +316,7 @@ def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_an
     assert found.untried
 
 
-def test_a_mechanism_for_which_loading_leaves_no_time_is_refused_with_a_budget_that_would_do():
+def test_a_mechanism_for_which_loading_leaves_no_time_is_rejected_with_a_budget_that_would_do():
     with pytest.raises(InputError, match=r"rssr took .* the budget is 0\.001 s; give --budget \d+s or more"):
         subject_of(catalog.make("rssr"), SPEED, Budget(0.001))
 
@@ -328,7 +328,7 @@ def test_a_budget_that_is_long_enough_leaves_nothing_out(monkeypatch):
     assert found.seconds < 300.0
 
 
-def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_nothing_finer(monkeypatch):
+def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_checks_nothing_finer(monkeypatch):
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
@@ -343,7 +343,7 @@ def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_judges_noth
     assert found.left_out > 0
 
 
-def test_a_budget_too_short_for_any_reference_is_refused_with_one_that_would_do():
+def test_a_budget_too_short_for_any_reference_is_rejected_with_one_that_would_do():
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
@@ -370,7 +370,7 @@ def stiff_beside_a_four_bar():
         (0.5, r"what may help: --budget \d+s has time for up to 14,400; else less stiffness"),
     ],
 )
-def test_a_reference_that_diverges_says_at_which_steps_and_what_may_help(monkeypatch, budget, advice):
+def test_a_reference_that_diverges_states_at_which_steps_and_what_may_help(monkeypatch, budget, advice):
     monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-5 * steps)
     most = "14,400" if budget is None else "7,200"
     with pytest.raises(InputError, match=rf"own diverges at {most} steps a turn with RK4, so .* {advice}"):

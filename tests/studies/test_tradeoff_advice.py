@@ -40,7 +40,7 @@ def test_a_snippet_runs_and_gives_what_was_measured(settings, build):
     assert np.array_equal(*places)
 
 
-def test_a_fragment_is_mjcf_that_says_the_settings():
+def test_a_fragment_is_mjcf_that_states_the_settings():
     text = fragment(point(SOFT), SPEED)
     model = mujoco.MjModel.from_xml_string(
         f'<mujoco>{text}<worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>'
@@ -51,7 +51,7 @@ def test_a_fragment_is_mjcf_that_says_the_settings():
     assert not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
 
 
-def test_what_no_file_or_option_can_say_is_not_said():
+def test_what_no_file_or_option_can_state_is_not_stated():
     assert fragment(point(HARD), SPEED) is None
     told = advice(point(HARD, Build(crank_drive="servo")), "slider_crank", SPEED)
     assert told["command"] is None

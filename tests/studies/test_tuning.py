@@ -65,7 +65,7 @@ def test_a_tuned_file_is_what_was_run(which, request, tmp_path):
     }
 
 
-def test_a_text_that_says_something_else_is_refused_and_nothing_is_left(fed, tmp_path):
+def test_a_text_that_states_something_else_is_rejected_and_nothing_is_left(fed, tmp_path):
     text = tuned_text(fed, HARD, [], tmp_path).after.replace("implicitfast", "RK4")
     with pytest.raises(InputError, match="differs in option integrator"):
         write_scene(fed, HARD, text, tmp_path / "out.xml")
@@ -78,7 +78,7 @@ def test_models_that_differ_in_a_mass_differ(fed):
     assert not differing(fed.model, mujoco.MjModel.from_xml_string(FINGER))
 
 
-def test_the_script_does_in_python_what_was_meant(driven, tmp_path):
+def test_the_script_does_in_python_what_was_intended(driven, tmp_path):
     settings = replace(HARD, compliance=1e-4, integrator="RK4")
     plain = replace(settings, compliance=None, integrator=None)
     write_scene(driven, plain, tuned_text(driven, plain, [], tmp_path).after, tmp_path / "out.xml")

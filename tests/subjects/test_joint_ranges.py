@@ -46,7 +46,7 @@ ROADS = {
 
 
 @pytest.mark.parametrize("road", ROADS)
-def test_a_start_beyond_a_range_is_refused_on_every_road_and_one_within_is_not(arm, road):
+def test_a_start_beyond_a_range_is_rejected_on_every_method_and_one_within_is_not(arm, road):
     with pytest.raises(AssemblyError, match=r"joint 'wrist' would stand at 0\.1 rad, .* of 0\.2 to 1, at "):
         ROADS[road](arm("0.1rad"))
     ROADS[road](arm("0.3rad"))
@@ -54,7 +54,7 @@ def test_a_start_beyond_a_range_is_refused_on_every_road_and_one_within_is_not(a
     ROADS[road](arm("0.1rad", off))
 
 
-def test_poses_say_what_floats_beside_them(tmp_path):
+def test_poses_state_what_floats_next_to_them(tmp_path):
     path = tmp_path / "load.xml"
     load_text = '<body name="load" pos="1 0 0"><freejoint/><geom size="0.01"/></body></worldbody>'
     path.write_text(ARM.replace("</worldbody>", load_text))

@@ -82,7 +82,7 @@ def test_varying_loads_are_in_si_at_their_places(made):
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_both_roads_agree_under_varying_loads_and_a_wrong_one_is_condemned(made, method):
+def test_both_methods_agree_under_varying_loads_and_a_wrong_one_is_rejected(made, method):
     form = made(VARYING)
     machine = dynamics.dynamic_model(form, form.forces)
     run = driven(machine.mechanism, machine.forces, speed=20.0, turns=2.0, method=method, samples=36)
@@ -124,7 +124,7 @@ def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
         ('crank_torque = "none.csv"', "forces.crank_torque is 'none.csv': there is no file"),
     ],
 )  # fmt: skip
-def test_what_is_no_load_is_refused_with_line_and_key(made, line, words):
+def test_what_is_no_load_is_rejected_with_line_and_key(made, line, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         made(f"[forces]\n{line}\n")
     assert "slider.toml, line 30: " in str(error.value)
@@ -147,7 +147,7 @@ def test_a_load_over_the_angle_wants_a_crank_that_nothing_else_moves(made, tmp_p
         dynamics.dynamic_model(form, form.forces)
 
 
-def test_the_schema_says_what_a_load_may_be():
+def test_the_schema_states_what_a_load_may_be():
     torque = schema()["properties"]["forces"]["properties"]["crank_torque"]
     assert torque["type"] == ["number", "string"]
     assert "expression of t or angle, or FILE.csv" in torque["description"]

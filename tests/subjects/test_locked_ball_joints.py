@@ -51,7 +51,7 @@ def tip(key, turned):
 
 
 @pytest.mark.parametrize("key", [None, "k"])
-def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_road(boom, key):
+def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_method(boom, key):
     form = load(boom, drive={"crank": "0.5*t"}, lock=HELD, key=key)
     begin = float(form.motion_laws.first["crank"])
     at = 0.0 if key is None else 0.7

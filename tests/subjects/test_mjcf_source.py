@@ -136,7 +136,7 @@ def test_rates_are_derivatives_of_what_is_solved(file):
         assert joint.acceleration[2] == pytest.approx((joint.rate[3] - joint.rate[1]) / (2.0 * h), rel=1e-4)
 
 
-def test_a_keyframe_says_from_where_the_loops_are_closed(file):
+def test_a_keyframe_states_from_where_the_loops_are_closed(file):
     form = read_mjcf(file(WELDED), key="other")
     assert form.mechanism.start == 7.3
     assert form.source.gap > 1e-3
@@ -152,12 +152,12 @@ def test_a_joint_is_brought_to_where_it_is_held_along_the_assembly(file):
     assert motion.points["P"].position[1] == pytest.approx(moved.points["P"].position[-1], abs=1e-13)
 
 
-def test_a_joint_that_cannot_go_to_where_it_is_held_is_refused_with_the_place(file):
+def test_a_joint_that_cannot_go_to_where_it_is_held_is_rejected_with_the_place(file):
     with pytest.raises(AssemblyError, match=r"on the way to right = 6.28, where it is to be held"):
         read_mjcf(file(five_bar(rod=0.078)), drivers=["left"], lock={"right": 6.28})
 
 
-def test_what_is_left_open_is_named_once_for_each_freedom(file):
+def test_what_is_left_open_is_named_once_for_each_dof(file):
     form = read_mjcf(file(WELDED.replace('<weld body1="c" body2="s"/>', "")))
     with pytest.raises(MobilityError, match=r"x, y, z, u, v and rocker are left open; drive") as refused:
         form.solve([7.0])
@@ -196,12 +196,12 @@ def test_a_file_with_six_digits_moves_where_its_axes_are_not_quite_parallel(file
     assert opening(form, motion) < 1e-6
 
 
-def test_axes_that_are_meant_to_differ_are_left_as_they_are(file):
+def test_axes_that_are_intended_to_differ_are_left_as_they_are(file):
     form = read_mjcf(file(five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-3 -2e-3 1"')))
     assert form.corrected == (0.0, 0.0)
 
 
-def test_commands_say_beside_their_output_what_was_changed(file, monkeypatch, capsys):
+def test_commands_state_next_to_their_output_what_was_changed(file, monkeypatch, capsys):
     path = file(WELDED)
     words = ["mechsim", "solve", path, "--key", "other", "--angles", "7.3:7.4:0.1"]
     monkeypatch.setattr("sys.argv", words)
@@ -213,7 +213,7 @@ def test_commands_say_beside_their_output_what_was_changed(file, monkeypatch, ca
     assert said.err.startswith("welded: the loops stand open by")
 
 
-def test_a_refusal_says_all_there_is_to_say(file, monkeypatch, capsys):
+def test_a_rejection_states_all_there_is_to_state(file, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mechsim", "solve", file(five_bar())])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -234,7 +234,7 @@ def test_an_mjcf_file_has_no_parameters(file):
         load(file(five_bar()), {"crank": "3mm"})
 
 
-def test_a_model_without_a_driver_says_which_joints_there_are(file):
+def test_a_model_without_a_driver_states_which_joints_there_are(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     with pytest.raises(
         InputError, match=r"model\.xml: nothing says what is driven.*left, elbow, right, wrist"
@@ -261,7 +261,7 @@ def test_scenes_without_joints_or_of_one_free_body_are_shown(file, body):
     assert scene_findings(form) == ()
 
 
-def test_programs_are_bound_to_the_drivers_of_the_file(file):
+def test_motion_laws_are_bound_to_the_drivers_of_the_file(file):
     form = read_mjcf(file(five_bar()))
     with pytest.raises(InputError, match="no motion law says how right moves"):
         make_motion_laws(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)

@@ -40,7 +40,7 @@ def made(text, unit="rad", start=0.3):
         ("min(10deg, 20deg*t)", "rad", np.minimum(10, 20 * TIMES) * np.pi / 180),
     ],
 )
-def test_a_program_says_where_its_driver_is(text, unit, value):
+def test_a_motion_law_states_where_its_driver_is(text, unit, value):
     np.testing.assert_allclose(made(text, unit).state(TIMES)[0], value, rtol=1e-14)
 
 
@@ -92,7 +92,7 @@ def test_rates_of_an_expression_are_exact(text):
         np.testing.assert_allclose(found, other, rtol=exact, atol=exact * (1 + np.abs(other).max()))
 
 
-def test_the_judge_of_rates_sees_a_wrong_one():
+def test_the_check_of_rates_sees_a_wrong_one():
     with pytest.raises(AssertionError):
         np.testing.assert_allclose(
             time_function("sin(2*t)", "rad")[1](TIMES)[1],
@@ -132,7 +132,7 @@ def test_the_judge_of_rates_sees_a_wrong_one():
         ("nowhere.csv", "rad", "there is no file nowhere.csv"),
     ],
 )
-def test_what_is_no_program_is_refused_in_one_line(text, unit, words):
+def test_what_is_no_motion_law_is_rejected_in_one_line(text, unit, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         made(text, unit)
     assert "\n" not in str(error.value)
@@ -140,7 +140,7 @@ def test_what_is_no_program_is_refused_in_one_line(text, unit, words):
 
 @given(st.text(alphabet="0123456789.+-*/() tsincodegrmpiahx=[],_'", max_size=24))
 @settings(deadline=None, max_examples=200)
-def test_any_text_is_a_program_or_is_refused_in_one_line(text):
+def test_any_text_is_a_motion_law_or_is_rejected_in_one_line(text):
     try:
         with np.errstate(all="ignore"):
             value, rate, second = made(text).state(TIMES)
@@ -155,7 +155,7 @@ def table(folder, text):
     return str(path)
 
 
-def test_a_table_is_joined_smoothly_and_says_how_long_it_lasts(tmp_path):
+def test_a_table_is_joined_smoothly_and_states_how_long_it_lasts(tmp_path):
     time = np.linspace(0.0, 2.0, 41)
     rows = "".join(f"{t:.17g},{np.sin(3 * t):.17g}\n" for t in time)
     found = made(table(tmp_path, "t,arm\n" + rows))
@@ -179,7 +179,7 @@ def test_a_table_is_joined_smoothly_and_says_how_long_it_lasts(tmp_path):
         ("t,arm\n0,x\n", "is no number"),
     ],
 )
-def test_a_table_that_is_no_program_is_refused_in_one_line(tmp_path, text, words):
+def test_a_table_that_is_no_motion_law_is_rejected_in_one_line(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as error:
         made(table(tmp_path, text))
     assert "\n" not in str(error.value)

@@ -16,7 +16,7 @@ def test_a_name_is_simulated_as_what_it_names(name):
         np.testing.assert_array_equal(named.motion.points[point].position, track.position)
 
 
-def test_a_toml_file_is_simulated_with_its_own_programs(tmp_path):
+def test_a_toml_file_is_simulated_with_its_own_motion_laws(tmp_path):
     text = gallery.files()["five_bar"].read_text().partition("[formula]")[0]
     (tmp_path / "robot.toml").write_text(text)
     run = ms.simulate(tmp_path / "robot.toml", samples=5)
@@ -37,7 +37,7 @@ def test_a_name_that_is_none_lists_catalogue_and_gallery(of):
     assert set(listed) == {*catalog.DRIVES, *gallery.files()}
 
 
-def test_of_two_names_as_near_that_of_the_catalogue_is_meant():
+def test_of_two_names_as_near_that_of_the_catalogue_is_intended():
     with pytest.raises(ms.InputError, match="did you mean 'rssr'"):
         ms.load("rsr")
 

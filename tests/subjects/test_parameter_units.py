@@ -36,7 +36,7 @@ tip = { link = "arm", at = ["crank", 0, 0] }
 """
 
 
-def test_lengths_angles_and_plain_numbers_are_told_apart():
+def test_lengths_angles_and_plain_numbers_are_distinguished_apart():
     found = parameter_units(tomllib.loads(FILE))
     lengths = {name for name, unit in found.items() if unit == "m"}
     angles = {name for name, unit in found.items() if unit == "rad"}
@@ -91,5 +91,5 @@ def test_a_number_without_a_unit_is_rejected_where_the_file_declares_another(tmp
 
 
 @pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])
-def test_a_file_that_is_not_right_tells_nothing(document):
+def test_a_file_that_is_not_right_reports_nothing(document):
     assert parameter_units(document) == {}

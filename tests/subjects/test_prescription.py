@@ -103,7 +103,7 @@ def test_a_five_bar_goes_where_two_circles_meet_and_its_rates_are_those_of_the_l
     np.testing.assert_allclose(motion.points["P"].acceleration[:, :2], second, atol=1e-4)
 
 
-def test_a_parameter_and_a_program_are_asked_for_together(file):
+def test_a_parameter_and_a_motion_law_are_requested_for_together(file):
     drive = {"left": "100deg + 10deg*sin(t)", "right": "80deg + 0*t"}
     form = load(file(FIVE_BAR), {"rod": "80 mm"}, drive=drive)
     place = form.solve(t=[0.0]).points["P"].position[:, :2]
@@ -112,7 +112,7 @@ def test_a_parameter_and_a_program_are_asked_for_together(file):
     )
 
 
-def test_a_ram_lifts_its_boom_as_the_law_of_cosines_says(file):
+def test_a_ram_lifts_its_boom_as_the_law_of_cosines_states(file):
     form = load(file(BOOM), drive={"ram": "20mm/s"}, duration=2.0)
     time = np.linspace(0.0, 2.0, 21)
     motion = form.solve(t=time)
@@ -144,7 +144,7 @@ def test_a_held_driver_stands_still_and_the_other_moves(file, value, angle):
     np.testing.assert_allclose(motion.points["P"].position[:, :2], wanted, atol=1e-13)
 
 
-def test_a_function_of_time_is_a_program_too(file):
+def test_a_function_of_time_is_a_motion_law_too(file):
     def swing(time):
         return 2.0 + 0.1 * np.sin(time), 0.1 * np.cos(time), -0.1 * np.sin(time)
 
@@ -243,13 +243,13 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("asked", "words"), REFUSED)
-def test_what_cannot_be_asked_is_refused_in_one_line(file, asked, words):
+def test_what_cannot_be_requested_is_rejected_in_one_line(file, asked, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         load(file(FIVE_BAR), **asked)
     assert "\n" not in str(error.value)
 
 
-def test_a_table_says_how_long_it_lasts_and_no_longer_is_asked(file, tmp_path):
+def test_a_table_states_how_long_it_lasts_and_no_longer_is_requested(file, tmp_path):
     path = tmp_path / "left.csv"
     path.write_text("t,left\n" + "".join(f"{0.1 * i},{2 + 0.01 * i}\n" for i in range(8)))
     drive = {"left": str(path), "right": "10deg*t"}
@@ -258,7 +258,7 @@ def test_a_table_says_how_long_it_lasts_and_no_longer_is_asked(file, tmp_path):
         load(file(FIVE_BAR), drive=drive, duration=1.0)
 
 
-def test_too_few_and_too_many_drivers_are_said_with_the_joints(file):
+def test_too_few_and_too_many_drivers_are_stated_with_the_joints(file):
     form = load(file(FIVE_BAR), drive={"left": "1rad/s", "right": "1rad/s", "P": "1rad/s"})
     with pytest.raises((MobilityError, AssemblyError)):
         form.solve(t=[0.0, 0.1])

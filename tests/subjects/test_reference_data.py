@@ -115,7 +115,7 @@ def test_the_ten_lines_of_the_folder_run_without_mechsim():
     assert subprocess.run([sys.executable, "-c", wrong], cwd=ROOT, capture_output=True).returncode == 1
 
 
-def test_a_table_that_was_changed_is_refused(tmp_path):
+def test_a_table_that_was_changed_is_rejected(tmp_path):
     shutil.copytree(WHERE, tmp_path / "reference")
     path = tmp_path / "reference" / "data" / "four_bar.csv"
     path.write_text(path.read_text().replace("1", "2", 1))

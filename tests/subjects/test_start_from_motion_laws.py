@@ -49,7 +49,7 @@ def test_a_platform_without_start_begins_where_its_laws_begin(load):
     assert ms.crosscheck(run, form).passed
 
 
-def test_laws_given_in_place_of_those_of_the_file_say_where_it_begins(load):
+def test_laws_given_in_place_of_those_of_the_file_state_where_it_begins(load):
     form = load("0.05 + 0.01*t", drive=dict.fromkeys(DRIVERS, "0.32 + 0.01*t"))
     np.testing.assert_allclose(lengths(form.solve(t=[0.0])), 0.32, atol=1e-13)
 
@@ -59,6 +59,6 @@ def test_a_start_that_is_stated_comes_before_the_laws(load):
     np.testing.assert_allclose(lengths(form.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
 
 
-def test_a_law_that_counts_from_the_start_does_not_say_it(load):
+def test_a_law_that_counts_from_the_start_does_not_state_it(load):
     with pytest.raises(AssemblyError, match=r"l1 = 0 m, .* where the drivers start"):
         load("20mm/s").solve(t=[0.0])

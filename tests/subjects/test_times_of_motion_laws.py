@@ -53,7 +53,7 @@ def test_crank_angles_are_rejected_where_motion_laws_drive(swung, call):
         ANGLES_GIVEN[call](swung)
 
 
-def test_other_instants_that_say_nothing_are_rejected_with_the_remedy(swung, tmp_path):
+def test_other_instants_that_state_nothing_are_rejected_with_the_remedy(swung, tmp_path):
     with pytest.raises(InputError, match=r"no times are given; give times in s, as t="):
         swung.solve()
     with pytest.raises(InputError, match="determine every rate; leave speed out"):

@@ -242,7 +242,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("case", CHANGES)
-def test_what_a_file_may_not_hold_is_refused_in_one_line_with_its_place(file, case):
+def test_what_a_file_may_not_hold_is_rejected_in_one_line_with_its_place(file, case):
     old, new, words = CHANGES[case]
     assert old in FOUR_BAR
     path = file(FOUR_BAR.replace(old, new, 1))
@@ -266,7 +266,7 @@ def test_what_a_file_may_not_hold_is_refused_in_one_line_with_its_place(file, ca
         ("nowhere.py:thing", "there is no file nowhere.py"),
     ],
 )
-def test_a_model_that_is_none_is_refused_by_name(model, words):
+def test_a_model_that_is_none_is_rejected_by_name(model, words):
     with pytest.raises(InputError, match=re.escape(words)):
         load(model)
 
@@ -277,7 +277,7 @@ def test_a_file_called_like_a_catalogue_mechanism_does_not_shadow_it(tmp_path, m
     assert load("rssr") == catalog.make("rssr")
 
 
-def test_an_unknown_parameter_set_is_refused_with_the_nearest(file):
+def test_an_unknown_parameter_set_is_rejected_with_the_nearest(file):
     with pytest.raises(InputError, match="did you mean 'crank'"):
         load(file(FOUR_BAR), {"crnk": "3"})
 

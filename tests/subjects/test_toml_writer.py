@@ -50,7 +50,7 @@ def test_a_mechanism_of_the_catalogue_comes_back_to_the_last_bit(name, tmp_path)
     assert not alike(read_back(heavy, tmp_path), mechanism)
 
 
-def test_the_judge_sees_one_bit(tmp_path):
+def test_the_check_sees_one_bit(tmp_path):
     mechanism = catalog.make("rssr").mechanism
     moved = replace(mechanism, start=float(np.nextafter(mechanism.start, 1.0)))
     assert not alike(read_back(moved, tmp_path), mechanism)
@@ -208,7 +208,7 @@ def press(tmp_path):
     return load(str(path))
 
 
-def test_couplings_are_what_their_keys_say_in_si(press):
+def test_couplings_are_what_their_keys_state_in_si(press):
     mechanism = press.mechanism
     (mesh,) = mechanism.gears
     assert (mesh.driver, mesh.driven, mesh.ratio, mesh.phase) == ("crank", "second", -2, np.deg2rad(75))
@@ -233,7 +233,7 @@ def test_starts_and_holds_are_in_the_file_s_units(press):
     assert mechanism.locked == {"table.y": 0.007, "table.turn": pytest.approx(np.deg2rad(10))}
 
 
-def test_programs_of_a_file_are_in_its_units_and_its_parameters(press):
+def test_motion_laws_of_a_file_are_in_its_units_and_its_parameters(press):
     time = np.linspace(0.0, 0.5, 7)
     crank, sleeve = press.motion_laws.state(time)[0]
     np.testing.assert_allclose(crank, np.deg2rad(20 + 12 * np.sin(2 * np.pi * time)), rtol=1e-14)
@@ -273,7 +273,7 @@ def test_forces_of_a_file_are_in_si(press):
     assert forces.friction[1].viscous_turn == 1e-4
 
 
-def test_a_program_that_is_a_function_cannot_be_written():
+def test_a_motion_law_that_is_a_function_cannot_be_written():
     def state(time):
         return time, np.ones_like(time), np.zeros_like(time)
 

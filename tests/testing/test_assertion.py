@@ -59,7 +59,7 @@ def test_parameters_changed_stand_in_the_command():
         ms.testing.assert_agrees("slider_crank", law, set={"rod": "250mm"})
 
 
-def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_told(tmp_path):
+def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_reported(tmp_path):
     told = {}
     test = RunningTest("tests/x.py::test_x", tmp_path / "pages", told.__setitem__)
     with running(test), pytest.raises(AssertionError, match="report: ") as failed:

@@ -74,7 +74,7 @@ def test_a_toml_file_with_a_wrong_formula_is_red_by_itself_under_xdist_too(proje
     assert "Traceback" not in out
 
 
-def test_toml_files_are_tests_where_they_are_named_or_asked_for(project):
+def test_toml_files_are_tests_where_they_are_named_or_requested_for(project):
     assert collected(project)[1][0] == "models/pump.toml::formula"
     assert collected(project, "-m", "mechsim")[1] == ["models/pump.toml::formula"]
     (project / "pyproject.toml").write_text("[tool.pytest.ini_options]\n")

@@ -124,7 +124,7 @@ def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(na
             assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.characteristic_length
 
 
-def test_assemblies_that_come_near_each_other_and_do_not_meet_are_said_not_to():
+def test_assemblies_that_come_near_each_other_and_do_not_meet_are_stated_not_to():
     near = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
     assert trace(replace(near, coupler=0.1), starts=0).branch_points
     found = trace(near, starts=2)
@@ -247,7 +247,7 @@ def geared(ratio):
 
 
 @pytest.mark.parametrize(("ratio", "turns"), [(0.5, 2), (-1.5, 2), (2.0, 1)])
-def test_geared_cranks_come_round_after_as_many_turns_as_the_ratio_asks_for(ratio, turns):
+def test_geared_cranks_come_round_after_as_many_turns_as_the_ratio_requests_for(ratio, turns):
     assert abs(trace(geared(ratio), starts=0).curves[0].turns) == turns
 
 
@@ -275,7 +275,7 @@ def on_a_rail(kind, *, lead=0.0):
     return Mechanism("press", (Link("spindle"), Link("car")), joints, "crank", points)
 
 
-def test_a_slide_that_runs_off_is_told_from_a_curve_that_closes_before_it_is_far(monkeypatch):
+def test_a_slide_that_runs_off_is_distinguished_from_a_curve_that_closes_before_it_is_far(monkeypatch):
     monkeypatch.setattr(segments, "MAX_DISPLACEMENT", 20)
     with pytest.raises(
         AssemblyError, match=r"carriage: .* is not closed: rail has moved by 20 times .* length 0"
@@ -327,7 +327,7 @@ def arms(*, joined=False):
     )
 
 
-def test_two_freedoms_are_refused_and_one_that_a_gear_leaves_is_not():
+def test_two_dofs_are_rejected_and_one_that_a_gear_leaves_is_not():
     with pytest.raises(MobilityError, match=r"arms: underdetermined: .*two is left open; drive, hold or"):
         trace(arms())
     (curve,) = trace(arms(joined=True)).curves
@@ -350,7 +350,7 @@ def truss():
     )
 
 
-def test_what_cannot_be_traced_is_said_in_one_sentence():
+def test_what_cannot_be_traced_is_stated_in_one_sentence():
     with pytest.raises(MobilityError, match=r"truss has no degree of freedom.*add one"):
         trace(truss())
     with pytest.raises(AssemblyError, match=r"four_bar: the loops close at no crank angle"):
@@ -363,7 +363,7 @@ def test_what_cannot_be_traced_is_said_in_one_sentence():
         trace(None)
 
 
-def test_a_film_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblies():
+def test_a_video_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblies():
     drive = FORMS["rssr swinging"]
     curve = traced("rssr swinging").curves[0]
     motion = even_motion(curve, 96, 3.0)
@@ -390,7 +390,7 @@ def test_a_film_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblie
     assert abs(crank_path_length(curve) - 2.0 * swing) <= 1e-9
 
 
-def test_rates_of_a_film_are_those_of_the_closed_form_at_the_same_crank_speed():
+def test_rates_of_a_video_are_those_of_the_closed_form_at_the_same_crank_speed():
     drive = Rssr()
     motion = even_motion(trace(drive, starts=0).curves[0], 24, 2.0)
     exact = drive.solve(motion.angle, motion.speed, motion.acceleration)

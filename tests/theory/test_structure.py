@@ -114,7 +114,7 @@ def peeled(mechanism: Mechanism, placed: Iterable[str]) -> list[set[str]] | None
     return groups
 
 
-def test_a_four_bar_has_one_freedom_and_repeats_three_constraints_of_space():
+def test_a_four_bar_has_one_dof_and_repeats_three_constraints_of_space():
     m = mobility(catalog.make("four_bar").mechanism)
     assert (m.actual, m.grubler, m.somov_malyshev) == (1, 1, -2)
     assert (m.redundant, m.redundant_in_plane, m.free) == (3, 0, ())
@@ -222,7 +222,7 @@ def test_the_warp_knitter_driven_by_its_cranks_is_of_class_three_order_three():
     ]
 
 
-def test_the_gear_of_the_warp_knitter_takes_the_second_freedom():
+def test_the_gear_of_the_warp_knitter_takes_the_second_dof():
     geared, loose = mobility(knitter()), mobility(planar(KNITTER))
     assert (geared.actual, geared.grubler, geared.free) == (1, 1, ())
     assert (loose.actual, loose.grubler) == (2, 2)
@@ -341,7 +341,7 @@ def test_links_that_are_welded_of_pieces_have_the_structure_of_whole_ones():
     assert groups == [(g.class_, g.order, {*g.links}) for g in assur_groups(whole).groups]
 
 
-def test_a_second_parallel_crank_moves_although_the_count_says_it_cannot():
+def test_a_second_parallel_crank_moves_although_the_count_states_it_cannot():
     mechanism = planar(PARALLEL)
     m = mobility(mechanism)
     assert (m.grubler, m.actual, m.redundant_in_plane, m.redundant) == (0, 1, 1, 7)
@@ -380,7 +380,7 @@ def test_a_structure_with_a_little_play_is_not_taken_for_a_mechanism():
     assert "locked but for a small play" in str(m)
 
 
-def test_a_locked_crank_is_told_apart_from_a_locked_mechanism():
+def test_a_locked_crank_is_distinguished_apart_from_a_locked_mechanism():
     places = {
         **PARALLEL,
         "middle": (GROUND, "middle", (19.0, -23.0)),
@@ -392,7 +392,7 @@ def test_a_locked_crank_is_told_apart_from_a_locked_mechanism():
     assert "idle freedom: wheel spins about the axis of joint wheel" in m.lines()
 
 
-def test_a_freedom_nobody_drives_is_refused_with_the_links_that_have_it():
+def test_a_dof_nobody_drives_is_rejected_with_the_links_that_have_it():
     places = {**FOUR_BAR, "B": ("coupler", "link", (83.0, 61.0)), "C": ("link", "rocker", (99.0, 44.0))}
     with pytest.raises(InputError, match="leave 1 freedom to coupler, link, rocker; drive one link more"):
         assur_groups(planar(places))
@@ -431,12 +431,12 @@ def test_planarity_does_not_depend_on_the_plane_but_on_every_axis():
         (("rod5", "crank1"), (), "with crank2 stopped, which leaves W = 1"),
     ],
 )
-def test_a_link_that_cannot_drive_is_refused_with_the_reason(driver, stopped, message):
+def test_a_link_that_cannot_drive_is_rejected_with_the_reason(driver, stopped, message):
     with pytest.raises(InputError, match=message):
         assur_groups(knitter(), driver, stopped)
 
 
-def test_spatial_mechanisms_have_no_assur_groups_and_are_told_so():
+def test_spatial_mechanisms_have_no_assur_groups_and_are_reported_so():
     with pytest.raises(InputError, match="rssr is not planar"):
         assur_groups(Rssr().mechanism)
 

@@ -179,14 +179,14 @@ def test_eleven_millimetres_are_followed_better_than_an_audit_s_search_did():
 
 
 @pytest.mark.parametrize("length", [1e-12, 1e-6])
-def test_a_line_too_short_to_decide_a_linkage_is_refused(length):
+def test_a_line_too_short_to_decide_a_linkage_is_rejected(length):
     with pytest.raises(InputError, match=r"rounding decides the linkage; give at least 3\.3e-06 m"):
         synthesize_looper(THROUGH, TILT, length, Looper())
 
 
 @pytest.mark.parametrize("equal_ripple", [False, True])
 @pytest.mark.parametrize("length", [13e-3, 40e-3])
-def test_a_line_too_long_for_the_dyad_is_refused(length, equal_ripple):
+def test_a_line_too_long_for_the_dyad_is_rejected(length, equal_ripple):
     with pytest.raises(InputError, match="shorten or move the curve"):
         synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
 
@@ -233,18 +233,18 @@ def test_a_circle_is_found_again_from_its_own_points():
         ((0.013, 0.03), 0.0, np.inf, "no line"),
     ],
 )
-def test_a_line_that_cannot_be_followed_is_refused(through, tilt, length, says):
+def test_a_line_that_cannot_be_followed_is_rejected(through, tilt, length, says):
     with pytest.raises(InputError, match=says):
         synthesize_looper(through, tilt, length, Looper())
 
 
 @pytest.mark.parametrize("curve", [np.zeros((3, 2)), np.zeros((9, 3)), np.full((9, 2), np.nan)])
-def test_what_is_no_curve_is_refused(curve):
+def test_what_is_no_curve_is_rejected(curve):
     with pytest.raises(InputError, match="give five points"):
         follow_curve(curve, Looper())
 
 
-def test_a_wave_that_no_rocker_can_make_deviates_by_what_it_says():
+def test_a_wave_that_no_rocker_can_make_deviates_by_what_it_states():
     y = np.linspace(-1.0, 1.0, 41)
     found = follow_curve(np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), Looper())
     # the best circle takes out a line and a bow, and leaves most of a wave

@@ -117,14 +117,14 @@ def test_standing_cranks_give_plans_of_scale_zero():
     [WarpKnitter(gear_ratio=-2.02), WarpKnitter(assembly=1), WarpKnitter(rod5=0.049 * 1.001)],
     ids=["a tooth in a hundred", "another assembly", "a rod 0.1 % long"],
 )
-def test_the_agreement_is_refused_for_a_wrong_mechanism(wrong):
+def test_the_agreement_is_rejected_for_a_wrong_mechanism(wrong):
     exact = WarpKnitter().solve([0.9], 3.0)
     plan = velocity_plan(wrong, 0.9, 3.0)
     gaps = {name: plan.velocities[name] - p.velocity[0] for name, p in exact.points.items()}
     assert fastest(gaps) > 1e6 * AGREEMENT * fastest(plan.velocities)
 
 
-def test_a_plan_whose_lines_do_not_cross_is_refused():
+def test_a_plan_whose_lines_do_not_cross_is_rejected():
     # K on the line from E to C at crank angle 0: V_K and V_KC then have one direction
     drive = WarpKnitter()
     points = {name: place[0, :2] for name, place in drive.positions([0.0]).items()}

@@ -82,7 +82,7 @@ def test_differences_serve_where_no_jacobian_is_given_and_repeated_equations_do_
     assert abs(curve.length - TURN * np.sqrt(0.91)) <= 1e-9
 
 
-def test_a_curve_that_runs_on_is_traced_as_far_as_asked():
+def test_a_curve_that_runs_on_is_traced_as_far_as_requested():
     parabola = System(lambda x: np.array([x[0] ** 2 - x[1]]))
     curve = trace_curve(parabola, [0.0, 0.0], direction=[1.0, 0.0], length=5.0)
     x = curve.points[-1, 0]
@@ -166,7 +166,7 @@ def test_the_paper_s_four_parameters_walked_instead_of_the_place_of_s_pass_the_s
     assert all(np.abs(np.exp(1j * angle) - np.exp(1j * ends)).min() <= 1e-12 for angle in dead)
 
 
-def test_what_cannot_be_traced_is_said_in_one_sentence():
+def test_what_cannot_be_traced_is_stated_in_one_sentence():
     circle = System(lambda x: np.array([x @ x - 1.0]), name="circle")
     cross = System(lambda x: np.array([x[0] * x[1]]), lambda x: np.array([[x[1], x[0]]]), name="cross")
     line = System(lambda x: np.array([x[0] - x[1]]))

@@ -29,6 +29,6 @@ def test_a_curve_of_another_linkage_is_found_out(study):
     assert study.gap(longer, curve) > 1e-8
 
 
-def test_a_row_says_what_there_is(study):
+def test_a_row_states_what_there_is(study):
     found = study.row("bennett", study.catalog.make("bennett"))
     assert (found.curves, found.rarest, found.turning, found.meetings) == (1, 1.0, 0, 0)

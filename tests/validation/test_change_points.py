@@ -41,7 +41,7 @@ def test_poses_fold_where_the_path_bends_so_sharply_that_little_of_it_is_known(s
     assert (found.right, found.refused, found.wrong) == (1, 0, 0)
 
 
-def test_a_road_that_folds_is_found_out(study, monkeypatch):
+def test_a_method_that_folds_is_found_out(study, monkeypatch):
     monkeypatch.setitem(
         study.ROADS, "folding", lambda drive: drive.positions(study.ANGLES, change_point="branch")["B"]
     )

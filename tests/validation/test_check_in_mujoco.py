@@ -41,7 +41,7 @@ def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_
     assert judge.closure_error(script, one.duration, one.tracked, one.closure.drivers) > 100.0 * known
 
 
-def test_a_run_of_small_steps_tells_a_trajectory_as_the_limit_of_the_scene_does(judge, tuned_script):
+def test_a_run_of_small_steps_reports_a_trajectory_as_the_limit_of_the_scene_does(judge, tuned_script):
     one, path = tuned_script
     known = errors_of(
         run_scene(one, HARD.applied(one.model), records=None), compute_reference(one, 1e-9).run

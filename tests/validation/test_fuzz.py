@@ -34,7 +34,7 @@ def test_random_commands_end_in_a_result_or_one_clear_line(study):
 
 
 @pytest.mark.slow
-def test_an_interrupted_command_says_so_and_leaves_nothing(study):
+def test_an_interrupted_command_reports_so_and_leaves_nothing(study):
     assert study.interrupts(3) == []
 
 

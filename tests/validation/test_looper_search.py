@@ -45,7 +45,7 @@ def test_conditions_condemn_linkages_that_break_them():
 
 
 @pytest.mark.slow
-def test_a_search_without_an_answer_says_so():
+def test_a_search_without_an_answer_reports_so():
     with pytest.raises(InputError, match="relax"):
         straighter(4e-3, Looper(), Conditions(stroke=(0.05, 0.06)))
 

@@ -46,7 +46,7 @@ def solved(module: str, asked, family: str, steps: int):
     return problems.judge(asked, asked.angles(setting.samples), found)
 
 
-def test_joint_angles_of_the_closed_form_put_the_points_where_it_says(asked):
+def test_joint_angles_of_the_closed_form_put_the_points_where_it_states(asked):
     angles = asked.angles(50)
     joints = asked.drive.solve(angles).joints
     found = asked.places(joints["crank"].value, joints["rocker"].value)
@@ -73,7 +73,7 @@ def test_a_known_displacement_is_the_error_reported(asked):
     assert problems.judge(asked, angles, found).place == pytest.approx(1e-6, rel=1e-6)
 
 
-def test_a_coupler_a_thousandth_too_long_is_condemned(asked):
+def test_a_coupler_a_thousandth_too_long_is_rejected(asked):
     angles = asked.angles(20)
     wrong = problems.problem(asked.name, coupler=1.001 * asked.drive.coupler)
     errors = problems.judge(asked, angles, wrong.drive.positions(angles))
@@ -81,7 +81,7 @@ def test_a_coupler_a_thousandth_too_long_is_condemned(asked):
     assert errors.rocker > 1e-4
 
 
-def test_the_other_assembly_and_a_late_crank_are_condemned(asked):
+def test_the_other_assembly_and_a_late_crank_are_rejected(asked):
     angles = asked.angles(20)
     other = problems.problem(asked.name, branch=-asked.drive.branch)
     assert problems.judge(asked, angles, other.drive.positions(angles)).rocker > 0.1
@@ -89,7 +89,7 @@ def test_the_other_assembly_and_a_late_crank_are_condemned(asked):
     assert problems.judge(asked, angles, late).place > 0.9e-3
 
 
-def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_condemned(asked):
+def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_rejected(asked):
     angles = asked.angles(20)
     exact = asked.torque(angles)
     assert problems.judge_torque(asked, angles, exact) == 0.0
@@ -113,7 +113,7 @@ def test_a_turn_that_is_not_whole_errs_without_bound(asked, broken):
     assert problems.judge(asked, angles, found) == problems.Errors(np.inf, np.inf)
 
 
-def test_stepping_errs_as_its_order_says_and_mujocos_defaults_err_by_per_cent(asked):
+def test_stepping_errs_as_its_order_states_and_mujocos_defaults_err_by_per_cent(asked):
     fewer, more = (solved("by_mechsim", asked, "mechsim, stepped (RK4)", n).place for n in (100, 200))
     # 2^4 by the order; what the coarser run has not yet of it is a fifth at most
     assert 12.0 < fewer / more < 20.0

@@ -26,7 +26,7 @@ def assert_all_met(rows) -> None:
     assert not [row for row in rows if not row.passed]
 
 
-def test_the_pendulum_swings_as_elliptic_functions_say() -> None:
+def test_the_pendulum_swings_as_elliptic_functions_state() -> None:
     assert_all_met(case("a01_pendulum").rows())
 
 
@@ -73,7 +73,7 @@ def test_the_stiff_governor_moves_by_lagranges_equation() -> None:
     assert governor.compared(0.02, samples=8, height=governor.HEIGHT - 1e-6).slider > 1e-8
 
 
-def test_a_slider_crank_bounces_off_its_stop_as_the_reduced_equation_says() -> None:
+def test_a_slider_crank_bounces_off_its_stop_as_the_reduced_equation_states() -> None:
     bounce = case("bouncing_slider_crank")
     result = bounce.compared(0.35)
     # ten times the tolerance of a step, 3e-13, over about a hundred of them; measured 2e-12

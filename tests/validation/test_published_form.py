@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from strategies import EPS, lengths, turns
 
 
-def test_published_form_loses_two_digits_for_each_digit_of_nearness_and_the_sound_form_none():
+def test_published_form_loses_two_digits_for_each_digit_of_nearness_and_the_valid_form_none():
     distances = np.array([1e-9, 1e-6, 1e-3, 1e-1])
     published, sound = case.errors_near_zero(distances)
     # a hundredth of rounding over the distance squared, within a factor of a hundred either way

@@ -16,7 +16,7 @@ def studies():
 
 
 @pytest.mark.slow
-def test_no_random_mechanism_is_refused_and_every_run_agrees_with_its_verdict():
+def test_no_random_mechanism_is_rejected_and_every_run_agrees_with_its_verdict():
     import verdicts
 
     found = verdicts.study(range(4), seed=3)
@@ -27,7 +27,7 @@ def test_no_random_mechanism_is_refused_and_every_run_agrees_with_its_verdict():
 
 
 @pytest.mark.slow
-def test_errors_lie_below_their_bounds_but_not_far_below(monkeypatch):
+def test_errors_lie_below_their_tolerances_but_not_far_below(monkeypatch):
     import bounds
 
     # a thousand steps a turn are too few for the dynamics of a sharp linkage, unless more are asked for

@@ -34,13 +34,13 @@ def near_a_dead_centre(name, part):
     return drive, swing(0.5 * (low + high), 0.5 * part * (high - low), 20.0)
 
 
-def test_a_sound_mechanism_of_small_transmission_angle_is_met():
+def test_a_valid_mechanism_of_small_transmission_angle_is_met():
     case = case_of(catalog.make("rrsrr", **FIVE_LINK))
     assert case.passed, case.verdict.reason
     assert any("where the loops' conditioning is" in check.reason for check in case.verdict.checks)
 
 
-def test_a_sound_mechanism_that_goes_bad_by_the_first_steps_is_stepped_finer(monkeypatch):
+def test_a_valid_mechanism_that_goes_bad_by_the_first_steps_is_stepped_finer(monkeypatch):
     # a random knitter near a dead centre does so by a thousand steps a turn, the plain one by four
     monkeypatch.setattr(validate, "STEPS", 4)
     drive = catalog.make("warp_knitter")
@@ -61,7 +61,7 @@ def test_poses_near_a_dead_centre_are_met_by_run_and_verdict(name, part):
 
 @pytest.mark.parametrize("name", SWINGING)
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_link_a_thousandth_long_is_refused_near_a_dead_centre_too(name, method):
+def test_a_link_a_thousandth_long_is_rejected_near_a_dead_centre_too(name, method):
     drive, profile = near_a_dead_centre(name, 0.98)
     longer = next(one for one in ("coupler", "rod", "link", "rod3") if hasattr(drive, one))
     wrong = replace(drive, **{longer: 1.001 * getattr(drive, longer)})
@@ -95,7 +95,7 @@ def test_where_nothing_is_allowed_any_error_is_missed():
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "slider_crank", "rrsrr"])
-def test_both_roads_tell_the_conditioning_of_the_loops(name):
+def test_both_methods_report_the_conditioning_of_the_loops(name):
     """They write the loops in other coordinates: it is alike, not the same, and falls to a dead centre."""
     drive, profile = near_a_dead_centre(name, 0.9999)
     run = simulate(drive.mechanism, profile=profile, method="pose", samples=40)

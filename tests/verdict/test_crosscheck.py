@@ -52,7 +52,7 @@ def named_as_the_points(drive: ClosedForm):
 
 @pytest.mark.parametrize("name", DRIVES)
 @pytest.mark.parametrize("road", ROADS)
-def test_a_right_mechanism_passes_by_either_road(name: str, road: str) -> None:
+def test_a_right_mechanism_passes_by_either_method(name: str, road: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(turned(name, road), drive, speed=SPEED)
     assert verdict.passed, verdict
@@ -111,14 +111,14 @@ ONE_ROAD = [
 
 
 @pytest.mark.parametrize(("name", "link", "road"), ONE_ROAD)
-def test_a_link_a_thousandth_long_is_refused(name: str, link: str, road: str) -> None:
+def test_a_link_a_thousandth_long_is_rejected(name: str, link: str, road: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, **{link: 1.001 * getattr(drive, link)})
     refused(crosscheck(motion_of(wrong.mechanism, road), drive))
 
 
 @pytest.mark.parametrize("name", ["rssr", "guided rssr", "four_bar"])
-def test_two_links_swapped_are_refused(name: str) -> None:
+def test_two_links_swapped_are_rejected(name: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, coupler=drive.rocker, rocker=drive.coupler)
     assert wrong.crank_range().full
@@ -135,14 +135,14 @@ def test_the_other_assembly_is_named_as_such(name: str, road: str) -> None:
 
 @pytest.mark.parametrize("turned", ["gamma1", "gamma2"])
 @pytest.mark.parametrize("road", ROADS)
-def test_a_rocker_axis_turned_by_a_tenth_of_a_degree_is_refused(turned: str, road: str) -> None:
+def test_a_rocker_axis_turned_by_a_tenth_of_a_degree_is_rejected(turned: str, road: str) -> None:
     drive = DRIVES["rssr"]
     wrong = replace(drive, **{turned: getattr(drive, turned) + np.deg2rad(0.1)})
     refused(crosscheck(motion_of(wrong.mechanism, road), drive))
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_a_crank_turned_the_wrong_way_is_refused_by_its_drive(name: str) -> None:
+def test_a_crank_turned_the_wrong_way_is_rejected_by_its_drive(name: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(motion_of(drive.mechanism, speed=-SPEED), drive, speed=SPEED)
     refused(verdict)
@@ -153,7 +153,7 @@ def test_a_crank_turned_the_wrong_way_is_refused_by_its_drive(name: str) -> None
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_a_crank_whose_angle_counts_the_wrong_way_is_refused(name: str) -> None:
+def test_a_crank_whose_angle_counts_the_wrong_way_is_rejected(name: str) -> None:
     drive = DRIVES[name]
     driver = drive.mechanism.driver
     joints = tuple(
@@ -173,7 +173,7 @@ def test_a_crank_whose_angle_counts_the_wrong_way_is_refused(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "points"), [("rssr", ("P2", "P3")), ("four_bar", ("A", "B")), ("four_bar", ("B", "C"))]
 )
-def test_two_points_swapped_are_refused(name: str, points: tuple[str, str]) -> None:
+def test_two_points_swapped_are_rejected(name: str, points: tuple[str, str]) -> None:
     drive = DRIVES[name]
     motion = turned(name)
     one, other = points
@@ -204,7 +204,7 @@ def test_a_number_that_is_none_in_a_joint_or_a_loop_is_not_passed_over() -> None
     refused(crosscheck(replace(motion, closure=open_loop), drive), "diverged")
 
 
-def test_a_run_that_blew_up_is_refused_though_its_beginning_was_good() -> None:
+def test_a_run_that_blew_up_is_rejected_though_its_beginning_was_good() -> None:
     drive = DRIVES["rssr"]
     wild = Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1)
     run = simulate(drive.mechanism, speed=SPEED, turns=5.0, settings=wild)
@@ -221,7 +221,7 @@ def test_a_loose_run_is_missed_by_how_much() -> None:
     assert "beyond the tolerance: position of P3 by" in verdict.reason
 
 
-def test_velocities_of_another_instant_are_refused() -> None:
+def test_velocities_of_another_instant_are_rejected() -> None:
     drive = DRIVES["rssr"]
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=1000), samples=1000)
     point = motion.points["P3"]
@@ -229,19 +229,19 @@ def test_velocities_of_another_instant_are_refused() -> None:
     assert not crosscheck(replace(motion, points={**motion.points, "P3": late}), drive).passed
 
 
-def test_a_crank_a_thousandth_too_fast_is_refused_by_its_drive_only() -> None:
+def test_a_crank_a_thousandth_too_fast_is_rejected_by_its_drive_only() -> None:
     drive = DRIVES["slider_crank"]
     verdict = crosscheck(motion_of(drive.mechanism, speed=1.001 * SPEED), drive, speed=SPEED)
     refused(verdict)
     assert all(check.title.startswith("drive") for check in verdict.checks if not check.passed)
 
 
-def test_a_closed_form_that_cannot_stand_where_the_simulation_did_says_so() -> None:
+def test_a_closed_form_that_cannot_stand_where_the_simulation_did_reports_so() -> None:
     swinging = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     refused(crosscheck(turned("four_bar"), swinging), "cannot assemble")
 
 
-def test_bounds_given_replace_the_usual_ones() -> None:
+def test_tolerances_given_replace_the_usual_ones() -> None:
     drive = DRIVES["four_bar"]
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=100))
     strict = {"acceleration": Tolerance(1e-12, "m/s2", "as asked")}
@@ -279,13 +279,13 @@ def function(shape: str):
         ("nan", "gives no finite place for point 'A' at crank angle"),
     ],
 )
-def test_a_function_of_the_wrong_kind_is_refused_in_one_sentence(shape: str, sentence: str) -> None:
+def test_a_function_of_the_wrong_kind_is_rejected_in_one_sentence(shape: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as told:
         crosscheck(turned("four_bar"), function(shape))
     assert "\n" not in str(told.value)
 
 
-def test_a_simulation_without_one_of_the_points_is_told_which() -> None:
+def test_a_simulation_without_one_of_the_points_is_reported_which() -> None:
     drive = DRIVES["rssr"]
     motion = turned("rssr")
     with pytest.raises(InputError, match=r"has no point P3 \(it has P2\)"):

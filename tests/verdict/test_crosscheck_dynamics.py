@@ -113,7 +113,7 @@ def frictionless(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
-def test_each_wrong_machine_is_condemned(name, method):
+def test_each_wrong_model_is_rejected(name, method):
     machine = of(name, everything(name))
     run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
     for wrong in (heavier, turned, upside_down, load_next_door, frictionless):
@@ -121,7 +121,7 @@ def test_each_wrong_machine_is_condemned(name, method):
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_torque_of_the_wrong_sign_and_one_that_is_no_number_are_condemned(method):
+def test_a_torque_of_the_wrong_sign_and_one_that_is_no_number_are_rejected(method):
     machine = of("four_bar", Forces(gravity=GRAVITY))
     run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
     backwards = replace(run, forces=replace(run.forces, torque=-run.forces.torque))
@@ -146,7 +146,7 @@ def test_a_free_run_without_friction_follows_the_reduced_equation_over_four_turn
     [TorqueSpeedLine(5.0, 100.0), DCMotor(24.0, 0.5, 0.2), ConstantTorque(0.5)],
     ids=["line", "dc", "constant"],
 )
-def test_a_motor_starts_the_machine_as_the_reduced_equation_says(motor):
+def test_a_motor_starts_the_model_as_the_reduced_equation_states(motor):
     machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
     run = free_run(machine.mechanism, machine.forces, turns=1.0)
     assert run.free.outcome == "done"
@@ -154,7 +154,7 @@ def test_a_motor_starts_the_machine_as_the_reduced_equation_says(motor):
     assert verdict.passed, verdict
 
 
-def test_each_wrong_machine_is_condemned_by_its_free_run():
+def test_each_wrong_model_is_rejected_by_its_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     machine = of("four_bar", forces)
     run = free_run(machine.mechanism, machine.forces, turns=0.5)
@@ -210,7 +210,7 @@ def test_a_model_with_all_forces_reads_back_from_its_text_bit_by_bit(name):
             np.testing.assert_array_equal(getattr(back, field), made, err_msg=field)
 
 
-def test_the_exported_crank_carries_the_flywheel_of_the_machine_and_none_of_the_drive():
+def test_the_exported_crank_carries_the_flywheel_of_the_model_and_none_of_the_drive():
     mechanism = catalog.make("rssr").mechanism
     spec = assembled(mechanism, Scene(level="dynamics", forces=Forces(flywheel=0.02)))
     model = spec.compile()

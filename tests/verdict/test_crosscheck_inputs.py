@@ -27,7 +27,7 @@ SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 
 
 @pytest.mark.parametrize(("name", "fault", "method"), CASES, ids=": ".join)
-def test_a_mechanism_built_wrong_is_refused(name, fault, method):
+def test_a_mechanism_built_wrong_is_rejected(name, fault, method):
     drive = catalog.make(name)
     wrong = replace(drive, **FAULTS[drive.declaration.name][fault])
     # a crank with a dead centre on its way, as on the looper's other side, goes half round
@@ -41,7 +41,7 @@ def test_a_mechanism_built_wrong_is_refused(name, fault, method):
 
 
 @pytest.mark.parametrize("drive", catalog.DRIVES.values())
-def test_every_mechanism_says_what_could_be_built_wrong(drive):
+def test_every_mechanism_states_what_could_be_built_wrong(drive):
     assert FAULTS[drive.declaration.name]
 
 
@@ -54,13 +54,13 @@ def test_the_mechanism_built_right_is_accepted(name, method):
     assert verdict.passed, str(verdict)
 
 
-def test_a_crank_turning_backwards_is_refused():
+def test_a_crank_turning_backwards_is_rejected():
     drive = catalog.make("looper")
     run = simulate(drive.mechanism, speed=-SPEED, samples=36, method="step")
     assert not crosscheck(run.motion, drive, speed=SPEED).passed
 
 
-def test_the_looper_with_its_cylinder_along_z_as_paper_004_eq_6_has_it_is_refused():
+def test_the_looper_with_its_cylinder_along_z_as_paper_004_eq_6_has_it_is_rejected():
     drive = catalog.make("looper")
     turned = _with_slide_along(drive.mechanism, EZ)
     try:
@@ -93,7 +93,7 @@ class Lying:
         return self.drive.assembly_sign(points)
 
 
-def test_a_closed_form_that_lies_is_refused():
+def test_a_closed_form_that_lies_is_rejected():
     drive = catalog.make("rssr")
     run = simulate(drive.mechanism, speed=SPEED, samples=36, method="step")
     assert not crosscheck(run.motion, Lying(drive=drive)).passed

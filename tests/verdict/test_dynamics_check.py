@@ -69,7 +69,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_the_right_machine_is_met(method):
+def test_the_right_model_is_met(method):
     verdict = judged(method)
     assert verdict.passed, verdict
     assert len(verdict.checks) > 10
@@ -77,7 +77,7 @@ def test_the_right_machine_is_met(method):
 
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_wrong_machine_is_missed(method, wrong):
+def test_a_wrong_model_is_missed(method, wrong):
     verdict = judged(method, **WRONG[wrong])
     assert verdict.outcome == "failed", verdict
     assert "drive torque" in verdict.reason or "force in" in verdict.reason
@@ -134,7 +134,7 @@ def three_armed(place):
     return dynamics.dynamic_model(three_cranks(place), Forces(gravity=(0.4, -9.81, 0.0)))
 
 
-def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
+def test_of_a_redundant_crank_the_force_across_it_is_known_and_checked():
     machine = three_armed((0.047, 0.02))
     # where all cranks lie along x the third takes no part in the self-stress
     angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
@@ -165,7 +165,7 @@ def test_of_a_redundant_crank_the_force_across_it_is_known_and_judged():
     assert {("force", "third"), ("force", "third pin")} <= missed
 
 
-def test_forces_beside_a_change_point_are_what_they_are_without_it():
+def test_forces_next_to_a_change_point_are_what_they_are_without_it():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
@@ -176,7 +176,7 @@ def test_forces_beside_a_change_point_are_what_they_are_without_it():
         np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], one.force, rtol=1e-9, atol=1e-9)
 
 
-def test_no_record_says_itself_where_it_is_not_judged():
+def test_no_record_states_itself_where_it_is_not_checked():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
@@ -207,7 +207,7 @@ def glued():
 
 @pytest.mark.parametrize(("mechanism", "cut"), [(rscr(), "sleeve"), (glued(), "glue")])
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_say(mechanism, cut, method):
+def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_state(mechanism, cut, method):
     acting = Forces(
         gravity=(0.3, -9.81, 2.1),
         friction=(Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
@@ -226,7 +226,7 @@ def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_say(me
     assert not crosscheck_driven(run, wrong).passed
 
 
-def test_what_is_too_light_for_mujoco_is_refused_with_a_remedy_that_holds():
+def test_what_is_too_light_for_mujoco_is_rejected_with_a_remedy_that_holds():
     lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
     large, small = (
         dynamics.dynamic_model(catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}))
@@ -258,7 +258,7 @@ def test_redundant_loops_that_agree_are_held_hard_when_a_crank_runs_freely():
     assert free_run(other.mechanism, other.forces, speed=60.0, turns=0.05).settings == REDUNDANT
 
 
-def test_a_free_crank_whose_couplings_bend_keeps_its_bounds_with_the_order_of_its_steps():
+def test_a_free_crank_whose_couplings_bend_keeps_its_tolerances_with_the_order_of_its_steps():
     machine = dynamics.dynamic_model(bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     errors = []
     for steps in (125, 250):
@@ -272,7 +272,7 @@ def test_a_free_crank_whose_couplings_bend_keeps_its_bounds_with_the_order_of_it
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.0, errors
 
 
-def test_that_loops_hardly_hold_their_links_is_told_of_stepped_forces():
+def test_that_loops_hardly_hold_their_links_is_reported_of_stepped_forces():
     said = {}
     for aside in (1e-4, 0.03):
         machine = dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), Forces())

@@ -162,7 +162,7 @@ def test_the_force_of_a_slide_or_rack_is_off_by_the_moment_it_has_at_the_mechani
         assert_allclose(errors.drive_effort(found, true, "ram"), 6.0 * size)
 
 
-def test_reactions_and_gears_say_nothing_where_a_dry_joint_turns_round():
+def test_reactions_and_gears_state_nothing_where_a_dry_joint_turns_round():
     wrong = replace(efforts().reactions["A"], force=FLAT + 1.0)
     sliding = np.ones((N, 2))
     sliding[2, 1] = 0.0

@@ -98,7 +98,7 @@ def test_dry_friction_of_a_ball_opposes_its_spin_and_no_axis_apart():
 
 
 @pytest.mark.parametrize("kind", ["spherical, cut", "cut in space"])
-def test_a_free_run_loses_in_these_joints_what_the_reduced_equation_says(kind):
+def test_a_free_run_loses_in_these_joints_what_the_reduced_equation_states(kind):
     machine = of(kind)
     machine = machine.with_forces(replace(machine.forces, flywheel=1e-3))
     run = free_run(machine.mechanism, machine.forces, speed=60.0, duration=0.01, timestep=1e-5, samples=20)
@@ -114,7 +114,7 @@ def test_a_crank_that_a_ball_joint_holds_cannot_start():
     assert free_run(machine.mechanism, machine.forces, turns=1.0).free.outcome == "cannot start"
 
 
-def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link():
+def test_a_couple_on_a_link_is_the_same_on_both_methods_and_missed_on_another_link():
     moment = load_profile.function(
         lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3
     )
@@ -129,7 +129,7 @@ def test_a_couple_on_a_link_is_the_same_on_both_roads_and_missed_on_another_link
 
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
-def test_a_geared_motor_drives_as_the_reduced_equation_says_and_a_wrong_ratio_is_seen(motor):
+def test_a_geared_motor_drives_as_the_reduced_equation_states_and_a_wrong_ratio_is_seen(motor):
     machine = dynamics.dynamic_model(
         catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0))
     )
@@ -160,6 +160,6 @@ def test_a_geared_motor_drives_as_the_reduced_equation_says_and_a_wrong_ratio_is
         ),
     ],
 )
-def test_what_means_nothing_is_refused(make, said):
+def test_what_means_nothing_is_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()

@@ -52,7 +52,7 @@ def test_a_verdict_on_a_crank_names_crank_angles():
     assert "at [rad]" in verdict_html(verdict)
 
 
-def test_efforts_under_motion_laws_are_judged_at_times(swung):
+def test_efforts_under_motion_laws_are_checked_at_times(swung):
     run = driven(swung, samples=20)
     verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swung))
     assert {one.at_unit for one in verdict.checks} == {"s"}
@@ -82,7 +82,7 @@ def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
     assert (check.instant, check.at_unit) == (7.0, "row")
 
 
-def test_a_table_of_both_kinds_of_instants_has_units_in_its_cells():
+def test_a_table_of_both_kinds_of_instants_has_units_in_its_segments():
     allowed = Tolerance(1.0, "m", "why")
     angle = check_of("position", "A", np.ones(1), np.array([0.5]), allowed)
     time = check_of("position", "B", np.ones(1), RecordInstants(np.array([2.0]), "s"), allowed)

@@ -33,7 +33,7 @@ def lagging(by: float) -> LoopForm:
 
 
 @pytest.mark.parametrize("source", ["pose", "step"])
-def test_a_motion_as_its_programs_have_it_is_met_with_a_line_for_each_driver(source):
+def test_a_motion_as_its_motion_laws_have_it_is_met_with_a_line_for_each_driver(source):
     verdict = crosscheck(record(FORM, source), FORM)
     assert verdict.passed, verdict
     told = {check.subject: check.worst for check in verdict.checks if check.kind == "driver angle"}
@@ -41,13 +41,13 @@ def test_a_motion_as_its_programs_have_it_is_met_with_a_line_for_each_driver(sou
     assert max(told.values()) < 1e-14
 
 
-def test_drivers_are_held_against_no_programs_where_the_exact_motion_knows_none():
+def test_drivers_are_held_against_no_motion_laws_where_the_exact_motion_knows_none():
     verdict = crosscheck(record(FORM, "pose"), record(lagging(0.0), "loop equations"))
     assert verdict.passed
     assert "driver angle" not in {check.kind for check in verdict.checks}
 
 
-def test_a_driver_behind_its_program_is_missed_by_what_it_lags_and_nothing_else_is():
+def test_a_driver_behind_its_motion_law_is_missed_by_what_it_lags_and_nothing_else_is():
     verdict = crosscheck(record(lagging(0.05), "step"), FORM)
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: left"]
     worst = next(check.worst for check in verdict.checks if check.title == "drive: left")

@@ -54,7 +54,7 @@ def up_from(first, height, until=N):
 
 
 @pytest.mark.parametrize("first", [0, 3, N - 2])
-def test_a_run_that_goes_over_to_the_other_assembly_is_told_from_where_on(first):
+def test_a_run_that_goes_over_to_the_other_assembly_is_distinguished_from_where_on(first):
     solver = TwoAssemblies(np.full(N, 0.2))
     assert elsewhere(lifted(up_from(first, 0.2)), RIGHT, solver) == pytest.approx(ANGLE[first])
     assert elsewhere(lifted(up_from(first, 0.14)), RIGHT, solver) == pytest.approx(ANGLE[first])
@@ -75,12 +75,12 @@ def test_one_record_alone_is_no_proof():
 
 
 @pytest.mark.parametrize(("apart", "told"), [(0.009, False), (0.011, True)])
-def test_assemblies_closer_than_a_fiftieth_of_the_stroke_are_not_told_apart(apart, told):
+def test_assemblies_closer_than_a_fiftieth_of_the_stroke_are_not_distinguished_apart(apart, told):
     found = elsewhere(lifted(up_from(0, apart)), RIGHT, TwoAssemblies(np.full(N, apart)))
     assert (found == pytest.approx(ANGLE[0])) if told else (found is None)
 
 
-def test_assemblies_that_part_on_the_way_are_told_from_where_they_have_parted():
+def test_assemblies_that_part_on_the_way_are_distinguished_from_where_they_have_parted():
     gaps = np.linspace(0.0, 0.2, N)
     first = int(np.flatnonzero(gaps > 0.01)[0])
     assert elsewhere(lifted(gaps), RIGHT, TwoAssemblies(gaps)) == pytest.approx(ANGLE[first])
@@ -111,7 +111,7 @@ def test_a_long_run_is_looked_at_here_and_there_from_its_beginning_to_its_end():
     assert (looked[-2], looked[-1]) == (angle[-2], angle[-1])
 
 
-def test_where_a_sign_tells_assemblies_apart_two_wrong_ones_in_a_row_are_proof():
+def test_where_a_sign_reports_assemblies_apart_two_wrong_ones_in_a_row_are_proof():
     heights = np.ones(N)
     heights[2] = heights[6:9] = -1.0
     assert elsewhere(lifted(heights), RIGHT, Signed()) == pytest.approx(ANGLE[6])
@@ -121,7 +121,7 @@ def test_where_a_sign_tells_assemblies_apart_two_wrong_ones_in_a_row_are_proof()
     assert elsewhere(lifted(np.ones(N)), RIGHT, Signed()) is None
 
 
-def test_one_record_says_nothing_and_two_are_enough():
+def test_one_record_reports_nothing_and_two_are_enough():
     class Above:
         def assembly_points(self, angle):
             yield "other", {"P": np.array([0.0, 0.2, 0.0])}

@@ -145,7 +145,7 @@ def test_each_quantity_of_a_free_run_is_missed_where_it_is_wrong(field, kinds):
     assert missed(crosscheck_free_run(wrong, RUN, tolerance=1e-5)) == kinds
 
 
-def test_a_free_run_that_goes_beyond_the_true_one_or_says_nothing_is_told_so():
+def test_a_free_run_that_goes_beyond_the_true_one_or_reports_nothing_is_reported_so():
     short = replace(RUN, **{name: values[:5] for name, values in RUN.columns()}, reason="held")
     assert "ends after" in crosscheck_free_run(RUN, short).reason
     one = replace(RUN, **{name: values[:1] for name, values in RUN.columns()})
@@ -153,7 +153,7 @@ def test_a_free_run_that_goes_beyond_the_true_one_or_says_nothing_is_told_so():
         crosscheck_free_run(one, RUN)
 
 
-def test_bounds_given_replace_those_of_the_table_as_parts_of_the_scale_or_in_the_unit():
+def test_tolerances_given_replace_those_of_the_table_as_parts_of_the_scale_or_in_the_unit():
     off = replace(EXACT, torque=EXACT.torque + 1e-3)
     size = force_scales(EXACT)["torque"]
     for bound, unit in ((2e-3 / size, "1"), (2e-3, "N m")):
@@ -173,7 +173,7 @@ def test_a_number_that_is_none_has_no_part_of_its_bound_and_no_tolerance_allows_
     assert concluded([check]).outcome == "diverged"
 
 
-def test_a_check_says_its_variant_road_quantity_and_subject():
+def test_a_check_states_its_variant_method_quantity_and_subject():
     numbers = {"unit": "m", "worst": 1.0, "instant": 0.0, "rms": 1.0, "tolerance": 2.0, "reason": ""}
     check = Check(kind="position", subject="P3", **numbers)
     assert check.title == "position of P3"
@@ -183,7 +183,7 @@ def test_a_check_says_its_variant_road_quantity_and_subject():
     assert replace(check, kind="loop", subject="").title == "loop residual"
 
 
-def test_a_longer_free_run_and_one_asked_for_less_have_wider_bounds():
+def test_a_longer_free_run_and_one_requested_for_less_have_wider_tolerances():
     row = QUANTITIES["crank angle"]
     bounds = [
         row.bounds["step"].tolerance("rad", 1.0, Requested(turns=turns)).value for turns in (1, 10, 100)
@@ -194,7 +194,7 @@ def test_a_longer_free_run_and_one_asked_for_less_have_wider_bounds():
     assert place.reason == "asked for: 3e-06 of the stroke of 0.3 m"
 
 
-def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_bounds():
+def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_tolerances():
     known = {*motion_scales(1.0, 1.0), *force_scales(EXACT), "energy"}
     assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(PROGRAMMED) + len(FORCES) + len(FREE)
     for row in QUANTITIES.values():

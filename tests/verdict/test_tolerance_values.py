@@ -148,7 +148,7 @@ STATED = re.compile(r"measured (?P<number>[\d.]+(e-\d+)?)")
 
 
 @pytest.mark.parametrize("name", PROMISED)
-def test_bounds_are_what_was_promised(name):
+def test_tolerances_are_what_was_promised(name):
     found = {
         road: (bound.fixed, bound.requested, bound.growth, bound.power)
         for road, bound in QUANTITIES[name].bounds.items()
@@ -156,12 +156,12 @@ def test_bounds_are_what_was_promised(name):
     assert found == {road: pytest.approx(row, rel=1e-12, abs=0.0) for road, row in PROMISED[name].items()}
 
 
-def test_every_quantity_has_a_name_of_its_own_and_its_promise():
+def test_every_quantity_has_a_name_of_its_own_and_its_tolerance():
     assert len(QUANTITIES) == len((*MOTION, *CRANK_DRIVE, *PROGRAMMED, *FORCES, *FREE))
     assert PROMISED.keys() == QUANTITIES.keys()
 
 
-def test_bounds_lie_above_what_they_say_was_measured_and_at_most_a_hundredfold():
+def test_tolerances_lie_above_what_they_state_was_measured_and_at_most_a_hundredfold():
     stated = 0
     for row in QUANTITIES.values():
         for bound in row.bounds.values():

@@ -31,7 +31,7 @@ ONES = np.ones(N)
 # tolerances
 
 
-def test_nothing_is_asked_unless_it_is():
+def test_nothing_is_requested_unless_it_is():
     assert (Requested().tolerance, Requested().scale, Requested().turns) == (0.0, 1.0, 0.0)
     plain = ToleranceRule("why", 1e-3)
     assert (plain.requested, plain.growth, plain.power, plain.scale) == (0.0, 0, 0, "")
@@ -46,7 +46,7 @@ def test_the_fixed_part_grows_by_its_power_beyond_ten_turns_either_way(turns, gr
     assert bound == pytest.approx(3e-6 * max(1.0, abs(turns) / 10.0) ** growth)
 
 
-def test_the_larger_of_what_is_allowed_anyway_and_what_was_asked_counts():
+def test_the_larger_of_what_is_allowed_anyway_and_what_was_requested_counts():
     bound = ToleranceRule("{part:.3g} of {scale:.3g} {unit}", 1e-3, requested=2.0, power=3)
     strict, loose = (bound.tolerance("m", 0.5, Requested(part, scale=4.0)) for part in (1e-6, 0.1))
     assert strict.value == pytest.approx(0.5e-3)
@@ -56,7 +56,7 @@ def test_the_larger_of_what_is_allowed_anyway_and_what_was_asked_counts():
     assert (loose.unit, loose.power) == ("m", 3)
 
 
-def test_bounds_widen_where_loops_are_poorly_conditioned_by_their_power_and_not_elsewhere():
+def test_tolerances_widen_where_loops_are_poorly_conditioned_by_their_power_and_not_elsewhere():
     conditioning = np.array([10.0, 1.0, 0.5, 0.1]) * WELL_CONDITIONED
     for power in (0, 1, 3):
         widened = Tolerance(2.0, "m", "", power).widened(conditioning, 4)
@@ -75,7 +75,7 @@ def test_accelerations_keep_the_digits_that_rounding_over_the_square_of_the_cond
 # checks
 
 
-def test_a_check_tells_the_error_that_is_the_largest_part_of_its_bound():
+def test_a_check_reports_the_error_that_is_the_largest_part_of_its_bound():
     error, conditioning = (
         np.array([1.0, 3.0, 2.5, 0.0, 0.5]),
         np.array([1.0, 0.25, 1.0, 1.0, 1.0]) * WELL_CONDITIONED,
@@ -107,7 +107,7 @@ def test_where_nothing_is_allowed_any_error_is_beyond_the_bound_and_none_is_with
     assert verdict.reason == "beyond the tolerance: loop residual by 1e-300 m where none is allowed"
 
 
-def test_a_verdict_is_met_or_says_by_how_much_at_most_three_quantities_are_beyond():
+def test_a_verdict_is_met_or_states_by_how_much_at_most_three_quantities_are_beyond():
     bad = [check_of("loop", "", k * ONES, ANGLE, Tolerance(0.5, "m", "")) for k in (1.0, 2.0, 3.0, 4.0, 5.0)]
     good = check_of("loop", "", 0.1 * ONES, ANGLE, Tolerance(0.5, "m", ""))
     assert concluded([good]) == Verdict("passed", (good,))
@@ -144,7 +144,7 @@ def test_a_verdict_prints_its_outcome_its_reason_and_how_each_error_stands_to_it
     assert str(concluded([bad])) == f"failed: beyond the tolerance: loop residual by 2 times\n  {bad}"
 
 
-def test_bounds_given_are_in_the_quantitys_unit_or_parts_of_its_scale():
+def test_tolerances_given_are_in_the_quantitys_unit_or_parts_of_its_scale():
     rows = [QUANTITIES[name] for name in ("position", "acceleration", "accelerations under these forces")]
     scales = {**motion_scales(0.5, 2.0, 0.8), "1": 1.0}
     given = {row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)}
@@ -314,7 +314,7 @@ def test_only_rates_of_a_users_function_are_allowed_the_rounding_of_differences(
     assert user["acceleration"] > 10.0 * closed["acceleration"]
 
 
-def test_how_near_loops_are_to_singular_is_told_by_the_exact_side_or_what_solves_it_and_else_simulated():
+def test_how_near_loops_are_to_singular_is_reported_by_the_exact_side_or_what_solves_it_and_else_simulated():
     class Solver:
         def __init__(self, told=None, links=True):
             self.exact = replace(
@@ -369,7 +369,7 @@ def test_motions_at_other_angles_or_with_other_points_are_not_compared():
         crosscheck(replace(EXACT, angle=ANGLE[:0]), given)
 
 
-def test_the_drive_is_judged_where_its_speed_is_known_and_from_where_it_began():
+def test_the_drive_is_checked_where_its_speed_is_known_and_from_where_it_began():
     given = replace(EXACT, source="closed form")
     time = (ANGLE - ANGLE[0]) / 1.0 + 7.0
     verdict = crosscheck(replace(EXACT, time=time), given)
@@ -393,7 +393,7 @@ def test_numbers_that_are_not_finite_are_a_diverged_run(field):
     assert crosscheck(replace(EXACT, broken="why"), given).reason == "why"
 
 
-def test_efforts_asked_for_a_tolerance_keep_it_and_others_what_their_road_can():
+def test_efforts_requested_for_a_tolerance_keep_it_and_others_what_their_method_can():
     exact = efforts(FLAT + 1.0)
     for road, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
         for part, passed in ((0.99, True), (1.01, False)):
@@ -415,7 +415,7 @@ def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_m
     assert "ends after" in crosscheck_free_run(asked, free(3)).reason
 
 
-def test_of_two_quantities_of_one_record_the_larger_error_is_told_as_a_part_of_its_scale():
+def test_of_two_quantities_of_one_record_the_larger_error_is_reported_as_a_part_of_its_scale():
     row = replace(QUANTITIES["crank speed"], error=field_error("speed"))
     exact = free()
     found = replace(exact, speed=exact.speed + np.linspace(0.0, 0.5, N))
@@ -425,7 +425,7 @@ def test_of_two_quantities_of_one_record_the_larger_error_is_told_as_a_part_of_i
     assert EPS == 2.0**-52
 
 
-def test_over_several_roads_the_gravest_says_why_and_one_without_a_reason_nothing():
+def test_over_several_methods_the_largest_states_why_and_one_without_a_reason_nothing():
     fine, bad = Verdict("passed", ()), Verdict("failed", (), "beyond the tolerance")
     verdict = combined({"pose": fine, "step": bad})
     assert (verdict.outcome, verdict.reason) == ("failed", "step: beyond the tolerance")

@@ -91,7 +91,7 @@ def test_no_name_of_a_mechanism_ends_the_script():
 
 
 @shown
-def test_the_dragged_slider_takes_points_where_the_closed_form_says(window, place_of):
+def test_the_dragged_slider_takes_points_where_the_closed_form_states(window, place_of):
     fresh(window, place_of)
     for share in (0.31, 0.64, 0.997):
         degrees = dragged(window, share)
@@ -106,7 +106,7 @@ def test_the_dragged_slider_takes_points_where_the_closed_form_says(window, plac
 
 
 @shown
-def test_what_is_drawn_is_where_the_page_says(window, place_of):
+def test_what_is_drawn_is_where_the_page_states(window, place_of):
     fresh(window, place_of, "#crank=123&paths=off&names=off&joints=off")
     image = window.look().astype(int)
     left, top = window.run("(b => [b.left, b.top])(stage.getBoundingClientRect())")

@@ -50,7 +50,7 @@ def stepped(scene, *, moving):
 
 
 @pytest.mark.parametrize("softness", SOFT)
-def test_the_gap_foretold_of_a_motion_is_what_steps_show(scene, softness):
+def test_the_gap_predicted_of_a_motion_is_what_steps_show(scene, softness):
     found = scene(softness)
     motion = swing(found)
     assert motion is not None
@@ -61,14 +61,14 @@ def test_the_gap_foretold_of_a_motion_is_what_steps_show(scene, softness):
 
 
 @pytest.mark.parametrize("softness", SOFT)
-def test_the_gap_foretold_at_rest_is_what_steps_show(scene, softness):
+def test_the_gap_predicted_at_rest_is_what_steps_show(scene, softness):
     found = scene(softness, ('gravity="0 0 -9.81"', 'gravity="0 -9.81 0"'))
     (told,) = gaps_at_rest(found).values()
     seen = stepped(found, moving=False)
     assert 0.5 <= told / seen <= 2.0
 
 
-def test_harder_loops_are_foretold_to_open_by_less(scene):
+def test_harder_loops_are_predicted_to_open_by_less(scene):
     gaps = []
     for softness in (SOFT[0], 'solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"'):
         found = scene(softness)

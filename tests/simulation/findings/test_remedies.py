@@ -57,7 +57,7 @@ def found(tmp_path, text):
         ),
     ],
 )  # fmt: skip
-def test_a_remedy_done_as_it_is_told_takes_the_finding_away(kind, fault, mended, tmp_path):
+def test_a_remedy_done_as_it_is_reported_takes_the_finding_away(kind, fault, mended, tmp_path):
     wrong = changed(fault)
     (one,) = [one for one in found(tmp_path, wrong) if one.kind == kind]
     right = mended(wrong, one)

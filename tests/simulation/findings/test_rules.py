@@ -49,7 +49,7 @@ def run(monkeypatch, capsys, *words):
     return ended.value.code or 0, capsys.readouterr()
 
 
-def test_a_sound_file_has_no_errors_and_no_warnings(tmp_path):
+def test_a_valid_file_has_no_errors_and_no_warnings(tmp_path):
     violations = ms.check(written(tmp_path, SOUND))
     assert {violation.severity for violation in violations} <= {"note"}
 

@@ -17,11 +17,11 @@ def seeded(tmp_path, *changes, **asked):
     return found
 
 
-def test_a_sound_scene_is_not_accused(tmp_path):
+def test_a_valid_scene_is_not_reported(tmp_path):
     assert seeded(tmp_path) == {}
 
 
-def test_a_range_of_two_turns_in_degrees_is_meant_so(tmp_path):
+def test_a_range_of_two_turns_in_degrees_is_intended_so(tmp_path):
     degrees = ('angle="radian"', 'angle="degree"')
     assert (
         seeded(tmp_path, degrees, ('range="-3 3"', 'range="-720 720"'), ('range="-2 2"', 'range="-99 99"'))

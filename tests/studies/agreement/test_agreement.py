@@ -33,7 +33,7 @@ def test_a_formula_a_thousandth_off_is_missed():
     assert [check.passed for check in found.checks] == [True, False, True]
 
 
-def test_what_a_table_of_ours_says_of_itself_is_met(tmp_path):
+def test_what_a_table_of_ours_states_of_itself_is_met(tmp_path):
     model = ms.catalog.make("rssr")
     path = tmp_path / "own.csv"
     files.write(path, model.solve(np.linspace(0, 6, 30), 20 * np.pi))
@@ -94,7 +94,7 @@ def test_several_drivers_come_by_name():
         (lambda angle: {"A": "here"}, "gives no numbers for 'A'"),
     ],
 )
-def test_what_is_no_formula_is_refused_in_one_line(function, said):
+def test_what_is_no_formula_is_rejected_in_one_line(function, said):
     with pytest.raises(ms.InputError, match=said) as refused:
         ms.validate("slider_crank", against=function)
     assert "\n" not in str(refused.value)
@@ -119,7 +119,7 @@ def told(monkeypatch, capsys, *words):
     return int(ended.value.code or 0), said.out, said.err
 
 
-def test_the_command_says_that_it_runs_code_and_keeps_to_eighty_columns(monkeypatch, capsys, tmp_path):
+def test_the_command_states_that_it_runs_code_and_keeps_to_eighty_columns(monkeypatch, capsys, tmp_path):
     (tmp_path / "own.py").write_text(
         "import numpy as np\ndef f(a):\n    return {'A': 0.05 * np.column_stack([np.cos(a), np.sin(a)])}\n"
     )
@@ -168,7 +168,7 @@ def test_a_missed_formula_gets_its_plot_and_a_page_that_names_the_cause(monkeypa
     assert "A: exact and claimed" in page
 
 
-def test_options_of_against_alone_are_refused(monkeypatch, capsys):
+def test_options_of_against_alone_are_rejected(monkeypatch, capsys):
     code, _, err = told(monkeypatch, capsys, "validate", "slider_crank", "--plot", "a.svg")
     assert code == 2
     assert "goes with --against" in err

@@ -89,13 +89,13 @@ def test_the_cause_of_a_difference_is_named_with_its_size(name):
     assert by is None or first.by == pytest.approx(by, rel=1e-3)
 
 
-def test_a_right_formula_is_not_accused():
+def test_a_right_formula_is_not_reported():
     found = said(bar())
     assert found.passed
     assert not found.findings
 
 
-def test_what_nothing_explains_is_said_to_be_so():
+def test_what_nothing_explains_is_stated_to_be_so():
     found = said(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
     assert not found.passed
     assert not any(one.certain for one in found.findings)
@@ -108,7 +108,7 @@ def test_a_difference_hardly_beyond_its_bound_is_not_explained():
     assert [one.kind for one in found.findings] == ["none"]
 
 
-def test_of_two_that_explain_alike_both_are_said():
+def test_of_two_that_explain_alike_both_are_stated():
     # a point on a circle about the ground's origin cannot tell them apart
     found = said(lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position})
     assert {(one.kind, one.what) for one in found.findings} == {
@@ -118,7 +118,7 @@ def test_of_two_that_explain_alike_both_are_said():
     assert "as does another" in found.why
 
 
-def test_a_program_out_of_phase_is_named():
+def test_a_motion_law_out_of_phase_is_named():
     form = ms.load("five_bar")
     late = ms.load(
         "five_bar", drive={"left": "120deg + 25deg*sin(2*pi*(t-0.01))", "right": "60deg + 20deg*sin(4*pi*t)"}

@@ -92,7 +92,7 @@ def test_noise_of_twice_the_stated_size_fails_and_smaller_noise_passes(tmp_path)
     assert "(less than stated)" in found.why
 
 
-def test_a_systematic_error_within_the_tolerance_is_allowed_beside_noise(tmp_path):
+def test_a_systematic_error_within_the_tolerance_is_allowed_next_to_noise(tmp_path):
     path = measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999)
     assert judged(path, "slider_crank", tolerance=1.2e-4).passed
     assert not judged(path, "slider_crank", tolerance=2e-5).passed

@@ -98,7 +98,7 @@ def test_a_range_that_is_none_is_rejected_in_one_sentence(ends):
         ms.certify("four_bar", ends)
 
 
-def test_an_overconstrained_mechanism_is_not_certified_and_says_so():
+def test_an_overconstrained_mechanism_is_not_certified_and_reports_so():
     proof = ms.certify("bennett")
     assert not proof.certified
     assert "overconstrained" in proof.reason

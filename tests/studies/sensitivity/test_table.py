@@ -44,7 +44,7 @@ def test_a_place_stands_for_its_parts_and_all_for_every_dimension():
     assert {"crank", "gamma1", "pivot.z"} <= set(derivative_table(of, ["rocker"]).by)
 
 
-def test_of_a_mechanism_without_parameters_what_tears_loops_is_left_out_of_all_and_refused_by_name():
+def test_of_a_mechanism_without_parameters_what_tears_loops_is_left_out_of_all_and_rejected_by_name():
     of = MovedFamily(parametric_model(LoopForm(catalog.make("four_bar").mechanism)), ANGLES, 1.0)
     table = derivative_table(of, ["rocker"])
     assert {"A.at.x", "B.at.y"} <= set(table.by)
@@ -54,7 +54,7 @@ def test_of_a_mechanism_without_parameters_what_tears_loops_is_left_out_of_all_a
         derivative_table(of, ["rocker"], ["A.a.at.z"])
 
 
-def test_programs_are_tabled_over_time():
+def test_motion_laws_are_tabled_over_time():
     of = parametric_model(
         "five_bar", drive={"left": "120deg+20deg*sin(2*pi*t)", "right": "60deg+20deg*sin(4*pi*t)"}
     )
@@ -75,7 +75,7 @@ def test_programs_are_tabled_over_time():
         ([], "all", "no quantity is requested"),
     ],
 )
-def test_what_is_no_quantity_or_dimension_is_refused_with_the_nearest(of, to, said):
+def test_what_is_no_quantity_or_dimension_is_rejected_with_the_nearest(of, to, said):
     with pytest.raises(InputError, match=said):
         derivative_table(moved("four_bar"), of, to)
 
@@ -95,7 +95,7 @@ def test_a_motion_is_looked_at_aside_of_where_assemblies_meet():
     assert derivative_table(MovedFamily(of, at[::10], 1.0), ["pen"]).by
 
 
-def test_efforts_are_asked_for_by_the_joint_that_is_driven():
+def test_efforts_are_requested_for_by_the_joint_that_is_driven():
     found = derivative_table(moved("four_bar"), ["torque:crank"], ["rocker"])
     assert [*found.values] == ["torque"]
     with pytest.raises(InputError, match="no quantity 'torque:rocker'"):

@@ -112,7 +112,7 @@ def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
     )
 
 
-def test_a_dimension_and_what_it_is_reckoned_from_cannot_both_be_off():
+def test_a_dimension_and_what_it_is_computed_from_cannot_both_be_off():
     found = derivative_table(MovedFamily(parametric_model("klann"), ANGLES, 1.0), ["G.x"])
     assert not {"hx", "fy"} & set(found.by)
     with pytest.raises(InputError, match="hx is reckoned from CF, so that they cannot both vary"):
@@ -160,7 +160,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
         ("", "no tolerance is given"),
     ],
 )
-def test_what_is_no_tolerance_is_refused_in_one_line(written, said):
+def test_what_is_no_tolerance_is_rejected_in_one_line(written, said):
     found = table()
     with pytest.raises(InputError, match=said):
         parsed_tolerances(
@@ -168,7 +168,7 @@ def test_what_is_no_tolerance_is_refused_in_one_line(written, said):
         )
 
 
-def test_tolerances_that_leave_no_assembly_are_refused():
+def test_tolerances_that_leave_no_assembly_are_rejected():
     with pytest.raises(InputError, match="the tolerances leave no assembly: with crank = "):
         tolerance_study(table(), {"crank": 0.06}, samples=100)
 

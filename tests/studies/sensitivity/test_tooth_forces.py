@@ -52,7 +52,7 @@ def path(tmp_path):
 @pytest.mark.parametrize(
     ("name", "value", "unit"), [("pressure", 20.0, "deg"), ("across", 30.0, "mm"), ("radius", 12.0, "mm")]
 )
-def test_derivatives_of_tooth_forces_are_those_of_machines_next_to_it(path, name, value, unit):
+def test_derivatives_of_tooth_forces_are_those_of_models_next_to_it(path, name, value, unit):
     found = ms.sensitivity(str(path), COLUMNS, [name], angles=ANGLES, speed=30.0)
     step = 1e-3
 

@@ -42,7 +42,7 @@ def test_samples_fill_their_spans_and_are_the_same_each_time():
     np.testing.assert_array_equal(crank, again.values["crank"])
 
 
-def test_a_file_gives_designs_with_units_in_its_cells(tmp_path):
+def test_a_file_gives_designs_with_units_in_its_segments(tmp_path):
     path = tmp_path / "designs.csv"
     path.write_text("crank,rocker\n13 mm,0.027\n0.014,28mm\n")
     found = read_designs(str(path), "rssr", THERE)
@@ -63,12 +63,12 @@ def test_a_file_gives_designs_with_units_in_its_cells(tmp_path):
         ("crank=1mm:2mm:1000000000000000", "fit: take fewer"),
     ],
 )
-def test_what_is_no_range_is_refused(text, said):
+def test_what_is_no_range_is_rejected(text, said):
     with pytest.raises(InputError, match=said):
         ranged(text)
 
 
-def test_other_designs_that_cannot_be_are_refused(tmp_path):
+def test_other_designs_that_cannot_be_are_rejected(tmp_path):
     for text in ("sobl:8", "sobol:0", "sobol:x", "sobol"):
         with pytest.raises(InputError, match="sobol:N"):
             sampled_designs(text, {"crank": (1.0, 2.0)}, "rssr", THERE)

@@ -80,12 +80,12 @@ def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
         ("nothing", "known are"),
     ],
 )
-def test_what_is_no_measure_is_refused_with_the_nearest(text, said):
+def test_what_is_no_measure_is_rejected_with_the_nearest(text, said):
     with pytest.raises(InputError, match=said):
         measure(text, catalog.make("rssr").mechanism)
 
 
-def test_no_measure_at_all_is_refused():
+def test_no_measure_at_all_is_rejected():
     with pytest.raises(InputError, match="no measure"):
         measures([], catalog.make("rssr").mechanism)
 

@@ -36,7 +36,7 @@ def test_a_mechanism_laid_flat_is_measured_by_its_own_closed_form():
     assert float(found["range:rocker"][0]) == pytest.approx(wanted)
 
 
-def test_bad_designs_say_why_and_end_nothing():
+def test_bad_designs_state_why_and_end_nothing():
     design = {"crank": [0.032, -1.0, 1e40, np.inf, 0.09, 0.5], "branch": [1, 1, 1, 1, 1, 7]}
     found = ms.sweep("four_bar", measure=["range:rocker", "crank_range"], design=design)
     assert found["outcome"].values.tolist() == ["passed"] + ["cannot assemble"] * 3 + [
@@ -94,7 +94,7 @@ def test_only_what_formulas_take_as_arrays_goes_by_one_formula():
     assert not by_one_formula(swept_task("watt_six_bar", {"crank": [0.1]}, "range:output"))
 
 
-def test_what_no_design_can_have_is_refused():
+def test_what_no_design_can_have_is_rejected():
     with pytest.raises(InputError, match="mechsim trace"):
         ms.sweep("watt_six_bar", {"crank": [0.02]}, "assemblies")
     five_bar = ms.load("five_bar", drive={"left": "0.1rad*t", "right": "0.1rad*t"})

@@ -37,7 +37,7 @@ def test_arguments_with_numbers_as_defaults_are_parameters(model):
     assert ms.load(model, {"crank": "25mm"}).crank == 0.025
 
 
-def test_what_is_no_argument_is_refused(model):
+def test_what_is_no_argument_is_rejected(model):
     for name in ("krank", "mark"):
         with pytest.raises(InputError, match=f"no parameter '{name}'.* known are crank, ratio, branch"):
             ms.load(model, {name: "1"})

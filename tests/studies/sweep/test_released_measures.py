@@ -106,6 +106,6 @@ def test_what_does_not_settle_and_modes_that_are_missing_are_outcomes(oscillator
         ("range:s", {"initial": START}, "an initial state or event is of runs and vibrations"),
     ],
 )
-def test_measures_that_say_nothing_are_rejected(oscillator, measure, more, message):
+def test_measures_that_state_nothing_are_rejected(oscillator, measure, more, message):
     with pytest.raises(InputError, match=message):
         ms.sweep(oscillator, {"viscous": [1.0]}, measure, **more)

@@ -73,7 +73,7 @@ def test_outcomes_of_stepped_designs():
         ("at:10deg:rocker", "nothing is recorded, but every"),
     ],
 )
-def test_what_no_stepped_motion_tells_is_refused(measure, said):
+def test_what_no_stepped_motion_reports_is_rejected(measure, said):
     with pytest.raises(InputError, match=said):
         swept_task("four_bar", {"crank": [0.03]}, measure, settings=FEW, samples=30)
 
@@ -89,7 +89,7 @@ def test_a_check_finds_a_table_that_is_wrong():
         assert "in the table and" in checked.failed[1]
 
 
-def test_settings_tell_stepped_sweeps_apart(tmp_path):
+def test_settings_report_stepped_sweeps_apart(tmp_path):
     out = tmp_path / "out.nc"
     ms.sweep("four_bar", {"crank": [0.03]}, "range:rocker", output=out, **ASKED)
     for other in ({}, {"settings": Settings(steps_per_turn=60, integrator="Euler")}):
@@ -103,7 +103,7 @@ def test_settings_tell_stepped_sweeps_apart(tmp_path):
             )
 
 
-def test_loops_are_as_hard_as_what_is_measured_asks_for_unless_it_is_said():
+def test_loops_are_as_hard_as_what_is_measured_requests_for_unless_it_is_stated():
     """What `mechsim sweep --method step` asks for, too: it gives its settings as they are."""
 
     def compliance(model, vary, measure, **given):

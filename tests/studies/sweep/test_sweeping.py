@@ -86,7 +86,7 @@ def test_another_sweeps_output_is_not_written_over(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_more_designs_than_there_is_room_for_are_refused(tmp_path, monkeypatch):
+def test_more_designs_than_there_is_room_for_are_rejected(tmp_path, monkeypatch):
     monkeypatch.setattr("mechsim.numerics.resources.available_memory", lambda: 1000.0)
     with pytest.raises(InputError, match="fit"):
         ms.sweep("four_bar", VARY, MEASURES)
