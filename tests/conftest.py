@@ -25,7 +25,7 @@ settings.load_profile("mechsim")
 
 @pytest.fixture(scope="session", autouse=True)
 def floating_point_trouble_raises() -> Iterator[None]:
-    # underflow to nought is no fault: what vanishes beside the rest is nought
+    # underflow to zero is no fault: what vanishes next to the rest is zero
     before = np.seterr(over="raise", divide="raise", invalid="raise")
     yield
     np.seterr(**before)

@@ -1,4 +1,4 @@
-"""Mechanisms whose drivers are several, slides or coupled, for both roads."""
+"""Mechanisms whose drivers are several, slides or coupled, for both methods."""
 
 from dataclasses import replace
 

@@ -16,7 +16,7 @@ def named(lengths):
 
 
 def flat_linkages(many=12, seed=5):
-    """Shortest and longest link are as long as the other two: one or two poses lie flat."""
+    """Shortest and longest link are as long as the other two: one or two poses lie in line."""
     rng = np.random.default_rng(seed)
     found = []
     while len(found) < many:

@@ -132,7 +132,7 @@ def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
     """A warp knitter whose legs fit one random pose at crank angle 0, in a random assembly."""
     rng = np.random.default_rng(seed)
     legs, base = [0.0], [0.0]
-    # legs much shorter than the rest are beyond what the sextic promises
+    # legs much shorter than the rest are beyond what the sextic tolerances
     while min(legs) < 0.015 or min(base) < 0.01:
         cranks, phase = rng.uniform(0.003, 0.012, 2), float(rng.uniform(-3, 3))
         pivot2, pivot_rocker = rng.uniform(-0.08, 0.08, (2, 2))
@@ -208,7 +208,7 @@ class Case:
         mirror: its mirror image, the sense in which its crank then turns, and the image of a point.
         scaled: part of the size by which a motion scaled by a power of two may differ: 0 but for roots found
             numerically.
-        slack: what the loops may stand open by, in units of `CLOSED`.
+        slack: what the loops may have a loop-closure error of, in units of `CLOSED`.
     """
 
     random: st.SearchStrategy[ClosedForm]

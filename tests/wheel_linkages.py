@@ -1,4 +1,4 @@
-"""Wheels coupled by rods in a row, as of a locomotive: parallelograms, all of which lie flat at once."""
+"""Wheels coupled by rods in a row, as of a locomotive: parallelograms, all of which lie in line at once."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def wheel_linkages(count: int, lag: float = 0.0) -> Mechanism:
     """Return a train of wheels at distances that differ, each rod on pins of its own radius.
 
     Args:
-        count: of wheels; as many rods but one lie flat where the crank does.
+        count: of wheels; as many rods but one lie in line where the crank does.
         lag: angle in [rad] by which the last rod's pins lie behind the others.
     """
     links, guess, points = [Link("w0")], dict[str, Pose](), {}

@@ -227,7 +227,7 @@ def test_the_cylinder_along_z_as_misprinted_does_not_match():
     misprinted = replace(sound, joints=(*sound.joints[:-1], slide))
     with pytest.raises(AssemblyError, match="do not close"):
         loops.solve(misprinted, angles, 1.0)
-    # begun from a follower that lies as the misprint wants it, it closes, and is another mechanism
+    # started from a follower that lies as the misprint wants it, it closes, and is another mechanism
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     guess = {**sound.guess, "follower": Pose(np.array([0.0, drive.axis_y, 0.0]), quarter)}
     c = loops.solve(misprinted.with_guess(guess, 0.0), angles, 1.0).points["C"].position

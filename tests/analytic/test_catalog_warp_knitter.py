@@ -247,7 +247,7 @@ def test_poses_are_given_up_to_the_dead_centres_and_rejected_beyond():
     ((low, high),) = BLOCKED.crank_range().arcs
     near = np.logspace(-15, -6, 19)
     angles = np.concatenate([low + near, high - near])
-    # Newton's method stalls at the square root of rounding where the assemblies meet
+    # Newton's method stalls at the square root of rounding where the assembly modes meet
     assert open_loops(BLOCKED, BLOCKED.positions(angles)) <= 1e-11
     for beyond in (low - 1e-6, high + 1e-6):
         with pytest.raises(AssemblyError, match=r"it can stand from 1\.89557 to 7\.17315 rad"):
@@ -270,7 +270,7 @@ def test_a_way_longer_than_a_turn_is_never_left_for_another():
     assert max(np.abs(here[name] - there[name]).max() for name in here) > 1e-3
     with pytest.raises(AssemblyError):
         long.positions([low + 0.05, high + 0.1])
-    # alone it is counted on the lap before, as on the other roads
+    # alone it is counted on the revolution before, as on the other methods
     alone, before = long.positions([high + 0.1]), long.positions([high + 0.1 - TURN])
     assert max(np.abs(alone[name] - before[name]).max() for name in alone) <= 1e-15
 

@@ -16,7 +16,7 @@ from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 
 # places, velocities and accelerations, in radii: about a change point they are read off polynomials. Measured
-# 1e-12, 1e-9 and 1e-8 at the most, the more the more wheels; another assembly is off by 0.1
+# 1e-12, 1e-9 and 1e-8 at most, the more the more wheels; another assembly is off by 0.1
 BOUNDS = (2e-12, 2e-9, 2e-8)
 
 

@@ -1,4 +1,4 @@
-"""Change points: where two assemblies meet, the motion by the loop equations goes on smoothly."""
+"""Change points: where two assembly modes meet, the motion by the loop equations goes on smoothly."""
 
 import mpmath
 import numpy as np
@@ -37,7 +37,7 @@ def test_a_smooth_path_takes_few_segments_and_none_that_is_tried_fails(name, mos
     tried, held = cells_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
     # measured 24, 37 and 21: each is as long as the smoothness of the one before allows
     assert tried == held <= most
-    # a tangent foretells the first cell, and that one a longer one the other way
+    # a tangent foretells the first segment, and that one a longer one the other way
     first, other = (np.ptp(path.segments[sense][0].nodes) for sense in (1, -1))
     assert 2.0 * first < other
 
@@ -48,7 +48,7 @@ def test_a_turn_distinguished_from_the_description_on_looks_at_the_loops_few_tim
     monkeypatch.setattr(TreeLoops, "linearise", lambda loops, at: looks.append(len(at)) or look(loops, at))
     mechanism = catalog.make(name).mechanism
     loops.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
-    # measured 29 and 44: of one pose at the start, of all of them at the end, else two or three a cell
+    # measured 29 and 44: of one pose at the start, of all of them at the end, else two or three a segment
     assert len(looks) <= most
 
 
@@ -90,7 +90,7 @@ def test_a_first_segment_is_predicted_along_the_tangent_to_second_order():
         assert 3.9 < off[1] / off[0] < 4.1
         # of the same order as the step squared
         assert 0.05 < off[0] / 1e-6 < 5.0
-    # the other way it is foretold by that cell, with all its nodes
+    # the other way it is predicted by that segment, with all its nodes
     path.reach(begin + 0.1, 1)
     behind = begin - np.array([1e-3, 2e-3])
     told = path.predicted(begin, -1, solver, behind)
@@ -103,7 +103,7 @@ def test_the_next_segment_is_so_long_that_it_is_predicted_as_well_as_is_aimed_at
     path.reach(path.initial + 0.3, 1)
     path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
     growth = path.growth(step, 1, np.zeros(1), np.array([moved]))[0]
-    # what is foretold errs by the power of the nodes of how far it is from the middle of the cell before
+    # what is predicted errs by the power of the nodes of how far it is from the middle of the segment before
     now, then = step + 0.5 * before, growth * step + 0.5 * step
     assert moved * (then / now) ** CONTROL.nodes == pytest.approx(CONTROL.target_correction)
     assert path.growth(step, 1, np.zeros(1), np.zeros(1)) == CONTROL.max_growth
@@ -182,7 +182,7 @@ def test_a_parallelogram_stays_one_turn_after_turn():
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
 
 
-# crank and frame nearly alike, so that the coupler whips round; and ones whose path once ended a cell
+# crank and frame nearly alike, so that the coupler whips round; and ones whose path once ended a segment
 # just clear of the flat pose
 SHARP = {
     "a kite": (0.034801572306382825, 0.03809267197104313, 0.034801572306382825, 0.03809267197104313),
@@ -215,7 +215,7 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
 def test_few_segments_lead_round_a_sharp_bend_and_through_a_change_point(lengths, most):
     path = crank_path(catalog.make("four_bar", **named(lengths)).mechanism)
     # measured 116 to 121, 160 to 164, 160 to 164, 95 to 99, 67 to 72 and 222 to 247, as the rounding of five
-    # kernels has it: how often cells are halved, and how much longer they are then
+    # kernels has it: how often segments are halved, and how much longer they are then
     assert cells_tried(path, (2 * np.pi, -2 * np.pi))[0] <= most
 
 
@@ -230,7 +230,7 @@ def test_change_points_are_found_wherever_the_path_begins(start):
     found = np.sort(path.change_points) / np.pi
     np.testing.assert_allclose(found, np.round(found), atol=1e-12)
     assert np.unique(np.round(found)).size == found.size >= 5
-    # each lies amid the cell that leads through it
+    # each lies amid the segment that leads through it
     ends = np.sort(
         np.concatenate([cell.nodes[[0, -1]] for cells in path.segments.values() for cell in cells])
     )

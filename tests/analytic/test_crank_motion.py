@@ -20,7 +20,7 @@ LENGTHS = {"ground": 0.1, "crank": 0.06, "coupler": 0.03, "rocker": 0.05}
 
 
 def swinging(**coupling) -> Mechanism:
-    """A four-bar whose crank only swings, and beside it a wheel or a slide that goes with the crank."""
+    """A four-bar whose crank only swings, and next to it a wheel or a slide that goes with the crank."""
     mechanism = catalog.make("four_bar", **LENGTHS).mechanism
     if not coupling:
         return mechanism

@@ -1,4 +1,4 @@
-"""Derivatives of motions by dimensions: against 50 digits, against motions beside, and where none are."""
+"""Derivatives of motions by dimensions: against 50 digits, against motions next to, and where none are."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -61,7 +61,7 @@ def test_derivatives_of_places_and_rates_agree_with_50_digits(name, point, place
 
 
 def differences(of: DesignFamily, name, angles, speed, part=1e-5):
-    """Motions beside one, and the step between them, for a difference of fourth order."""
+    """Motions next to one, and the step between them, for a difference of fourth order."""
     value = of.dimensions[name].value
     step = part * max(abs(value), 0.01)
     return [of.make({name: value + k * step}).solve_along(angles, speed) for k in (-2, -1, 1, 2)], step

@@ -1,4 +1,4 @@
-"""The analytic road to forces against other formulas, 50 digits, and the laws of energy and momentum."""
+"""The analytic method to forces against other formulas, 50 digits, and the laws of energy and momentum."""
 
 from dataclasses import replace
 

@@ -60,7 +60,7 @@ def test_a_pendulum_swings_as_elliptic_functions_state():
     duration = 2.0 * a01_pendulum.PERIOD
     run = ms.dynamics.run(pendulum(), WEIGHT, duration=duration, samples=80, tolerance=3e-14)
     swing = run.motion.joints["pivot"].value + np.pi / 2.0
-    # 3.2e-13 at the most under four kernels of the linear algebra
+    # 3.2e-13 at most under four kernels of the linear algebra
     assert np.abs(swing - a01_pendulum.exact(run.time)).max() <= 1e-12
     assert run.outcome == "done"
     assert run.energy_error <= 5e-12
@@ -116,7 +116,7 @@ def test_a_row_of_four_bars_crosses_five_singular_poses_without_loss_of_digits()
     assert run.energy_error <= 1e-9
 
 
-# the crank of the row of four-bars lies flat for the first time after 0.63743126 s
+# the crank of the row of four-bars lies in line for the first time after 0.63743126 s
 FLAT = 0.63743126
 
 

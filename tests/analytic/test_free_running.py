@@ -180,10 +180,10 @@ def test_a_crank_that_runs_into_its_dead_centre_ends_there():
 
 
 def root_of_inertia(machine, lengths, short, beside):
-    """Return the root of a four-bar's inertia, (n,), at angles beside the pose where it nearly lies flat.
+    """Return the root of a four-bar's inertia, (n,), at angles next to the pose where it nearly lies in line.
 
     By Heron's formula: coupler, rocker and the line from crank pin to pivot, of which nothing is lost in
-    differences, for it is given by how much the coupler is too short to lie flat.
+    differences, for it is given by how much the coupler is too short to lie in line.
     """
     ground, crank, coupler, rocker = lengths
     bulge = 4.0 * ground * crank * np.sin(0.5 * beside) ** 2

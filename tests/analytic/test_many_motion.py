@@ -32,7 +32,7 @@ def moved(name, parameter, values, joints):
 
 
 def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
-    """Return the motion of those that are like one, and of which of all it is told."""
+    """Return the motion of those that are like one, and of which of all it is reported."""
     like = shared_loops(mechanism, joints)
     started, which = those_alike(mechanism, mechanisms)
     motion, good = many_motion(like, started, angles, speed, joints)
@@ -135,7 +135,7 @@ def test_another_assembly_is_not_taken_for_the_one_that_is_intended():
 
 
 def flat_and_others():
-    """Return a kite that can be laid flat and others beside it, put together at the same crank angle."""
+    """Return a kite that can be laid flat and others next to it, put together at the same crank angle."""
     lengths = {"ground": 0.1, "coupler": 0.1, "rocker": 0.04}
     found = []
     for crank in (0.04, 0.038, 0.037, 0.036):

@@ -1,4 +1,4 @@
-"""Where a mechanism is put together: the assembly its guess means, in which every road begins."""
+"""Where a mechanism is put together: the assembly its guess means, in which every method begins."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Loops that do not close from where a file starts are told where they do; those that lock are named."""
+"""Loops that do not close from where a file starts are reported where they do; those that lock are named."""
 
 import re
 
@@ -71,7 +71,7 @@ def test_a_pin_that_stands_aside_of_the_plane_is_reported_by_how_much(tmp_path):
 
 
 # two rods between arms on both sides of their pivots: with arms of unequal length nothing turns, and with
-# lengths 2 parts in 1,000 apart it stands open by no more than 1e-7 of the size
+# lengths 2 parts in 1,000 apart it has a loop-closure error of no more than 1e-7 of the size
 TWO_RODS = """<mujoco>
   <worldbody>
     <body><joint name="crank" axis="0 0 1"/><geom type="capsule" fromto="-.01 -.02 0 .01 .02 0" size=".003"/>

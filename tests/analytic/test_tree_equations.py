@@ -1,4 +1,4 @@
-"""The equations of a tree: slopes, twists and biases are derivatives, for every kind of joint."""
+"""The equations of a tree: derivatives, twists and biases are derivatives, for every kind of joint."""
 
 from dataclasses import astuple, replace
 

@@ -14,7 +14,7 @@ LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
 
 
 def five_bar(*gears):
-    """Five bars with two pivots on the frame: two freedoms."""
+    """Five bars with two pivots on the frame: two degrees of freedom."""
     joints = (
         Joint("crank", "revolute", End(GROUND), End("a")),
         Joint("A", "revolute", End("a", (0.03, 0.0, 0.0)), End("b")),

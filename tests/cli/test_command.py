@@ -1,4 +1,4 @@
-"""A dataclass that declares its fields is a row of options: default and refusal come from there."""
+"""A dataclass that declares its fields is a row of options: default and rejection come from there."""
 
 from dataclasses import dataclass, fields
 

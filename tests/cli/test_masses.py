@@ -36,7 +36,7 @@ B = { link = "slider" }
 rod = { at = [0.1, 0, 0] }
 slider = { at = [0.4, 0, 0] }
 """
-# a link without mass beside one that has some
+# a link without mass next to one that has some
 SCENE = """
 <mujoco model="pair"><compiler boundmass="0"/><worldbody>
   <body name="arm"><joint name="crank" axis="0 0 1"/><inertial pos=".1 0 0" mass="2" diaginertia="1 1 1"/>

@@ -1,4 +1,4 @@
-"""Command `mechsim sensitivity`: table, JSON, plots, refusals."""
+"""Command `mechsim sensitivity`: table, JSON, plots, rejections."""
 
 import json
 

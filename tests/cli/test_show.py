@@ -1,4 +1,4 @@
-"""What `mechsim show` prints of a mechanism of one's own."""
+"""What `mechsim show` prints of a mechanism of a user's own."""
 
 # a parallelogram that stands flat where it is looked at, and couplings that hold it there
 CAMS = """name = "cams"

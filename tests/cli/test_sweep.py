@@ -91,7 +91,7 @@ def test_what_was_swept_is_drawn(mechsim, tmp_path):
 
 
 def test_torques_of_designs_stepped_by_themselves_are_of_loops_as_hard_as_dynamics_has_them(mechsim):
-    """At 1e-8 of MuJoCo's softness, which places need, rack_steering's torque was off by 4e-6 of itself."""
+    """At 1e-8 of MuJoCo's compliance, which places need, rack_steering's torque was off by 4e-6 of itself."""
     angles = [f"at:{angle}deg:torque" for angle in (7.2, 36.0, 54.0, 79.2, 198.0, 342.0)]
     words = ("--vary", "radius=5mm:6mm:2", "--samples", "100", *(f"--measure={one}" for one in angles))
     for name, method in (("exact.csv", ()), ("stepped.csv", ("--method", "step"))):

@@ -1,4 +1,4 @@
-"""A mechanism whose loops close at no crank angle is refused in one line, whatever is asked of it."""
+"""A mechanism whose loops close at no crank angle is rejected in one line, whatever is asked of it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`mechsim validate` and the gallery: what is judged, what code is run, how results are told apart."""
+"""`mechsim validate` and the gallery: what is judged, what code is run, how results are reported apart."""
 
 import json
 import re

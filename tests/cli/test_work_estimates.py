@@ -1,4 +1,4 @@
-"""What is asked is sized before it is begun; what takes long says how long."""
+"""What is asked is sized before it is started; what takes long says how long."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -58,7 +58,7 @@ def test_a_table_whose_turn_is_written_with_six_digits_is_drawn_to_the_turn():
     x = np.linspace(0.0, TURN, 9)
     exact, written = (load_profile.table(at, np.cos(x).round(12)) for at in (x, x.round(5)))
     places = np.linspace(0.0, TURN, 40)
-    # half a unit of the sixth digit, at a slope of one
+    # half a unit of the sixth digit, at a derivative of one
     assert np.abs(exact.evaluate(places, places) - written.evaluate(places, places)).max() < 1e-5
 
 

@@ -1,4 +1,4 @@
-"""Laps: which turns bring an angle near wanted ones, told by trying them all."""
+"""Laps: which turns bring an angle near wanted ones, reported by trying them all."""
 
 import numpy as np
 import pytest

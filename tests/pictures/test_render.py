@@ -52,7 +52,7 @@ def motion(drive):
 
 
 def test_what_is_higher_than_the_compiler_lets_a_camera_be_is_framed_like_anything_else():
-    """MuJoCo takes a parallel camera's height for an angle, and refuses 180 and more."""
+    """MuJoCo takes a parallel camera's height for an angle, and rejects 180 and more."""
     drive = catalog.make("four_bar", ground=1000.0, crank=320.0, coupler=910.0, rocker=740.0)
     drawn = DrawnModel(
         drive.mechanism, frame_poses(drive.mechanism, drive.solve(TURN, 60.0)), Look(size=SIZE)

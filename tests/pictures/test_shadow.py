@@ -36,7 +36,7 @@ def test_shadows_fall_where_a_shadow_map_has_them(name):
     stage.set_frame(4)
     pictures = []
     stage.model.vis.quality.shadowsize = 4096
-    # MuJoCo's own shadow map is the judge; its map is drawn only where it was asked for from the start
+    # MuJoCo's own shadow map is the check; its map is drawn only where it was asked for from the start
     stage.model.light_castshadow[:] = True
     with gl_backend.renderer(stage.model, SIZE, BACKEND) as drawing:
         for flat, mapped in ((False, False), (True, False), (False, True)):

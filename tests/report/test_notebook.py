@@ -29,7 +29,7 @@ def page_of(value):
 
 
 def shown(cell, names):
-    """Run a cell as a notebook does; return what its last line is worth."""
+    """Run a segment as a notebook does; return what its last line is worth."""
     tree = ast.parse(cell)
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
     exec(compile(tree, "cell", "exec"), names)

@@ -1,4 +1,4 @@
-"""What a page is given: every assembly, programs, several drivers, each as the roads themselves have it."""
+"""What a page is given: every assembly, programs, several drivers, each as the methods themselves have it."""
 
 import numpy as np
 import pytest

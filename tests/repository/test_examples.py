@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-# what a reader is told at the end of each
+# what a reader is reported at the end of each
 SAYS = {
     "first_steps": "MuJoCo: passed with",
     "own_mechanism": "DofCount(mobility=1, passive=0, redundant=0, rank=17)",

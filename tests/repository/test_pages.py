@@ -103,7 +103,7 @@ def test_the_glossary_has_thirty_terms_at_most_and_is_that_of_contributing():
 
 
 def shell_lines(text: str) -> list[str]:
-    """Return the lines of a page's shell blocks and shell cells that run mechsim."""
+    """Return the lines of a page's shell blocks and shell segments that run mechsim."""
     blocks = re.findall(r"```(?:sh|console)[^\n]*\n(.*?)```", text, re.DOTALL)
     blocks += re.findall(r"```\{code-cell\}[^\n]*\n(?::tags:[^\n]*\n)?%%sh[^\n]*\n(.*?)```", text, re.DOTALL)
     lines = [line.strip().removeprefix("$ ") for block in blocks for line in block.splitlines()]

@@ -82,7 +82,7 @@ def test_plain_mujoco_steps_the_model_through_a_turn(name: str) -> None:
     mujoco.mj_forward(model, data)
     angle = float(data.joint("crank").qpos[0])
     for point, place in drive.positions([angle]).items():
-        # MuJoCo's own softness and a start with the linkage at rest; a wrong assembly is 100 times off
+        # MuJoCo's own compliance and a start with the linkage at rest; a wrong assembly is 100 times off
         assert (
             np.linalg.norm(data.site(point).xpos - place[0]) <= 5e-3 * drive.mechanism.characteristic_length
         )

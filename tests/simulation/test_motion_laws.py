@@ -1,4 +1,4 @@
-"""Several drivers, slides and couplings in MuJoCo, under programs: by solved poses and stepped in time."""
+"""Several drivers, slides and couplings in MuJoCo, under motion laws: by solved poses and stepped in time."""
 
 from dataclasses import replace
 

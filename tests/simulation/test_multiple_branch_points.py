@@ -1,4 +1,4 @@
-"""MuJoCo's poses of coupled wheels in a row, where several pairs of assemblies meet at once."""
+"""MuJoCo's poses of coupled wheels in a row, where several pairs of assembly modes meet at once."""
 
 import numpy as np
 import pytest

@@ -39,7 +39,7 @@ FREE = f"""
   </equality>
 </mujoco>
 """
-# a joint that follows the crank by a polynomial, and another that stands where it is told to
+# a joint that follows the crank by a polynomial, and another that stands where it is reported to
 CURVE = """
 <mujoco>
   <worldbody>

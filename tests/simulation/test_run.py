@@ -251,7 +251,7 @@ def test_a_long_run_needs_memory_for_what_it_records_only() -> None:
     assert peak < 1e6
 
 
-# models of one's own
+# models of a user's own
 
 FOUR_BAR = """
 <mujoco>

@@ -1,4 +1,4 @@
-"""Settings declare all that is told of them; what follows from that, for every one of them."""
+"""Settings declare all that is reported of them; what follows from that, for every one of them."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any

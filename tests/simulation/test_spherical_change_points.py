@@ -1,4 +1,4 @@
-"""Where which rows of a loop repeat others changes with the pose, its assemblies are still told apart.
+"""Where which rows of a loop repeat others changes with the pose, its assemblies are still reported apart.
 
 Truth is the rocker's axis by half angles: where arcs add up alike, the root that tells the assemblies apart
 is a cosine or sine of half the crank's angle, with its sign.
@@ -64,7 +64,7 @@ def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_next_to(coup
     states = follow.follow(model.loops, model.qpos, ANGLES)
     found = model.point_positions(states)[:, model.track.points.index("B")]
     off = min(np.abs(found - rocker_end(coupler, rocker, through, sign)).max() for sign in (1, -1)) / RADIUS
-    # measured 1.4e-13, and 2e-10 beside a flat pose that is missed by 1e-5 of a degree
+    # measured 1.4e-13, and 2e-10 next to a flat pose that is missed by 1e-5 of a degree
     assert off <= (1e-11 if rocker != 45.0 + 1e-5 else 1e-8)
 
 

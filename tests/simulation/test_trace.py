@@ -34,7 +34,7 @@ def test_no_stride_leads_a_joint_farther_than_a_correction_can_be_distinguished_
 
 
 def test_a_stride_of_rounding_s_length_is_gone_close_to_a_dead_centre_too():
-    """A recorded crank angle 50 units of rounding beside a knot of the path once ended in a refusal."""
+    """A recorded crank angle 50 units of rounding next to a knot of the path once ended in a rejection."""
     drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
     closed = from_source(drive)
     (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_address

@@ -28,7 +28,7 @@ FINGER = """<body name="NAME_driver" pos="Y 0 0"><joint name="NAME" axis="0 0 1"
 
 
 def gripper():
-    """Two fingers of five links each, their drivers coupled: three freedoms and one driver."""
+    """Two fingers of five links each, their drivers coupled: three degrees of freedom and one driver."""
     fingers = "".join(
         FINGER.replace("NAME", n).replace("Y", y) for n, y in (("crank", ".1"), ("left", "-.1"))
     )

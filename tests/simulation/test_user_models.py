@@ -47,7 +47,7 @@ def swept(text, **given):
 
 
 def by_name(states, duration):
-    """Return programs of joints of a model: what is driven, its extent aside."""
+    """Return motion laws of joints of a model: what is driven, its extent aside."""
     arms = tuple(Joint(name, "revolute", End(GROUND), End(f"of {name}", (0.1, 0.0, 0.0))) for name in states)
     links = tuple(Link(f"of {name}") for name in states)
     return make_motion_laws(Mechanism("drivers", links, arms, tuple(states), {}), states, duration)

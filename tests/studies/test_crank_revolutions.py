@@ -27,7 +27,7 @@ PARTS = st.floats(0.05, 0.95)
 
 @st.composite
 def swings(draw, name):
-    """Return a drive whose crank only swings, and a profile inside its range on any lap."""
+    """Return a drive whose crank only swings, and a profile inside its range on any revolution."""
     drive = draw(CASES[name].random)
     if name == "warp_knitter":
         drive = replace(drive, gear_ratio=-2.0, assembly=1)

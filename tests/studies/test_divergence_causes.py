@@ -1,4 +1,4 @@
-"""What made a scene diverge is named: each cause is made, and told from the others."""
+"""What made a scene diverge is named: each cause is made, and distinguished from the others."""
 
 from dataclasses import replace
 

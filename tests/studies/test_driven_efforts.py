@@ -1,4 +1,4 @@
-"""What several drivers need: MuJoCo's roads against the formulas, and the formulas against laws."""
+"""What several drivers need: MuJoCo's methods against the formulas, and the formulas against laws."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def boom():
 
 
 def held_rack():
-    """A pinion that drives a rack, beside a held joint."""
+    """A pinion that drives a rack, next to a held joint."""
     mechanism = machines.rack_and_cam()
     mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
     mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})

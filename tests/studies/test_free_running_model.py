@@ -1,4 +1,4 @@
-"""Models that turn by themselves, judged in plain MuJoCo by a loop of its own beside the closed form."""
+"""Models that turn by themselves, judged in plain MuJoCo by a loop of its own next to the closed form."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_state
     assert error <= 1e-5
     assert error == pytest.approx(said, rel=0.5)
     assert angle - model.key_qpos[0][model.joint("crank").qposadr[0]] == pytest.approx(6.0 * np.pi, rel=1e-2)
-    # the judge refuses loops as soft as MuJoCo has them
+    # the check rejects loops as soft as MuJoCo has them
     model.eq_solref[:], model.eq_solimp[:] = [0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]
     assert place_error(model, form)[0] > 1e-5
 

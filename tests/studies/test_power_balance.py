@@ -1,7 +1,7 @@
 """The law of energy, worked out apart: drivers give what links, springs and weight take and friction loses.
 
 Energies, losses and loads are added up here from the motion of links and joints alone, so that a force that
-either road leaves out, or takes with the wrong sign, shows in the drivers' power.
+either method leaves out, or takes with the wrong sign, shows in the drivers' power.
 """
 
 from dataclasses import replace

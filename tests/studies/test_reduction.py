@@ -31,7 +31,7 @@ from mechsim.subjects.readers import load
 SIZE = 0.07
 BOUND = 1e-4 * SIZE
 FED = "0.5*sin(2*pi*t)"
-# what a user's scene has beside its mechanism: a fan nothing joins, ornaments, a ball that lies on a table
+# what a user's scene has next to its mechanism: a fan nothing joins, ornaments, a ball that lies on a table
 CLUTTER = FINGER.replace(
     "</worldbody>",
     """<light name="lamp" pos="0 0 1"/>

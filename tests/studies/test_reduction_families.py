@@ -1,4 +1,4 @@
-"""Families of what may be left out: each changes a scene as it says, and one that must not is condemned."""
+"""Families of what may be left out: each changes a scene as it says, and one that must not is rejected."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Both roads are judged by data of 30 digits, and what is wrong by little is told."""
+"""Both methods are checked by data of 30 digits, and what is wrong by little is reported."""
 
 from dataclasses import replace
 

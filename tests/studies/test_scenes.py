@@ -194,7 +194,7 @@ def test_balls_and_free_bodies_are_closed_in_their_own_coordinates(tmp_path):
 
 
 def test_next_to_flywheels_the_solver_stops_at_the_same_cost_as_without_them(fed, driven):
-    # MuJoCo stops where an iteration gains less than tolerance times mean inertia times freedoms
+    # MuJoCo stops where an iteration gains less than tolerance times mean inertia times degrees of freedom
     plain, wheeled = (one.model.opt.tolerance * one.model.stat.meaninertia for one in (fed, driven))
     assert driven.model.stat.meaninertia > 1e6 * fed.model.stat.meaninertia
     assert wheeled == pytest.approx(plain, rel=1e-9)

@@ -280,7 +280,7 @@ class DynamicModel:
         return Budget(seconds, start=0.0, now=wall, processor=processor)
 
     def stepped(self, settings: Settings) -> float:
-        # an implicit integrator may be dearer than the first that is tried, others are cheaper
+        # an implicit integrator may be more expensive than the first that is tried, others are cheaper
         dear = {"RK4": 1.0, "implicit": 1.5}.get(settings.integrator, 0.3)
         seconds = dear * self.step * settings.steps_per_turn
         self.processor += seconds
@@ -352,7 +352,7 @@ def test_a_budget_too_short_for_any_reference_is_rejected_with_one_that_would_do
 
 
 def stiff_beside_a_four_bar():
-    """A four-bar, and beside it a leaf on so stiff a hinge that no run of explicit steps bears it."""
+    """A four-bar, and next to it a leaf on so stiff a hinge that no run of explicit steps bears it."""
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())

@@ -1,4 +1,4 @@
-"""Mechanisms whose assemblies meet on their path are validated on every road."""
+"""Mechanisms whose assembly modes meet on their path are validated on every method."""
 
 import numpy as np
 import pytest

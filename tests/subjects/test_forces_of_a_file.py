@@ -8,7 +8,7 @@ from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.source import from_source
 
-# a slider pushed along x by 500 N: the inertia of the links takes next to nothing beside it
+# a slider pushed along x by 500 N: the inertia of the links takes next to nothing next to it
 PRESS = """
 name = "press"
 [joints.crank]

@@ -1,4 +1,4 @@
-"""The range of a user's joint holds on every road: a start beyond it is refused in the same words."""
+"""The range of a user's joint holds on every method: a start beyond it is rejected in the same words."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Loads of a TOML file that vary: right on both roads, written back, or refused."""
+"""Loads of a TOML file that vary: right on both methods, written back, or rejected."""
 
 import re
 from dataclasses import replace
@@ -54,7 +54,7 @@ crank_torque = "0.02*cos(3*angle) + 20 N*5mm*sin(angle)"
 
 @pytest.fixture
 def made(tmp_path):
-    """Return what makes the slider of a text with forces, beside a table over the angle."""
+    """Return what makes the slider of a text with forces, next to a table over the angle."""
     angle = np.linspace(0.0, 2.0 * np.pi, 91)
     files.write_table(
         tmp_path / "press.csv", {"angle": angle, "x": 7.0 * np.sin(angle) ** 2, "y": np.cos(angle)}
@@ -102,7 +102,7 @@ def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
     again = load(str(path))
     at = np.linspace(0.0, 2.0, 11)
     for found, wanted in zip(again.forces.courses, form.forces.courses, strict=True):
-        # lengths and angles were in other units, and are reckoned again
+        # lengths and angles were in other units, and are computed again
         np.testing.assert_allclose(found.evaluate(at, at), wanted.evaluate(at, at), rtol=1e-14)
     assert to_toml(again) == to_toml(form)
     push = replace(form.forces.loads[0], force=replace(form.forces.loads[0].force, value=np.sin))

@@ -15,7 +15,7 @@ from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.write_tuned import tuned_text
 from mechsim.subjects.readers import load
 
-# a post on a hinge, a ball and a slide, all of them askew; an arm on it; and a body that floats beside
+# a post on a hinge, a ball and a slide, all of them askew; an arm on it; and a body that floats next to
 BOOM = """
 <mujoco model="boom">
   <worldbody>

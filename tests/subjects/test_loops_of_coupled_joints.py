@@ -1,4 +1,4 @@
-"""A loop all of whose joints are driven or coupled: one of them is split, and both roads agree."""
+"""A loop all of whose joints are driven or coupled: one of them is split, and both methods agree."""
 
 from pathlib import Path
 

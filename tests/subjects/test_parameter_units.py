@@ -1,4 +1,4 @@
-"""What parameters measure is told by where a file uses them; bare numbers of --set are then in SI."""
+"""What parameters measure is reported by where a file uses them; bare numbers of --set are then in SI."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""What is asked of a subject: drivers under programs, holds, points, poses row by row."""
+"""What is asked of a subject: drivers under motion laws, holds, points, poses row by row."""
 
 import re
 

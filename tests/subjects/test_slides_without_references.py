@@ -1,4 +1,4 @@
-"""Slides whose axes differ from one link's frame to the other's: both roads begin in one assembly."""
+"""Slides whose axes differ from one link's frame to the other's: both methods begin in one assembly."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A mechanism in a TOML file: what it becomes, and how what it may not hold is refused."""
+"""A mechanism in a TOML file: what it becomes, and how what it may not hold is rejected."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Mobility and Assur groups: known mechanisms, laws on random chains, and a second road to the groups."""
+"""Mobility and Assur groups: known mechanisms, laws on random chains, and a second method to the groups."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace

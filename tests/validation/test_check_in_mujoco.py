@@ -1,4 +1,4 @@
-"""The judge of tuned files, plain MuJoCo alone, agrees with the loop equations and condemns what is soft."""
+"""The judge of tuned files, plain MuJoCo alone, agrees with the loop equations and rejects what is soft."""
 
 import importlib
 from pathlib import Path

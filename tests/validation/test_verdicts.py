@@ -1,4 +1,4 @@
-"""Random mechanisms by every road, a few of them: validation/robustness/verdicts.py and bounds.py."""
+"""Random mechanisms by every method, a few of them: validation/robustness/verdicts.py and bounds.py."""
 
 import sys
 from pathlib import Path

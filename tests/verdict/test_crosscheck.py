@@ -94,7 +94,7 @@ def test_the_package_itself_is_called_by_the_modules_name() -> None:
         assert ms.crosscheck(turned("four_bar", "pose"), drive).passed
 
 
-# wrong things are refused
+# wrong things are rejected
 
 
 def refused(verdict: Verdict, outcome: str = "failed") -> None:
@@ -104,7 +104,7 @@ def refused(verdict: Verdict, outcome: str = "failed") -> None:
     assert "\n" not in verdict.reason
 
 
-# each link by one road, each mechanism by both
+# each link by one method, each mechanism by both
 ONE_ROAD = [
     (name, link, ROADS[i % 2]) for name, links in LINKS.items() for i, link in enumerate(("crank", *links))
 ]

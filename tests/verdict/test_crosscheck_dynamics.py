@@ -1,4 +1,4 @@
-"""The verdict on dynamics: right machines pass on both roads, each wrong one is condemned."""
+"""The verdict on dynamics: right machines pass on both methods, each wrong one is rejected."""
 
 from dataclasses import replace
 

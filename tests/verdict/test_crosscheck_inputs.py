@@ -19,7 +19,7 @@ from mechsim.verdict.crosscheck import crosscheck
 
 SPEED = 20.0 * np.pi
 
-# each fault by one road, each mechanism by both
+# each fault by one method, each mechanism by both
 CASES = [
     (name, fault, ("pose", "step")[i % 2]) for name in catalog.DRIVES for i, fault in enumerate(FAULTS[name])
 ]
@@ -66,7 +66,7 @@ def test_the_looper_with_its_cylinder_along_z_as_paper_004_eq_6_has_it_is_reject
     try:
         run = simulate(turned, speed=SPEED, method="pose", samples=36)
     except AssemblyError:
-        return  # cannot assemble: refused even sooner
+        return  # cannot assemble: rejected even sooner
     assert not crosscheck(run.motion, drive).passed
 
 

@@ -1,4 +1,4 @@
-"""The two roads to forces meet: MuJoCo agrees with the right machine, and the judge condemns wrong ones."""
+"""The two methods to forces meet: MuJoCo agrees with the right machine, and the check rejects wrong ones."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Motions under programs are judged where their drivers were, and the drivers beside their programs."""
+"""Motions under motion laws are judged where their drivers were, and the drivers next to their programs."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The table of quantities: each row sees its own error and no other, on records of one road alone."""
+"""The table of quantities: each row sees its own error and no other, on records of one method alone."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What verdicts promise, one number a road: whoever changes a bound changes it here too, and says why."""
+"""What verdicts tolerance, one number a method: whoever changes a bound changes it here too, and says why."""
 
 import re
 
@@ -18,7 +18,7 @@ from mechsim.verdict.quantities import (
 )
 from mechsim.verdict.tolerances import EPS, WELL_CONDITIONED
 
-# quantity -> road -> part of the scale, times the tolerance asked for, powers of turns and of conditioning
+# quantity -> method -> part of the scale, times the tolerance asked for, powers of turns and of conditioning
 PROMISED = {
     "position": {
         "pose": (512 * EPS, 0.0, 0, 1),

@@ -1,4 +1,4 @@
-"""What a tuned file really keeps, told by plain MuJoCo alone: no loop equations and no run of mechsim's.
+"""What a tuned file really keeps, reported by plain MuJoCo alone: no loop equations and no run of mechsim's.
 
 The file is stepped by the lines that were written beside it, with `mj_step`. By closure each of its states is
 closed by Newton's method on MuJoCo's own rows of equality constraints, the drivers where they were; by
@@ -24,7 +24,7 @@ FINE, COARSE = 16, 8
 
 
 def script_of(path: Path) -> ModuleType:
-    """Return a script that was written beside a file, as a module of its own."""
+    """Return a script that was written next to a file, as a module of its own."""
     spec = importlib.util.spec_from_file_location("tuned_run", path)
     assert spec is not None
     assert spec.loader is not None

@@ -1,4 +1,4 @@
-"""What of a place error is softness and what is rounding: which way a compliance is changed.
+"""What of a place error is compliance and what is rounding: which way a compliance is changed.
 
 A five-bar under its weight, its cranks swinging once in 1 s, 100 s and 10,000 s, and a Bennett linkage, whose
 rows repeat each other, without weight at 600 rpm; 1,000 steps. Reference: the poses solved at the drivers'

@@ -23,7 +23,7 @@ TURNS = 2.0
 REPEATS = 3
 LADDER = (30, 100, 300, 1000, 3000)
 MUJOCO_SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
-# softer settings that are compared have MuJoCo's own scale of softness
+# softer settings that are compared have MuJoCo's own scale of compliance
 PLAIN = Settings(compliance=1.0)
 
 

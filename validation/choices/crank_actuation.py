@@ -1,6 +1,6 @@
 """How the crank is best driven: a flywheel, a velocity servo, a position servo, a motor fed forward.
 
-Three mechanisms, one turn at 600 rpm, 1,000 steps; links of 1 kg, so that the load is heavy beside the
+Three mechanisms, one turn at 600 rpm, 1,000 steps; links of 1 kg, so that the load is heavy next to the
 crank's own inertia. Drive errors: of the speed, relative; of the angle, in rad, against the angle wanted
 at that time. The place error of the driven point is against the closed form at the crank angle really
 reached, in units of the crank: what the drive adds to the error of the loop. inf: blew up.
@@ -29,7 +29,7 @@ from mechsim.simulation.source import assembled
 SPEED = 20.0 * np.pi
 STEPS = 1000
 REPEATS = 3
-# in kg m2, beside 1e-5 of the lightest crank
+# in kg m2, next to 1e-5 of the lightest crank
 NO_FLYWHEEL = 1e-9
 
 

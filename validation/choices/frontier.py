@@ -2,9 +2,9 @@
 
 Every catalogue mechanism, one turn at 600 rpm, against its closed form at the crank angle reached: worst
 place of a tracked point in strokes, worst joint angle in rad, worst acceleration in strokes and crank
-speed. Roads: RK4 with hard loops and more and more steps; Richardson's extrapolation of the places and
+speed. Methods: RK4 with hard loops and more and more steps; Richardson's extrapolation of the places and
 angles of two such runs, one with twice the steps of the other; the recorded states of a coarse run with
-their loops closed; poses solved without any run. Of each road the most accurate point, and the cheapest
+their loops closed; poses solved without any run. Of each method the most accurate point, and the cheapest
 that is within a factor of two of it. Fast end: the cheapest of a ladder of settings, over ten turns,
 that stays within 1 % of the stroke.
 
@@ -45,7 +45,7 @@ COLOURS = {"RK4": "#0072b2", "Richardson": "#d55e00", "projected": "#009e73", "p
 
 @dataclass(frozen=True)
 class Point:
-    """A road at a number of steps: its errors, and what does it once more and returns its time in [s]."""
+    """A method at a number of steps: its errors, and what does it once more and returns its time in [s]."""
 
     road: str
     steps: int
@@ -142,7 +142,7 @@ def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
 
 
 def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
-    """Return the most accurate point of each road, and the cheapest as good."""
+    """Return the most accurate point of each method, and the cheapest as good."""
     subject = subject_of(drive, SPEED)
     roads = [
         [stepped(subject, n) for n in STEPS],
@@ -195,7 +195,7 @@ def _row(drive: ClosedForm, point: Point, seconds: float) -> dict[str, Any]:
 
 
 def every(drive: ClosedForm) -> list[Point]:
-    """Return all points of the two roads that have steps, for the plot."""
+    """Return all points of the two methods that have steps, for the plot."""
     subject = subject_of(drive, SPEED)
     return [stepped(subject, n) for n in STEPS] + [extrapolated(subject, n) for n in STEPS[1:]]
 

@@ -1,4 +1,4 @@
-"""What rates by jets cost: poses a second of every mechanism, beside those of another checkout.
+"""What rates by jets cost: poses a second of every mechanism, next to those of another checkout.
 
 python validation/choices/jets.py --against DIR [--rounds N]
 

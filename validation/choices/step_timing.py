@@ -32,7 +32,7 @@ class Bare:
         change: Change = lambda _: None,
         like: mujoco.MjModel | None = None,
     ):
-        """Apply settings for a number of steps a turn, then a change of one's own.
+        """Apply settings for a number of steps a turn, then a change of a user's own.
 
         Args:
             model: compiled; copied.

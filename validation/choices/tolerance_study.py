@@ -1,4 +1,4 @@
-"""Is `simulate(tolerance=T)` a promise that is kept, and at what price?
+"""Is `simulate(tolerance=T)` a tolerance that is kept, and at what price?
 
 Random sound dimensions of all catalogue mechanisms, speeds 1 to 20,000 rpm, T = 1e-3 to 1e-8 of the
 crank length, ten turns. The true error is the worst distance of any tracked point from the closed form

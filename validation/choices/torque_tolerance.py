@@ -1,4 +1,4 @@
-"""Is the promise of `--tolerance` kept for torque, reactions and free running, and at what price?
+"""Is the tolerance of `--tolerance` kept for torque, reactions and free running, and at what price?
 
 Random sound dimensions of all catalogue mechanisms, weight included, 1 to 20,000 rpm, ten turns.
 

@@ -50,12 +50,12 @@ class Frame:
     """The linearised system at a point.
 
     Attributes:
-        tangent: unit tangent in the coordinates of the road, (dim,).
+        tangent: unit tangent in the coordinates of the method, (dim,).
         jacobian: (m, k) by local coordinates.
         local: the tangent in local coordinates, (k,).
         rows: orthonormal combinations of equations that are independent here, (m, r).
         free: orthonormal local directions that count, (k, r + 1).
-        mark_rate: rate of the road's marks along the curve.
+        mark_rate: rate of the method's marks along the curve.
     """
 
     tangent: Array
@@ -105,9 +105,9 @@ def walk(
     """Trace a curve from a point of it until it closes or is as long as asked.
 
     Args:
-        road: the curve.
+        method: the curve.
         start: a point of it, to within 1e-6 of its size.
-        direction: in which of the two to go, (dim,); None takes the road's own choice.
+        direction: in which of the two to go, (dim,); None takes the method's own choice.
         length: where to stop if the curve has not closed; None asks for a closed curve.
         tolerance: of the integration, in units of the curve's size: it sets the step and the error
             of the arc length; points are on the curve to rounding whatever it is.
@@ -160,7 +160,7 @@ def turns(road: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
     """Return the points of a curve at which a rate along it vanishes, (k, dim).
 
     Args:
-        road: what was walked.
+        method: what was walked.
         curve: the result.
         rate: of the coordinate that turns back there.
 

@@ -1,4 +1,4 @@
-"""Any smooth system F(x) = 0 with one free direction, as a road to walk along."""
+"""Any smooth system F(x) = 0 with one free direction, as a method to walk along."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Paper 004: every number it prints about its looper, beside what mechsim gets.
+"""Paper 004: every number it prints about its looper, next to what mechsim gets.
 
 Printed: crank 6, coupler 25, arm 33, arm angle 323 deg, frame 35.4, frame angle 45 deg, rocker 32 mm,
 CD/DE = 1/3. Not printed, inferred: follower 13.3 mm and axis_y 30.49 mm (swing of about 60 deg, symmetric

@@ -1,4 +1,4 @@
-"""Trials of the search in looper_search.py: many loopers side by side, judged by a few array operations.
+"""Trials of the search in looper_search.py: many loopers side by side, checked by a few array operations.
 
 Everything is in units of the crank and of shape (..., m) for m trials.
 """

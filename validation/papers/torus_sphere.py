@@ -27,7 +27,7 @@ class SpherePath:
         parameters: u1, v1, u2, v2 of paper 002 at its points, not wrapped, (n, 4) in [rad]; v2 of the
             first lies in [-pi/2, pi/2].
         on_torus: S from u1 and v1, (n, 3) in [m].
-        on_sphere: S from u2 and v2, (n, 3) in [m]; how far it is from `on_torus` is the error of the road.
+        on_sphere: S from u2 and v2, (n, 3) in [m]; how far it is from `on_torus` is the error of the method.
     """
 
     curve: Curve

@@ -47,7 +47,7 @@ def velocities(
 
 
 def one_crank_stopped(drive: WarpKnitter, stopped: Literal["crank1", "crank2"], angle: float) -> Mechanism:
-    """Return the mechanism with one crank stopped in thought and the other driving, W = 1.
+    """Return the mechanism with one crank stopped virtually and the other driving, W = 1.
 
     Args:
         drive: the mechanism; says which assembly is meant.

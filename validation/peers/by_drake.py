@@ -2,7 +2,7 @@
 
 Loops are `AddBallConstraint`, which only the discrete plant with SAP takes; what the continuous plant has
 for loops is a bushing, a spring, and is left out. Poses are an `InverseKinematics` program each, solved by
-SNOPT, which Drake chooses itself, begun from the pose before, as the tutorials do.
+SNOPT, which Drake chooses itself, started from the pose before, as the tutorials do.
 
 Inside the time: `Simulator.AdvanceTo` from sample to sample, or the programs' `Solve`. Outside: plant,
 context, programs, points out of angles.

@@ -160,7 +160,7 @@ class Solver:
         return out
 
     def solved(self) -> list[State]:
-        """Return the coordinates and slopes at the poses, each begun along the tangent."""
+        """Return the coordinates and derivatives at the poses, each started along the tangent."""
         model, stride = self.model, TURN / self.setting.steps
         q = self.q
         slope = self.tangent(self.linearised(q)[1])
@@ -179,7 +179,7 @@ class Solver:
         return way
 
     def linearised(self, q: Array) -> tuple[Array, Array]:
-        """Return how far the loop stands open and the slope of that."""
+        """Return how far the loop stands open and the derivative of that."""
         model, data, rows = self.model, self.data, self.rows
         pin.computeJointJacobians(model, data, q)
         places, slopes = [], []

@@ -1,4 +1,4 @@
-"""The problem that mechsim and its peers all solve, and the judge of what they return.
+"""The problem that mechsim and its peers all solve, and the check of what they return.
 
 One turn of the crank at constant speed; the linkage starts closed and moving. Every link is a steel rod, and
 there is no gravity.
@@ -81,7 +81,7 @@ class Problem:
 
     @property
     def crank(self) -> float:
-        """Length of the crank in [m], the yardstick of place errors."""
+        """Length of the crank in [m], the characteristic length of place errors."""
         length = getattr(self.drive, "crank")  # noqa: B009 - not every drive has one
         return float(length)
 

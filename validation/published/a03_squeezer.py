@@ -4,7 +4,7 @@ Problem and reference at 0.03 s: IVP test set (CWI Amsterdam / Bari), problem An
 Solving Ordinary Differential Equations II, section VII.7. The start angles are derived again: beta and
 Theta are given, the loops are closed.
 
-Two roads: MuJoCo stepped by Runge's method, and the reduced equation by DOP853. Work is judged by scd, the
+Two methods: MuJoCo stepped by Runge's method, and the reduced equation by DOP853. Work is checked by scd, the
 correct digits of the worst of the seven angles.
 
 Run: python validation/published/a03_squeezer.py

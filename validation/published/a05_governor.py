@@ -117,7 +117,7 @@ def rates(_: float, state: Array, momentum: float) -> list[float]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run beside the reference: largest errors of angles in [rad] and of the slider in [m]."""
+    """A run next to the reference: largest errors of angles in [rad] and of the slider in [m]."""
 
     shaft: float
     arm: float

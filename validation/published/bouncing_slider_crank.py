@@ -85,7 +85,7 @@ def reference(times: Array, restitution: float) -> tuple[Array, list[float]]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run beside the reference.
+    """A run next to the reference.
 
     Attributes:
         angle: largest error of the crank, in [rad].

@@ -1,4 +1,4 @@
-"""The public Unitree G1 ankle: an independent formula held against it, and a run of the scene taken apart.
+"""The public Unitree G1 ankle: an independent formula compared with it, and a run of the scene taken apart.
 
     python validation/published/g1_ankle.py FOLDER/g1_ankle.xml
 

@@ -1,4 +1,4 @@
-"""Every assembly as closed curves: catalogue and gallery in a table, linkages that lie flat or nearly so.
+"""Every assembly as closed curves: catalogue and gallery in a table, linkages that lie in line or nearly so.
 
     python validation/robustness/assembly_curves.py [--count 40] [--picture FILE.png]
 

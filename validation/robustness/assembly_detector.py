@@ -11,7 +11,7 @@ within a tenth of the way between them at two records in a row, its loops not to
 way, where they are a twentieth of their farthest apart or more; it is in its own if it stays within a
 third of the way wherever they are a hundredth apart or more. The rest, loops torn open mostly, is in
 neither, and not counted. Both detectors are compared with that: the simulator's own, which knows no
-closed form, and the judge's. The exit code is 1 if either has a false alarm or a miss.
+closed form, and the check's. The exit code is 1 if either has a false alarm or a miss.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from mechsim.verdict.crosscheck import crosscheck
 Array = NDArray[np.float64]
 # the length that is moved until the crank only just passes
 CRITICAL = {"four_bar": "coupler", "slider_crank": "rod", "rssr": "coupler", "rrsrr": "link"}
-# how far apart both assemblies must be, beside their farthest: to be surely told apart, to be at all
+# how far apart both assemblies must be, next to their farthest: to be surely reported apart, to be at all
 APART, BARELY = 0.05, 0.01
 # parts of the way between them within which a run is in the other, and in its own
 THERE, HERE = 0.1, 1.0 / 3.0

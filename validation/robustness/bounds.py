@@ -1,8 +1,8 @@
-"""Every bound of the verdict beside the worst error measured over random mechanisms, road by road.
+"""Every bound of the verdict next to the worst error measured over random mechanisms, method by method.
 
 A part near 1 would be exceeded soon; one below a hundredth needs its reason. "step" is what `validate` asks
 of a stepped run; "step, own error" asks of places no more than the run's own worst error, so that the other
-quantities show what they need beside it: a part of 0.7 of the joints' bound of ten times is seven times.
+quantities show what they need next to it: a part of 0.7 of the joints' bound of ten times is seven times.
 Every fourth mechanism is put through dynamics too, and one whose crank turns fully runs freely for a turn.
 
     python validation/robustness/bounds.py --count 200
@@ -48,7 +48,7 @@ Parts = dict[tuple[str, str], list[tuple[float, str]]]
 
 
 def parts(count: int, seed: int = 1) -> Parts:
-    """Return road and quantity -> the part of its bound that each mechanism used, and the mechanism."""
+    """Return method and quantity -> the part of its bound that each mechanism used, and the mechanism."""
     found: Parts = defaultdict(list)
     begin = clock.perf_counter()
     for i, drive in enumerate(random_catalog_mechanisms(np.random.default_rng(seed), count)):

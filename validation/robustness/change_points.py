@@ -2,7 +2,7 @@
 
     python validation/robustness/change_points.py [--count 200] [--seed 11]
 
-Random four-bars whose shortest and longest links are together as long as the other two lie flat once or
+Random four-bars whose shortest and longest links are together as long as the other two lie in line once or
 twice a turn; the truth goes through there as the product of two half-angle roots does, in 40 digits. Near
 ones miss that by 1e-3 to 1e-12 of a length, and keep their assembly round the bend. Each is asked for
 over two turns, at the flat poses themselves and close to them; those that meet another assembly also to
@@ -41,7 +41,7 @@ KINDS: tuple[tuple[str, bool, ChangePointPolicy], ...] = (
 
 @dataclass(frozen=True)
 class Tally:
-    """What came of many linkages on one road."""
+    """What came of many linkages on one method."""
 
     road: str
     right: int
@@ -119,7 +119,7 @@ ROADS: dict[str, Callable[[catalog.FourBar], Array]] = {
 
 
 def tallied(road: str, linkages: Sequence[Lengths], through: ChangePointPolicy = "smooth") -> Tally:
-    """Return how many linkages a road gets right, refuses, and gets wrong without a word."""
+    """Return how many linkages a method gets right, rejects, and gets wrong without a word."""
     right = refused = wrong = 0
     worst = 0.0
     for lengths in linkages:

@@ -1,4 +1,4 @@
-"""The closed forms up to 1e-12 rad from a dead centre, and the published form beside the sound one.
+"""The closed forms up to 1e-12 rad from a dead centre, and the published form next to the sound one.
 
     python validation/robustness/closed_form_at_dead_centres.py --out DIR
 

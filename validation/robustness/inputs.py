@@ -4,7 +4,7 @@
 
 Each case is a whole process in a folder of its own, and prints as a row of a table: how it ended, how long
 it took, and what it said. The exit code is 1 if one ended otherwise than it should, took longer than
-`PATIENCE`, said more than one line for a refusal, showed a traceback or left a file that was not asked for.
+`PATIENCE`, said more than one line for a rejection, showed a traceback or left a file that was not asked for.
 """
 
 import argparse
@@ -114,7 +114,7 @@ def prepared(place: Path, words: str) -> set[str]:
     (place / "scene.xml").write_text((MODELS / "four_bar.xml").read_text())
     (place / "read_only.csv").write_text("mine")
     (place / "read_only.csv").chmod(0o444)
-    # gigabytes of nought in megabytes; as numbers eight times that
+    # gigabytes of zero in megabytes; as numbers eight times that
     if "bomb" in words:
         np.savez_compressed(
             place / "bomb.npz", time=np.zeros(6), angle=np.zeros(2_500_000_000, dtype=np.int8)

@@ -1,9 +1,9 @@
-"""Every command on files as subjects: sound ones are never refused, broken ones end in a result or one line.
+"""Every command on files as subjects: sound ones are never rejected, broken ones end in a result or one line.
 
     python validation/robustness/invalid_models.py [--count 1000] [--seed 1] [--only CLASS] [--part K N]
 
 A part of them is sound: commands with catalogue names, files of the gallery and models that `mechsim
-export` wrote; none may be refused, and `validate` may miss nothing. The others are such a command with a
+export` wrote; none may be rejected, and `validate` may miss nothing. The others are such a command with a
 strange value of any option it has, with a word lost, doubled or garbled, with its subject, its table or its
 formula broken in up to three places, or with MJCF numbers of odd magnitudes; what is quick is drawn three
 times as often.

@@ -64,7 +64,7 @@ class Joint:
 
 @dataclass
 class DynamicModel:
-    """Links 0 (the frame) to n, joints, and laws: functions of all coordinates and of t that are nought."""
+    """Links 0 (the frame) to n, joints, and laws: functions of all coordinates and of t that are zero."""
 
     links: int
     size: float
@@ -114,10 +114,10 @@ class DynamicModel:
         return self.residual(x + 1e-40j * np.eye(len(x)), t).imag.T / 1e-40
 
     def split(self, x: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pseudo-inverse of the slope, and the motions that nothing holds (k, unknowns).
+        """Return the pseudo-inverse of the derivative, and the motions that nothing holds (k, unknowns).
 
         Raises:
-            TooNearError: near a singular pose, where the two are not told apart.
+            TooNearError: near a singular pose, where the two are not reported apart.
         """
         left, values, right = np.linalg.svd(self.slope(x, t))
         rank = self.rank or int((values > NOUGHT * values[0]).sum())

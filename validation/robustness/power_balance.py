@@ -2,7 +2,7 @@
 
 Energies and losses are added up from the motion of links and joints alone, as `tests/studies/` does it,
 under gravity, friction, springs, dampers, a load and a couple at once. Prints, as parts of the largest power,
-what each road misses; stepped runs as `mechsim dynamics` steps them.
+what each method misses; stepped runs as `mechsim dynamics` steps them.
 
 Run: python validation/robustness/power_balance.py [NAME ...]
 """

@@ -1,11 +1,11 @@
-"""Public closed-loop MJCF files, solved by the loop equations and held against MuJoCo's own constraints.
+"""Public closed-loop MJCF files, solved by the loop equations and compared with MuJoCo's own constraints.
 
-Problem: each file of `public_mjcf.toml` beside this script moves for a second over one swing of its drivers.
+Problem: each file of `public_mjcf.toml` next to this script moves for a second over one swing of its drivers.
 References, both to 1e-9 of the size. MuJoCo: our poses are put into its qpos, and it says how far its
 equality constraints stand open there (`efc_pos`, "worst"); it takes no step and solves nothing. A closure
 solved separately (`mjcf_closure_oracle.py`): how far positions ("apart", over the size) and axes ("turned")
 of the determined bodies differ from it, and its own loop-closure error ("left"). A file whose rounded
-dimensions let its loops close in no pose stands open by as much as they had to be moved.
+dimensions let its loops close in no pose has a loop-closure error of as much as they had to be moved.
 
     python validation/robustness/public_mjcf.py FOLDER
 
@@ -30,7 +30,7 @@ from mechsim.subjects.mjcf_source import MjcfForm, read_mjcf
 
 # a file whose digits contradict each other stands open somewhere: by a few times what was moved of it
 SAMPLES, BOUND, TIMES = 101, 1e-9, 10.0
-# every so manieth pose is held against the closure solved apart
+# every so manieth pose is compared with the closure solved apart
 THIN = 5
 
 

@@ -83,7 +83,7 @@ class Sketch:
         return found * np.linalg.det(found)
 
     def kinds(self, freedoms: int) -> list[str]:
-        """Return kinds of joints of a chain that have so many freedoms in all."""
+        """Return kinds of joints of a chain that have so many degrees of freedom in all."""
         found: list[str] = []
         while freedoms:
             if self.mode == "spatial":
@@ -237,7 +237,7 @@ def coupled(chance, names, units, sketch, count):
     bent = sum(c * q[0] ** (i + 1) for i, c in enumerate(powers))
     extra = units[three] == units[two] and len(names) > 2
     first = q[1] + 0.7 * extra * q[2] - bent
-    # of a single coordinate the constant has its unit; slopes are in the file's units, here SI
+    # of a single coordinate the constant has its unit; derivatives are in the file's units, here SI
     listed = ", ".join(repr(c) for c in [first, *powers])
     driven = f'{{ "{names[two]}" = 1, "{names[three]}" = 0.7 }}' if extra else f'"{names[two]}"'
     text = f"driven = {driven}\ncoefficients = [{listed}]\n"
@@ -313,5 +313,5 @@ def written(chance, sketch, drivers, names, units, couplings, guess) -> str:
     return "\n".join([*head, *rows, *couplings, *tail]) + "\n"
 
 
-# points of each link by which its pose is told, over the size
+# points of each link by which its pose is reported, over the size
 PROBES = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]])

@@ -37,7 +37,7 @@ OUTCOMES = ("right", "rightful refusal", "refused, guess open", "undecided", "re
 
 
 class WrongError(Exception):
-    """What was told is not so."""
+    """What was reported is not so."""
 
 
 def main() -> int:
@@ -210,7 +210,7 @@ def compared(
     worst = {}
     tracks, loose = reference(made, truth, times)
     for (kind, order), (columns, values) in tracks.items():
-        # what stands still is judged by how fast the points go
+        # what stands still is checked by how fast the points go
         of_points = machine.size if order == 0 else np.abs(tracks["point", order][1]).max()
         if order == 2:
             # what moves straight and steadily has an acceleration of rounding
@@ -228,7 +228,7 @@ def compared(
         worst[f"{kind} {'pva'[order]}"] = float(off.max(initial=0.0))
     bound = {"p": BOUND, "v": BOUND, "a": BOUND}
     if command.endswith("step"):
-        # the tolerance is of places where the drivers were; how far these lag is told
+        # the tolerance is of places where the drivers were; how far these lag is reported
         lag = re.search(r"places are up to (\S+) m from where programs", said)
         bound = {
             "p": STEPPED + (1.05 * float(lag[1]) / machine.size if lag else 0.0),
@@ -269,7 +269,7 @@ def reference(made: Drawn, truth: np.ndarray, times: np.ndarray):
 
 
 def pose_of(made: Drawn, row: np.void, near: np.ndarray) -> np.ndarray:
-    """Return the unknowns of a pose told by points and coordinates; turns of joints as near as can be."""
+    """Return the unknowns of a pose reported by points and coordinates; turns of joints as near as can be."""
     machine, n = made.machine, made.machine.links
     places, turns = [], []
     for k in range(1, n + 1):
@@ -283,7 +283,7 @@ def pose_of(made: Drawn, row: np.void, near: np.ndarray) -> np.ndarray:
         if (column := name.replace("*", "q")) in told_of:
             q[i] = row[column]
     for law in machine.couplings:
-        # an angle is told from -pi to pi at first; here with the turns that its coupling means
+        # an angle is reported from -pi to pi at first; here with the turns that its coupling means
         gap = float(law(q))
         for i in np.flatnonzero(np.array(made.units) == "r"):
             if abs(law(q + np.eye(len(q))[i]) - gap - 1.0) < 1e-9:

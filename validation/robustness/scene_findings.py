@@ -1,7 +1,7 @@
-"""Faults seeded into public models, what is found of them, and gaps of loops against what was foretold.
+"""Faults seeded into public models, what is found of them, and gaps of loops against what was predicted.
 
 Problem: `mechsim check` accuses a scene of faults. Reference: we know the faults, for we put them there, one
-at a time; of the originals every accusation is printed, to be judged by eye; and of soft loops MuJoCo's own
+at a time; of the originals every accusation is printed, to be checked by eye; and of soft loops MuJoCo's own
 steps tell by how much they open.
 
     python validation/robustness/scene_findings.py FOLDER [--gaps]
@@ -163,7 +163,7 @@ def loosened(spec, size):
 
 
 def second_servo(spec, size):
-    """Put a servo on every joint of the loops' links: more than there are freedoms."""
+    """Put a servo on every joint of the loops' links: more than there are degrees of freedom."""
     for joint in spec.joints:
         if joint.type in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             servo = spec.add_actuator(
@@ -255,7 +255,7 @@ def stepped_gap(scene: Inspected, motion, rate):
     widest, begun = {}, max(0.15, 5.0 * float(np.abs(model.eq_solref[:, 0]).max()))
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
     off, astray = np.zeros(model.nv), 0.0
-    # a state that goes bad sets MuJoCo's time back to nought
+    # a state that goes bad sets MuJoCo's time back to zero
     for _ in range(int(motion.time[-1] / model.opt.timestep)):
         i = min(int(data.time / motion.time[1]), len(motion.time) - 1)
         late = data.time - motion.time[i]
@@ -274,7 +274,7 @@ def stepped_gap(scene: Inspected, motion, rate):
 
 
 def gaps(read: MjcfModel):
-    """Print what was foretold of gaps beside what steps show, and return whether all agree."""
+    """Print what was predicted of gaps next to what steps show, and return whether all agree."""
     good = True
     for name, solref in SOLREFS.items():
         spec = read.spec.copy()
@@ -290,7 +290,7 @@ def gaps(read: MjcfModel):
         told = gaps_in(changed, motion)
         # a servo that is too quick for a scene shakes it, one that is too slow lags
         seen, _ = min((stepped_gap(changed, motion, rate) for rate in RATES), key=lambda one: one[1])
-        # gaps that do not show are not foretold
+        # gaps that do not show are not predicted
         pairs = [(told[i], seen[i], loop.name) for i, loop in ((one.number, one) for one in changed.loops)]
         pairs = [pair for pair in pairs if max(pair[:2]) > 1e-5 * changed.size]
         for by, was, loop in pairs:

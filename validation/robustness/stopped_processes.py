@@ -63,7 +63,7 @@ def interrupts(count: int, seed: int = 1) -> list[str]:
             time.sleep(chance.uniform(0.0, 5.0 if i % len(LONG) >= SHORT else 1.5))
             process.send_signal(number)
             said = process.communicate()[1]
-            # as if by Ctrl-C, whose exit code is that of a refusal
+            # as if by Ctrl-C, whose exit code is that of a rejection
             ended = 2 if process.returncode == 128 + number else process.returncode
             # before a command listens and after it is done the system ends the process, and nothing is said
             last = (said.splitlines() or [""])[-1]

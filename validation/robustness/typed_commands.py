@@ -133,11 +133,11 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
 }
 FREQUENT = ["show", "solve", "solve", "export", "export", "simulate", "simulate", "simulate", "plot", "list"]
 SCARCE = ["synthesize", "validate", "render", "dynamics", "dynamics", "dynamics"]
-# which take long; only refusals of theirs are tried
+# which take long; only rejections of theirs are tried
 REFUSED = {"tradeoff": "--budget", "extremes": "--report", "render": "-o"}
 
 
-# values that are right by themselves; together they may still be refused
+# values that are right by themselves; together they may still be rejected
 SOUND: dict[str, list[str]] = {
     "--angle": ["30deg", "1", "-400deg"],
     "--angles": ["0:360:5deg", "0:1:0.1", "30deg", "-10:10:3"],

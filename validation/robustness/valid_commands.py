@@ -30,7 +30,7 @@ def law(angle):
 
 @dataclass(frozen=True)
 class Tried:
-    """A case, its class, which of its files may be broken, and whether a refusal of it is a fault."""
+    """A case, its class, which of its files may be broken, and whether a rejection of it is a fault."""
 
     kind: str
     case: Case
@@ -52,7 +52,7 @@ def subjects() -> Iterator[tuple[str, dict[str, bytes]]]:
 
 def lines(model: str) -> Iterator[str]:
     """Yield the commands that a sound subject has to stand."""
-    # a whole turn of a crank that only swings is refused, and rightly so
+    # a whole turn of a crank that only swings is rejected, and rightly so
     far = " --angles -60deg:60deg:5deg" if model == SWINGS else ""
     yield from (f"show {model} --json", f"solve {model}{far} -o out.csv", f"solve {model}{far} --json")
     yield f"view {model} -o out.html"

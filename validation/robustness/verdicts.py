@@ -1,8 +1,8 @@
-"""Random catalogue mechanisms by every road: none refused, no sound one missed, runs and verdicts agree.
+"""Random catalogue mechanisms by every method: none rejected, no sound one missed, runs and verdicts agree.
 
 Each is validated, then put through a swing anywhere inside its range, on any lap, by poses and by steps, and
 through one that ends close to a dead centre; every run's own outcome is held against its verdict. And each is
-shown to the judge with a link 0.1 % long.
+shown to the check with a link 0.1 % long.
 
     python validation/robustness/verdicts.py [--count 800] [--seed 1] [--part K N] [--case NUMBER]
 
@@ -98,7 +98,7 @@ def _run(drive: ClosedForm, profile: CrankProfile, method: str, kind: str, found
 
 
 def _long(drive: ClosedForm, random: np.random.Generator, found: Found) -> None:
-    """Show the judge a mechanism with one length a thousandth too long, by poses and as if stepped."""
+    """Show the check a mechanism with one length a thousandth too long, by poses and as if stepped."""
     lengths = [
         one.name
         for one in fields(drive)

@@ -1,4 +1,4 @@
-"""How exact derivatives by dimensions are: against 50 digits, and against mechanisms solved beside.
+"""How exact derivatives by dimensions are: against 50 digits, and against mechanisms solved next to.
 
 Prints, for each mechanism, the largest error of positions and of velocities, by any dimension, relative to
 the largest derivative by that dimension. Differences are of eighth order, over the step that agrees best.
@@ -29,7 +29,7 @@ EXACT = {
     "slider_crank": ("B", slider_crank_b_place),
 }
 AT = np.array([0.3, 1.1, 2.9, 4.4, 5.6])
-# a derivative this small beside the others is none
+# a derivative this small next to the others is none
 NONE = 1e-9
 # steps of differences, as powers of two of a dimension
 STEPS = (-9, -11, -13, -15)
@@ -97,7 +97,7 @@ def differences(of, near, dimension, part):
 
 
 def beside(name):
-    """Return the largest relative errors of positions and velocities against mechanisms solved beside."""
+    """Return the largest relative errors of positions and velocities against mechanisms solved next to."""
     of = parametric_model(name)
     form = of.make({})
     if not form.mechanism.has_crank and form.motion_laws.crank:

@@ -33,7 +33,7 @@ from mechsim.analytic import catalog  # noqa: E402
 
 DIGITS, STEP = 95, "1e-26"
 ROWS = (7, 33, 58)
-# a derivative this small beside the largest by another parameter, in parts of both, is none
+# a derivative this small next to the largest by another parameter, in parts of both, is none
 NONE = 1e-9
 KEPT = HOUSE / "tests" / "studies" / "sensitivity" / "derivatives.csv"
 # those whose test takes seconds; the knitting machine and klann take 40 each
@@ -133,7 +133,7 @@ class ByMechsim:
         self.forces, self.one = efforts, one
 
     def _efforts(self, subject):
-        """Columns of drive efforts, and what the other road calls them."""
+        """Columns of drive efforts, and what the other method calls them."""
         form = subject.form
         if form.motion_laws.crank:
             return {"torque": f"torque:{form.mechanism.driver}"}
@@ -148,7 +148,7 @@ class ByMechsim:
         return name, -1 if (one.name, parameter) in REVERSED else 1
 
     def slopes(self, parameter):
-        """Columns as the other road calls them -> derivatives, (n,) per SI."""
+        """Columns as the other method calls them -> derivatives, (n,) per SI."""
         name, sign = self._named(self.one, parameter)
         if name not in self.table.by:
             return {}

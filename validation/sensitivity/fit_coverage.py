@@ -28,7 +28,7 @@ PART = 0.95
 
 
 def covered(name, columns, vary, offset, told, tables):
-    """How many of all fitted dimensions lie within what is stated, and the mean of squares beside one."""
+    """How many of all fitted dimensions lie within what is stated, and the mean of squares next to one."""
     subject = ms.moved(name, angles=ANGLES)
     exact = subject.values(columns, {subject.offset: ZERO if offset else 0.0})
     true = {one: subject.designs.dimensions[one].value for one in vary}
@@ -51,7 +51,7 @@ def covered(name, columns, vary, offset, told, tables):
 
 def main(tables, names):
     for case in (one for one in CASES if not names or one[0] in names):
-        # of several units alike errors are wanted where none are told
+        # of several units alike errors are wanted where none are reported
         for told in (True, False) if len({one.endswith(".q") for one in case[1]}) == 1 else (True,):
             share, square = covered(*case, told, tables)
             words = f"{case[0]:13s} {', '.join(case[2])}{', crank.offset' if case[3] else ''}"

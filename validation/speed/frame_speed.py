@@ -1,4 +1,4 @@
-"""Cost of a frame beside that of a bare `mujoco.Renderer`, and of a whole video.
+"""Cost of a frame next to that of a bare `mujoco.Renderer`, and of a whole video.
 
     python validation/speed/frame_speed.py [WIDTHxHEIGHT] [NAME...]
 

@@ -1,4 +1,4 @@
-"""How long the loop equations take for whole motions, beside what was asked of them; about 20 s.
+"""How long the loop equations take for whole motions, next to what was asked of them; about 20 s.
 
 Places, rates and accelerations of all links over one turn or program, in microseconds a pose: of a mechanism
 put together, checked and followed from its description, and of the same again, its path known. Processor

@@ -1,6 +1,6 @@
-"""How many cells the loop equations need along a path; ends with 1 where a count is above its bound.
+"""How many segments the loop equations need along a path; ends with 1 where a count is above its bound.
 
-A cell is a stretch of a path that one polynomial describes. Counts do not depend on the machine. Those of
+A segment is a stretch of a path that one polynomial describes. Counts do not depend on the machine. Those of
 paths that bend sharply are tests (`tests/analytic/test_continuation_path.py`), because they kill mutants.
 
 Run: python validation/speed/segment_counts.py
@@ -22,7 +22,7 @@ TOGETHER = {"rssr": (0.06, 36), "four_bar": (0.02, 23)}
 
 
 def cells_tried(mechanism, stops) -> int:
-    """Return how many cells are tried to follow a mechanism to one parameter after the other."""
+    """Return how many segments are tried to follow a mechanism to one parameter after the other."""
     followed, tried = crank_path(mechanism), []
     close = followed.closed
     followed.closed = lambda *given: tried.append(given) or close(*given)
@@ -32,7 +32,7 @@ def cells_tried(mechanism, stops) -> int:
 
 
 def cells_together(name: str, spread: float) -> int:
-    """Return how many cells three designs of a mechanism need together, over two turns."""
+    """Return how many segments three designs of a mechanism need together, over two turns."""
     own, cells, nodes = catalog.make(name).crank, [], path.nodes_between
     mechanisms = [catalog.make(name, crank=own * (1.0 + by)).mechanism for by in (-spread, 0.0, spread)]
 

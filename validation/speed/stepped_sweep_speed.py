@@ -1,4 +1,4 @@
-"""What a stepped sweep costs beside bare `mujoco.batch`: 10,000 turns of `four_bar`, RK4, 100 steps each.
+"""What a stepped sweep costs next to bare `mujoco.batch`: 10,000 turns of `four_bar`, RK4, 100 steps each.
 
 Bare is one batch of as many simulations of one model, on all cores, recording joint positions: no design of
 its own, no start closed, nothing measured, nothing judged. Both run in turn in one process; ratios are of

@@ -56,7 +56,7 @@ def measured(path: str, marks: str | None, table: str) -> tuple[int, list[tuple[
 
 
 def main() -> int:
-    """Print a row for each path and the dearest tests."""
+    """Print a row for each path and the most expensive tests."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", nargs="*")
     parser.add_argument("-m", dest="marks", help="as pytest's; README's line if left out")

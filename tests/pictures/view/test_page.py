@@ -98,7 +98,7 @@ def test_the_dragged_slider_takes_points_where_the_closed_form_states(window, pl
         assert degrees == pytest.approx(360.0 * share, abs=2.0)
         for point in DRIVE.mechanism.points:
             assert np.abs(seen(window, point) - expected(window, point, degrees)).max() < 1.0
-        # three degrees beside it would be seen
+        # three degrees next to it would be seen
         assert np.abs(seen(window, "A") - expected(window, "A", degrees + 3.0)).max() > 1.0
     assert window.complaints == []
     loaded = window.run("performance.getEntriesByType('resource').map(one => one.name)")

@@ -1,4 +1,4 @@
-"""What is found in an included file is told with that file and its line."""
+"""What is found in an included file is reported with that file and its line."""
 
 from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf_reader import read_model

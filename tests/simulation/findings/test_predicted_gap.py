@@ -1,4 +1,4 @@
-"""Gaps foretold of soft loops, against what MuJoCo's own steps show."""
+"""Gaps predicted of soft loops, against what MuJoCo's own steps show."""
 
 import mujoco
 import numpy as np

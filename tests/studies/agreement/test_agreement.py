@@ -1,4 +1,4 @@
-"""A model held against a function or a table: what is met, what is missed, what is refused in one line."""
+"""A model compared with a function or a table: what is met, what is missed, what is rejected in one line."""
 
 import numpy as np
 import pytest

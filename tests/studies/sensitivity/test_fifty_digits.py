@@ -1,4 +1,4 @@
-"""Derivatives of places, velocities and drive efforts against 50 digits by a road that shares no code.
+"""Derivatives of places, velocities and drive efforts against 50 digits by a method that shares no code.
 
 `derivatives.csv` is made by `python validation/sensitivity/fifty_digits.py --write`, from mechanisms of
 `reference/mechanisms` alone, with mpmath: all of the catalogue and some of the gallery, at one instant.

@@ -1,4 +1,4 @@
-"""Tables of derivatives: names, units, what is left out, refusals."""
+"""Tables of derivatives: names, units, what is left out, rejections."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Designs: grids, lists and samples from text, and what is refused."""
+"""Designs: grids, lists and samples from text, and what is rejected."""
 
 import numpy as np
 import pytest

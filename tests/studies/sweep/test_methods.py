@@ -1,4 +1,4 @@
-"""Roads: what a sweep measures is what each design by itself has, and no bad design ends it."""
+"""Methods: what a sweep measures is what each design by itself has, and no bad design ends it."""
 
 import numpy as np
 import pytest

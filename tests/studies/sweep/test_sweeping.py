@@ -1,4 +1,4 @@
-"""A sweep from call to file: what is written, what goes on where it was stopped, what is refused."""
+"""A sweep from call to file: what is written, what goes on where it was stopped, what is rejected."""
 
 import numpy as np
 import pytest
