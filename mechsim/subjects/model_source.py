@@ -92,6 +92,7 @@ READERS: list[Reader] = [
     Reader("mechsim.subjects.mjcf_source:MujocoSource", suffixes=(".xml", ".urdf")),
     Reader("mechsim.subjects.mjcf_source:MujocoSource", types=("mujoco.MjSpec", "mujoco.MjModel")),
     Reader("mechsim.subjects.python_object:PythonObject", suffixes=(".py",)),
+    Reader("mechsim.subjects.planar_json:PlanarJson", suffixes=(".json", ".pmks")),
     Reader(
         "mechsim.subjects.python_object:GivenObject",
         types=("mechsim.Mechanism", "mechsim.ClosedForm", "mechsim.LoopForm"),

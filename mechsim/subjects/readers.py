@@ -84,7 +84,8 @@ def load(
     """Return the solver of a model.
 
     Args:
-        model: a name of the catalogue or the gallery; FILE.toml; FILE.xml in MJCF; FILE.urdf; FILE.py:OBJECT,
+        model: a name of the catalogue or the gallery; FILE.toml; FILE.xml in MJCF; FILE.urdf; a planar
+            linkage in FILE.json or FILE.pmks; FILE.py:OBJECT,
             a Mechanism, a catalogue object, or a function that returns one, whose arguments with numbers as
             defaults are parameters (the Python file is run); or such an object, a `mujoco.MjSpec`, or a
             `mujoco.MjModel` that MuJoCo loaded last.

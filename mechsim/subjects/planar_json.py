@@ -1,0 +1,130 @@
+"""Planar linkages in JSON, as other programs write them: linkage_sim, pylinkage and PMKS.
+
+Each format is a file with a function from the content to a `Mechanism`, and a row of FORMATS. Lengths without
+a unit are in [m]. Links have the frame of the ground at the start, except those of linkage_sim.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import GROUND, Vector
+from mechsim.subjects.model_source import ModelDescription, ModelSource
+from mechsim.subjects.prescription import Prescription
+
+
+@dataclass(frozen=True)
+class Format:
+    """A JSON format: the program, the keys that its files have, and the function that reads them."""
+
+    program: str
+    keys: frozenset[str]
+    reads: str
+
+    def read(self, name: str, content: Mapping[str, Any]) -> Any:
+        module, _, function = self.reads.partition(":")
+        reader: Callable[[str, Mapping[str, Any]], Any] = getattr(import_module(module), function)
+        return reader(name, content)
+
+
+FORMATS = (
+    Format("linkage_sim", frozenset({"bodies", "joints"}), "mechsim.subjects.linkage_sim_json:mechanism"),
+    Format("pylinkage", frozenset({"links", "joints"}), "mechsim.subjects.pylinkage_json:mechanism"),
+    Format("PMKS", frozenset({"Joints"}), "mechsim.subjects.pmks_json:mechanism"),
+)
+
+
+@dataclass(frozen=True)
+class PlanarJson(ModelSource):
+    """A JSON file with a planar linkage."""
+
+    path: str
+
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
+        """Return the mechanism."""
+        if changed:
+            raise InputError(f"{self.path} has no parameters; leave out --set, or export it to TOML")
+        content = _content(self.path)
+        for file_format in FORMATS:
+            if file_format.keys <= content.keys():
+                try:
+                    return ModelDescription(LoopForm(file_format.read(Path(self.path).stem, content)))
+                except InputError as error:
+                    raise InputError(f"{self.path}: {error}") from None
+        keys = "; ".join(f"{', '.join(sorted(known.keys))} ({known.program})" for known in FORMATS)
+        raise InputError(f"{self.path} holds no linkage that is known; its first level needs {keys}")
+
+
+def _content(path: str) -> Mapping[str, Any]:
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}; name a JSON file with a linkage") from None
+    except (ValueError, RecursionError) as error:
+        line = f", line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
+        raise InputError(f"{path}{line} is no JSON; correct it") from None
+    return content if isinstance(content, dict) else {}
+
+
+def entries(content: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    """Return a list of objects."""
+    listed = content.get(key)
+    if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
+        raise InputError(f"{key} is no list of objects; write {key}: [{{...}}]")
+    return listed
+
+
+def text(entry: Mapping[str, Any], key: str, what: str) -> str:
+    """Return a name of an entry."""
+    value = entry.get(key)
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{what} has no {key}; give a name")
+    return value
+
+
+def point(value: Any, what: str) -> tuple[float, float]:
+    """Return two finite numbers."""
+    try:
+        x, y = (float(number) for number in value)
+    except (TypeError, ValueError):
+        x = y = np.nan
+    if not np.isfinite([x, y]).all():
+        raise InputError(f"{what} is {value!r}; give two finite numbers")
+    return x, y
+
+
+def in_plane(position: Sequence[float]) -> Vector:
+    """Return a point or direction of the plane z = 0."""
+    return position[0], position[1], 0.0
+
+
+def pins(name: str, links: Sequence[str], position: tuple[float, float]) -> list[Joint]:
+    """Return the revolute joints by which a pin joins links that have the frame of the ground."""
+    first, *others = sorted(links, key=lambda link: link != GROUND)
+    return [
+        Joint(
+            name if i == 0 else f"{name}_{link}",
+            "revolute",
+            End(first, in_plane(position)),
+            End(link, in_plane(position)),
+        )
+        for i, link in enumerate(others)
+    ]
+
+
+def slide(
+    name: str, first: str, second: str, position: tuple[float, float], direction: tuple[float, float]
+) -> Joint:
+    """Return a prismatic joint between links that have the frame of the ground."""
+    first_end, second_end = (
+        End(link, in_plane(position), in_plane(direction), (0.0, 0.0, 1.0)) for link in (first, second)
+    )
+    return Joint(name, "prismatic", first_end, second_end)

@@ -1,0 +1,286 @@
+"""Planar linkages in JSON of other programs move as the catalogue's, and wrong files end in one sentence."""
+
+import copy
+import json
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+from mechsim.subjects.prescription import Prescription
+from mechsim.subjects.readers import open_model
+
+GROUND, CRANK, COUPLER, ROCKER = 0.1, 0.04, 0.11, 0.08
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
+FOUR_BAR = ms.catalog.make("four_bar", ground=GROUND, crank=CRANK, coupler=COUPLER, rocker=ROCKER)
+EXPECTED = FOUR_BAR.solve(ANGLES, speed=1.0)
+A, B = ([float(EXPECTED.points[name].position[0, i]) for i in (0, 1)] for name in "AB")
+# dimensions of the slider-crank; the slider starts on the line through it
+ROD, OFFSET = 0.2, 0.01
+SLIDER = CRANK + float(np.sqrt(ROD**2 - OFFSET**2))
+SLIDES = ms.catalog.make("slider_crank", crank=CRANK, rod=ROD, offset=OFFSET).solve(ANGLES, speed=1.0)
+PYLINKAGE = {
+    "name": "pylinkage",
+    "joints": [
+        {"id": "O", "type": "ground", "position": [0, 0]},
+        {"id": "A", "type": "revolute", "position": A},
+        {"id": "B", "type": "revolute", "position": B},
+        {"id": "O4", "type": "ground", "position": [GROUND, 0]},
+        {
+            "id": "half",
+            "type": "tracker",
+            "ref_joint1_id": "A",
+            "ref_joint2_id": "B",
+            "distance": COUPLER / 2,
+            "angle": 0,
+        },
+    ],
+    "links": [
+        {"id": "frame", "type": "ground", "joints": ["O", "O4"]},
+        {"id": "crank", "type": "driver", "joints": ["O", "A"], "motor_joint": "O", "angular_velocity": 0.1},
+        {"id": "coupler", "type": "link", "joints": ["A", "B"]},
+        {"id": "rocker", "type": "link", "joints": ["B", "O4"]},
+    ],
+}
+PYLINKAGE_SLIDER = {
+    "joints": [
+        {"id": "O", "type": "ground", "position": [0, 0]},
+        {"id": "A", "type": "revolute", "position": [CRANK, 0]},
+        {
+            "id": "B",
+            "type": "prismatic",
+            "position": [SLIDER, OFFSET],
+            "axis": [2, 0],
+            "line_point": [0, OFFSET],
+        },
+    ],
+    "links": [
+        {"id": "crank", "type": "driver", "joints": ["O", "A"], "motor_joint": "O"},
+        {"id": "rod", "type": "link", "joints": ["A", "B"]},
+    ],
+}
+PMKS = {
+    "Joints": [
+        {"X": 0, "Y": 0, "TypeOfJoint": "R", "Links": ["ground", "crank"]},
+        {"X": A[0], "Y": A[1], "TypeOfJoint": "R", "Links": ["crank", "coupler"]},
+        {"X": B[0], "Y": B[1], "TypeOfJoint": "R", "Links": ["coupler", "rocker"]},
+        {"X": GROUND, "Y": 0, "TypeOfJoint": "R", "Links": ["rocker", "Ground"]},
+        {"X": (A[0] + B[0]) / 2, "Y": (A[1] + B[1]) / 2, "TypeOfJoint": "R", "Links": ["coupler"]},
+    ],
+    "DrivingIndex": 0,
+}
+PMKS_SLIDER = {
+    "Joints": [
+        {"X": 0, "Y": 0, "TypeOfJoint": "R", "Links": ["ground", "crank"]},
+        {"X": CRANK, "Y": 0, "TypeOfJoint": "R", "Links": ["crank", "rod"]},
+        {"X": SLIDER, "Y": OFFSET, "Angle": 0.0, "TypeOfJoint": "RP", "Links": ["rod", "ground"]},
+    ]
+}
+NORMAL = {"Izz_cg": 2e-5, "mass": 0.05, "cg_local": [0.01, 0]}
+LINKAGE_SIM = {
+    "schema_version": "1.0.0",
+    "bodies": {
+        "ground": {"attachment_points": {"O2": [0, 0], "O4": [GROUND, 0]}},
+        "crank": {"attachment_points": {"O": [0, 0], "A": [CRANK, 0]}, **NORMAL},
+        "coupler": {
+            "attachment_points": {"A": [0, 0], "B": [COUPLER, 0]},
+            "coupler_points": {"half": [COUPLER / 2, 0]},
+        },
+        "rocker": {"attachment_points": {"O": [0, 0], "B": [ROCKER, 0]}},
+    },
+    "joints": {
+        "J1": {"type": "revolute", "body_i": "ground", "point_i": "O2", "body_j": "crank", "point_j": "O"},
+        "J2": {"type": "revolute", "body_i": "crank", "point_i": "A", "body_j": "coupler", "point_j": "A"},
+        "J3": {"type": "revolute", "body_i": "coupler", "point_i": "B", "body_j": "rocker", "point_j": "B"},
+        "J4": {"type": "revolute", "body_i": "ground", "point_i": "O4", "body_j": "rocker", "point_j": "O"},
+        "D1": {"type": "revolute_driver", "body_i": "ground", "body_j": "crank"},
+    },
+}
+LINKAGE_SIM_SLIDER = {
+    "schema_version": "1.0.0",
+    "bodies": {
+        "ground": {"attachment_points": {"O": [0, 0], "rail": [0.3, OFFSET]}},
+        "crank": {"attachment_points": {"O": [0, 0], "A": [CRANK, 0]}},
+        "rod": {"attachment_points": {"A": [0, 0], "B": [ROD, 0]}},
+        "slider": {"attachment_points": {"pin": [0, 0]}},
+    },
+    "joints": {
+        "J1": {
+            "type": "revolute",
+            "body_i": "ground",
+            "point_i": "O",
+            "body_j": "crank",
+            "point_j": "O",
+            "driven": True,
+        },
+        "J2": {"type": "revolute", "body_i": "crank", "point_i": "A", "body_j": "rod", "point_j": "A"},
+        "J3": {"type": "revolute", "body_i": "rod", "point_i": "B", "body_j": "slider", "point_j": "pin"},
+        # the slider's frame is rotated by -90 degrees
+        "J4": {
+            "type": "prismatic",
+            "body_i": "ground",
+            "point_i": "rail",
+            "body_j": "slider",
+            "point_j": "pin",
+            "axis_local_i": [1, 0],
+            "delta_theta_0": -np.pi / 2,
+        },
+    },
+}
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(content, name="linkage.json"):
+        path = tmp_path / name
+        path.write_text(content if isinstance(content, str) else json.dumps(content))
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "pin", "middle"),
+    [
+        (PYLINKAGE, "a.json", "B", "half"),
+        (PMKS, "a.pmks", "P3", "P5"),
+        (LINKAGE_SIM, "a.json", "coupler.B", "half"),
+    ],
+    ids=["pylinkage", "PMKS", "linkage_sim"],
+)
+def test_a_four_bar_moves_as_that_of_the_catalogue(written, content, name, pin, middle):
+    motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
+    # a file of linkage_sim states no configuration, and so no assembly
+    branch = 1 if motion.points[pin].position[0, 1] > 0.0 else -1
+    assert branch == 1 or content is LINKAGE_SIM
+    solution = replace(FOUR_BAR, branch=branch).solve(ANGLES, speed=1.0)
+    expected = solution.points["B"]
+    for quantity in ("position", "velocity", "acceleration"):
+        found = getattr(motion.points[pin], quantity)
+        np.testing.assert_allclose(found, getattr(expected, quantity), rtol=0, atol=1e-13)
+    half = 0.5 * (solution.points["A"].position + expected.position)
+    np.testing.assert_allclose(motion.points[middle].position, half, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "pin"),
+    [
+        (PYLINKAGE_SLIDER, "a.json", "B"),
+        (PMKS_SLIDER, "a.pmks", "P3"),
+        (LINKAGE_SIM_SLIDER, "a.json", "pin"),
+    ],
+    ids=["pylinkage", "PMKS", "linkage_sim"],
+)
+def test_a_slider_crank_moves_as_that_of_the_catalogue(written, content, name, pin):
+    motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
+    expected = SLIDES.points["B"].position
+    np.testing.assert_allclose(motion.points[pin].position, expected, rtol=0, atol=1e-13)
+
+
+def test_a_block_of_pmks_slides_without_turning(written):
+    content = copy.deepcopy(PMKS_SLIDER)
+    content["Joints"][2]["Links"] = ["block", "rod"]
+    content["Joints"][2]["TypeOfJoint"] = "R"
+    content["Joints"].append(
+        {"X": SLIDER, "Y": OFFSET, "Angle": np.pi, "TypeOfJoint": "P", "Links": ["ground", "block"]}
+    )
+    motion = ms.load(written(content, "a.pmks")).solve(ANGLES, speed=1.0)
+    expected = SLIDES.points["B"].position
+    np.testing.assert_allclose(motion.points["P3"].position, expected, rtol=0, atol=1e-13)
+
+
+def test_masses_of_linkage_sim_are_read(written):
+    links = {link.name: link for link in ms.load(written(LINKAGE_SIM)).mechanism.links}
+    inertia = links["crank"].inertia
+    assert inertia.mass == 0.05
+    assert inertia.moments[2][2] == 2e-5
+    assert links["coupler"].inertia is None
+
+
+def changed(content, *path, to):
+    result = copy.deepcopy(content)
+    place = result
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = to
+    return result
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "line 1 is no JSON"),
+        ("[" * 100_000, "is no JSON"),
+        ("[1, 2]", "holds no linkage that is known"),
+        ({"a": 1}, "first level needs bodies, joints .linkage_sim."),
+        (changed(PYLINKAGE, "joints", 1, "position", to=[None, None]), "position of joint 'A' is"),
+        (changed(PYLINKAGE, "joints", 1, "position", to=[1, "nan"]), "give two finite numbers"),
+        (changed(PYLINKAGE, "joints", to=3), "joints is no list of objects"),
+        (changed(PYLINKAGE, "links", 2, "joints", to=["A", "C"]), "names joint 'C', which is not listed"),
+        (changed(PYLINKAGE, "links", 2, "joints", to=[]), "has no joints"),
+        (changed(PYLINKAGE, "links", 2, "id", to="crank"), "two links are called 'crank'"),
+        (changed(PYLINKAGE, "links", 2, "type", to="cam"), "is of type 'cam'"),
+        (changed(PYLINKAGE, "joints", 0, "id", to=""), "a joint has no id"),
+        (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="O4"), "no link has both joints of tracker"),
+        (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="X"), "tracker 'half' refers to"),
+        (changed(PYLINKAGE_SLIDER, "joints", 2, "line_point", to=[0, 0]), "beside its line"),
+        (changed(PYLINKAGE_SLIDER, "joints", 2, "axis", to=[0, 0]), "has length 0"),
+        (changed(PMKS, "Joints", 1, "X", to="NaN"), "the position of joint 2"),
+        (changed(PMKS, "Joints", 1, "TypeOfJoint", to="G"), "is of type 'G'"),
+        (changed(PMKS, "Joints", 1, "TypeOfJoint", to="RP"), "slides along the ground is read"),
+        (changed(PMKS, "Joints", 1, "Links", to=[]), "names no links"),
+        (changed(PMKS, "Joints", 1, "Links", to=["crank", "crank"]), "names a link twice"),
+        (changed(PMKS, "DrivingIndex", to=4), "DrivingIndex is 4"),
+        (changed(PMKS, "DrivingIndex", to=[1]), "DrivingIndex is"),
+        (changed(LINKAGE_SIM, "schema_version", to="2.0"), "files of schema 1 are read"),
+        (changed(LINKAGE_SIM, "bodies", to=[1]), "bodies is no object"),
+        (changed(LINKAGE_SIM, "joints", "J2", "point_i", to="C"), "at point 'C' of body 'crank'"),
+        (changed(LINKAGE_SIM, "joints", "J2", "type", to="cam"), "is of type 'cam'"),
+        (changed(LINKAGE_SIM, "joints", "J2", "body_j", to="crank"), "not listed|itself"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "attachment_points", to=[1]), "attachment_points of body"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "mass", to="heavy"), "mass and Izz_cg of 'crank'"),
+    ],
+)
+def test_a_wrong_file_ends_in_one_sentence(written, content, message, monkeypatch, capsys):
+    path = written(content)
+    with pytest.raises(ms.InputError, match=message) as caught:
+        ms.load(path)
+    assert "\n" not in str(caught.value)
+    monkeypatch.setattr("sys.argv", ["mechsim", "show", path])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+
+
+def test_files_take_no_parameters_and_must_exist(written, tmp_path):
+    with pytest.raises(ms.InputError, match="no parameters"):
+        ms.load(written(PMKS, "a.pmks"), {"crank": "1mm"})
+    with pytest.raises(ms.InputError, match="cannot read"):
+        ms.load(str(tmp_path / "missing.json"))
+
+
+def places(content, path=()):
+    """Yield the paths of all entries of nested lists and objects."""
+    items = (
+        content.items()
+        if isinstance(content, dict)
+        else enumerate(content)
+        if isinstance(content, list)
+        else ()
+    )
+    for key, value in items:
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+@pytest.mark.parametrize(
+    "content", [PYLINKAGE, PYLINKAGE_SLIDER, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER]
+)
+def test_any_entry_of_another_type_is_read_or_ends_in_one_sentence(written, content):
+    for place in places(content):
+        for value in (None, [], {}, [[1]], "x", -1, 1e400, True):
+            with suppress(ms.MechsimError):
+                open_model(written(changed(content, *place, to=value))).describe({}, Prescription())
