@@ -134,7 +134,8 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help="A name that `mechsim list` gives, FILE.toml, FILE.xml, FILE.urdf, FILE.json, FILE.pmks or FILE.py:OBJECT.",
+        help="A name that `mechsim list` gives, FILE.toml, FILE.xml, FILE.urdf, FILE.json, FILE.pmks or "
+        "FILE.py:OBJECT.",
         autocompletion=complete_models,
     ),
 ]

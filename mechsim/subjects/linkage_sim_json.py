@@ -25,8 +25,8 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
     if not str(version).startswith(SCHEMA):
         raise InputError(f"schema_version is {version!r}; files of schema 1 are read")
     bodies, listed = (_objects(content, key) for key in ("bodies", "joints"))
-    places = {body: _places(body, entry) for body, entry in bodies.items()}
-    joints = {key: _joint(key, entry, places) for key, entry in listed.items() if entry.get("type") in KINDS}
+    local = {body: _points_of(body, entry) for body, entry in bodies.items()}
+    joints = {key: _joint(key, entry, local) for key, entry in listed.items() if entry.get("type") in KINDS}
     drivers: list[str] = []
     for key, entry in listed.items():
         if entry.get("type") not in (*KINDS, "revolute_driver"):
@@ -36,8 +36,8 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
         elif key not in joints:
             drivers += _between(joints, entry)
     points = {
-        f"{body}.{label}" if label in _repeated(places) else label: (body, in_plane(position))
-        for body, own in places.items()
+        f"{body}.{label}" if label in _repeated(local) else label: (body, in_plane(position))
+        for body, own in local.items()
         if body != GROUND
         for label, position in own.items()
     }
@@ -52,43 +52,43 @@ def _objects(content: Mapping[str, Any], key: str) -> Mapping[str, Mapping[str, 
     return objects
 
 
-def _places(body: str, entry: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+def _points_of(body: str, entry: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     """Return the points of a body in its frame."""
-    places: dict[str, tuple[float, float]] = {}
+    points: dict[str, tuple[float, float]] = {}
     for key in POINTS:
         named = entry.get(key, {})
         if not isinstance(named, dict):
             raise InputError(f"{key} of body {body!r} is no object; write {key}: {{NAME: [x, y]}}")
-        places |= {
+        points |= {
             label: point(position, f"point {label!r} of {body!r}") for label, position in named.items()
         }
-    return places
+    return points
 
 
-def _repeated(places: Mapping[str, Mapping[str, Any]]) -> set[str]:
-    labels = [label for own in places.values() for label in own]
+def _repeated(points: Mapping[str, Mapping[str, Any]]) -> set[str]:
+    labels = [label for own in points.values() for label in own]
     return {label for label in labels if labels.count(label) > 1}
 
 
 def _joint(
-    key: str, entry: Mapping[str, Any], places: Mapping[str, Mapping[str, tuple[float, float]]]
+    key: str, entry: Mapping[str, Any], points: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> Joint:
     kind = str(entry["type"])
     (angle, _) = point((entry.get("delta_theta_0", 0.0), 0.0), f"delta_theta_0 of joint {key!r}")
     axis = point(entry.get("axis_local_i", (1.0, 0.0)), f"axis_local_i of joint {key!r}")
     ends: list[End] = []
-    for side, turned in (("i", 0.0), ("j", -angle)):
+    for side, rotation in (("i", 0.0), ("j", -angle)):
         body, label = str(entry.get(f"body_{side}")), str(entry.get(f"point_{side}"))
-        if label not in places.get(body, ()):
+        if label not in points.get(body, ()):
             raise InputError(f"joint {key!r} is at point {label!r} of body {body!r}, which is not listed")
-        at = in_plane(places[body][label])
-        cos, sin = float(np.cos(turned)), float(np.sin(turned))
+        centre = in_plane(points[body][label])
+        cos, sin = float(np.cos(rotation)), float(np.sin(rotation))
         along = in_plane((cos * axis[0] - sin * axis[1], sin * axis[0] + cos * axis[1]))
         normal = (0.0, 0.0, 1.0)
         if kind == "prismatic":
-            ends.append(End(body, at, along, normal))
+            ends.append(End(body, centre, along, normal))
         else:
-            ends.append(End(body, at, normal, in_plane((cos, sin)) if kind == "fixed" else None))
+            ends.append(End(body, centre, normal, in_plane((cos, sin)) if kind == "fixed" else None))
     return Joint(key, kind, ends[0], ends[1])  # type: ignore[arg-type]
 
 

@@ -23,9 +23,9 @@ from mechsim.subjects.prescription import Prescription
 
 @dataclass(frozen=True)
 class Format:
-    """A JSON format: the program, the keys that its files have, and the function that reads them."""
+    """A JSON format: the software, the keys that its files have, and the function that reads them."""
 
-    program: str
+    software: str
     keys: frozenset[str]
     reads: str
 
@@ -59,7 +59,7 @@ class PlanarJson(ModelSource):
                     return ModelDescription(LoopForm(file_format.read(Path(self.path).stem, content)))
                 except InputError as error:
                     raise InputError(f"{self.path}: {error}") from None
-        keys = "; ".join(f"{', '.join(sorted(known.keys))} ({known.program})" for known in FORMATS)
+        keys = "; ".join(f"{', '.join(sorted(entry.keys))} ({entry.software})" for entry in FORMATS)
         raise InputError(f"{self.path} holds no linkage that is known; its first level needs {keys}")
 
 

@@ -50,7 +50,7 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
         moving,
         tuple(joints),
         _driver(driven, joints),
-        {key: place for key, place in points.items() if place[0] != GROUND},
+        {key: position for key, position in points.items() if position[0] != GROUND},
         guess={link.name: IDENTITY for link in moving},
         up="y",
     )
@@ -102,7 +102,7 @@ def _slider(key: str, entry: Mapping[str, Any], position: tuple[float, float]) -
     distance = abs(float(axis[0] * offset[1] - axis[1] * offset[0])) / length
     if not distance <= ON_LINE * max(np.abs([*position, *through]).max(), 1e-300):
         raise InputError(
-            f"joint {key!r} at {position} is {distance:g} beside its line through {tuple(through.tolist())}; "
+            f"joint {key!r} at {position} is {distance:g} from its line through {tuple(through.tolist())}; "
             "correct its position or line_point"
         )
     return slide(key, GROUND, f"{key} block", position, (float(axis[0]), float(axis[1])))
@@ -132,8 +132,8 @@ def _tracked(
     distance, angle = point((entry.get("distance"), entry.get("angle")), f"distance and angle of {key!r}")
     origin, towards = np.array(positions[first]), np.array(positions[second])
     base = float(np.arctan2(*(towards - origin)[::-1]))
-    place = origin + distance * np.array([np.cos(base + angle), np.sin(base + angle)])
-    return carrier, in_plane(place.tolist())
+    position = origin + distance * np.array([np.cos(base + angle), np.sin(base + angle)])
+    return carrier, in_plane(position.tolist())
 
 
 def _driver(driven: list[tuple[str, str]], joints: list[Joint]) -> tuple[str, ...]:

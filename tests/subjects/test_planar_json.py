@@ -226,7 +226,7 @@ def changed(content, *path, to):
         (changed(PYLINKAGE, "joints", 0, "id", to=""), "a joint has no id"),
         (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="O4"), "no link has both joints of tracker"),
         (changed(PYLINKAGE, "joints", 4, "ref_joint2_id", to="X"), "tracker 'half' refers to"),
-        (changed(PYLINKAGE_SLIDER, "joints", 2, "line_point", to=[0, 0]), "beside its line"),
+        (changed(PYLINKAGE_SLIDER, "joints", 2, "line_point", to=[0, 0]), "from its line"),
         (changed(PYLINKAGE_SLIDER, "joints", 2, "axis", to=[0, 0]), "has length 0"),
         (changed(PMKS, "Joints", 1, "X", to="NaN"), "the position of joint 2"),
         (changed(PMKS, "Joints", 1, "TypeOfJoint", to="G"), "is of type 'G'"),
